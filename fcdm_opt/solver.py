@@ -19,6 +19,7 @@ from fcdm_opt.model.templates import building
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.reach import AT_ONCE, more_parts
 from fcdm_opt.problem.solution import EFFORTS, Solution
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
@@ -85,7 +86,21 @@ def _solved_all(problem: Problem, how: _How) -> Solution:
     asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
     if how.seconds is not None:
         how = how._replace(seconds=how.seconds / len(asked))
-    return _least_of([_solved(one, how) for one in asked])
+    return _least_of([_with_all_that_matters(one, how) for one in asked])
+
+
+def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
+    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
+    problem, most = more_parts(problem, None, 0.0) or problem, AT_ONCE
+    while problem.movable.whole is not None:
+        answer = _least_motion(task := Task.of(problem), how.model)
+        pose = None if answer.q is None else task.transform(answer.q)
+        apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
+        further = more_parts(problem, pose, answer.amount if apart else 0.0, most)
+        if further is None or pacing.over():
+            break
+        problem, most = further, 2 * most
+    return _solved(problem, how)
 
 
 class _How(NamedTuple):

@@ -22,12 +22,13 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
 from fcdm_opt.geometry.decomposition import Method, decompose
-from fcdm_opt.geometry.elements import Element, Elements, own_elements
+from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
+from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -173,6 +174,12 @@ class Body(_Sealed, Shown):
     skin : tuple of tuples of (int, int, int)
         Triangles of each face, rows of `vertices`: the solid's own surface, which parts that overlap do not show. Only
         where it was made exactly from a mesh.
+    hollow : bool
+        Whether the parts are all of the solid's surface but leave out some of what is inside it.
+    whole : Body or None
+        The body with all parts, where these are only some of it, see `fcdm_opt.problem.reach`.
+    rows : tuple of int
+        The numbers, from 0, of the parts of `whole` that these are.
     """
 
     name: str
@@ -184,6 +191,9 @@ class Body(_Sealed, Shown):
     deviation: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
     skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
+    hollow: bool = False
+    whole: Body | None = field(default=None, repr=False)
+    rows: tuple[int, ...] = field(default=(), repr=False)
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -273,9 +283,10 @@ class Body(_Sealed, Shown):
             Corners, length units; or a whole mesh in one, see `as_body`.
         faces : sequence of sequences of int
             Polygons as rows of `vertices`; seen from outside they run counter-clockwise. None with a whole mesh.
-        decomposition : {"auto", "exact", "coacd"}
-            How a non-convex solid is cut into convex parts: exactly at its reflex edges, or approximately by CoACD,
-            which "auto" takes for very large meshes only. A convex solid is one part.
+        decomposition : {"auto", "exact", "surface", "coacd"}
+            How a non-convex solid is made of convex parts: cut exactly at its reflex edges; its surface alone, one
+            pyramid under each face, which "auto" takes above 500 reflex edges; or approximately by CoACD. A convex
+            solid is one part.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`.
         name : str
@@ -292,6 +303,8 @@ class Body(_Sealed, Shown):
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
         made = decompose(mesh, origin, method=decomposition)
         apart = made.method == "coacd"
+        if made.made is not None:
+            return cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)
         body = cls._made(made.points, list(made.parts), None, origin, name, surface=made.surface, apart=apart)
         out, short = made.deviation
         return replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
@@ -316,7 +329,7 @@ class Body(_Sealed, Shown):
             Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
             Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`.
-        decomposition : {"auto", "exact", "coacd"}
+        decomposition : {"auto", "exact", "surface", "coacd"}
             As in `from_mesh`.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`, in `unit`.
@@ -377,6 +390,18 @@ class Body(_Sealed, Shown):
         counts = f"{len(self.corners)} corners, {len(self.faces)} faces, convex parts: {len(self.parts)}"
         return f"Body({self.name!r}: {counts}, seed ({seed}), extent {extent})"
 
+    @classmethod
+    def _of_surface(cls, made: Pyramids, seed: Array, name: str, *, notes: tuple[str, ...], moved: float) -> Body:
+        faces, elements = pyramid_elements(made)
+        parts = tuple(
+            ConvexPart(frozen(made.points[hull.used]), seed, hull.loops, hull.edges, named)
+            for hull, named in zip(made.hulls, elements, strict=True)
+        )
+        outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
+        skin = made.surface.triangles_of_faces()
+        points = frozen(made.points)
+        return cls(name, points, seed, parts, faces, outlines, (moved, moved), notes, skin, hollow=True)
+
     @cached_property
     def corners(self) -> tuple[int, ...]:
         """Labels of the body's own corners, in order; not of vertices that only cuts between its parts have."""
@@ -429,10 +454,15 @@ class Body(_Sealed, Shown):
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
 
+    def only(self, rows: Sequence[int]) -> Body:
+        """Return the body with some of its parts alone, by number; the whole one stays with it."""
+        return replace(self, parts=tuple(self.parts[k] for k in rows), whole=self, rows=tuple(rows))
+
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])
         parts = tuple(part.placed(rows(part.vertices), seed) for part in self.parts)
-        return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts)
+        whole = None if self.whole is None else self.whole._mapped(rows)
+        return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts, whole=whole)
 
     def scaled(self, rho: float) -> Body:
         """Return the body scaled by `rho` > 0 about its seed."""
@@ -467,7 +497,7 @@ def as_body(
         See `Body.convex`.
     name : str
         Used in messages and pictures.
-    decomposition : {"auto", "exact", "coacd"}
+    decomposition : {"auto", "exact", "surface", "coacd"}
         See `Body.from_mesh`.
 
     Raises

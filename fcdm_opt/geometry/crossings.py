@@ -81,7 +81,7 @@ def _crossing_cones(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
     place = np.zeros((len(apex), 3))
     place[:, 0] = 4.0 * apex  # arcs about different points are far apart
     pad = bulge[:, None] + ROUNDING * 4.0 * len(points)
-    for one, two in _overlapping(place + rays.min(axis=1) - pad, place + rays.max(axis=1) + pad, np.arange(len(apex))):
+    for one, two in overlapping(place + rays.min(axis=1) - pad, place + rays.max(axis=1) + pad, np.arange(len(apex))):
         shared = (apex[one] != apex[two]) | (sides[one][:, :, None] == sides[two][:, None, :]).any(axis=(1, 2))
         one, two = one[~shared], two[~shared]
         open_ = np.ones(len(one), bool)
@@ -109,16 +109,16 @@ def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
     both = np.concatenate([corners, corners @ frame], axis=2)
     pad = ROUNDING * np.abs(corners).max()
     fans = np.take_along_axis(triangles, np.bincount(triangles.ravel())[triangles].argmax(axis=1)[:, None], axis=1)
-    for one, two in _overlapping(both.min(axis=1) - pad, both.max(axis=1) + pad, fans.ravel()):
+    for one, two in overlapping(both.min(axis=1) - pad, both.max(axis=1) + pad, fans.ravel()):
         for column in triangles.T:
             for other in triangles.T:
                 apart = column[one] != other[two]
                 one, two = one[apart], two[apart]
-        left = _not_separated(points[triangles[one]], points[triangles[two]])
+        left = not_separated(points[triangles[one]], points[triangles[two]])
         yield one[left], two[left]
 
 
-def _not_separated(one: Array, two: Array) -> Ints:
+def not_separated(one: Array, two: Array) -> Ints:
     """Return the pairs of triangles, (m, 3, 3), that no plane across one of the axes keeps apart by more than rounding.
 
     Across a triangle, along a side of both, or through a side and across its triangle.
@@ -137,7 +137,7 @@ def _not_separated(one: Array, two: Array) -> Ints:
     return left
 
 
-def _overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
+def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield all pairs of overlapping boxes of different groups, a block at a time: down a balanced tree of boxes."""
     depth = max(1, len(low) - 1).bit_length()
     spare = (1 << depth) - len(low)  # boxes that overlap none

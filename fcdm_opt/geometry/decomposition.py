@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -18,14 +17,15 @@ from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES, Rule, cover, is_star_shaped, merged, partition
 from fcdm_opt.geometry.polygons import Sides, area, components, coplanar, fans, normals_of
+from fcdm_opt.geometry.pyramids import Pyramids, pyramids
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.geometry.mesh import Mesh
 
-Method = Literal["auto", "exact", "coacd"]
-METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
+Method = Literal["auto", "exact", "surface", "coacd"]
+METHODS: tuple[str, ...] = ("auto", "exact", "surface", "coacd")
 Rows = tuple[int, ...]
 # "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer all rules are tried.
 MOST_REFLEX, MOST_FOR_RULES = 500, 200
@@ -39,7 +39,7 @@ class Decomposition:
 
     Attributes
     ----------
-    method : "convex", "exact" or "coacd"
+    method : "convex", "exact", "surface" or "coacd"
     why : str
         What was chosen, and why.
     points : (m, 3) array
@@ -52,15 +52,18 @@ class Decomposition:
         Whether the parts may overlap and all hold the seed; else they are a partition.
     deviation : (float, float)
         Lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact.
+    made : Pyramids or None
+        Of method "surface": the parts, which are all of the surface but not all of the solid.
     """
 
-    method: Literal["convex", "exact", "coacd"]
+    method: Literal["convex", "exact", "surface", "coacd"]
     why: str
     points: Array
     parts: tuple[Ints, ...]
     surface: Surface | None = None
     cover: bool = False
     deviation: tuple[float, float] = (0.0, 0.0)
+    made: Pyramids | None = None
 
 
 def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposition:
@@ -71,9 +74,10 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     mesh : Mesh
     seed : (3,) array
         If the solid is star-shaped about it, parts that all hold it are preferred: each part pair's curve then falls.
-    method : {"auto", "exact", "coacd"}
-        "exact": cuts at reflex edges; the volumes of a partition add up to the mesh's. "coacd": CoACD's approximate
-        parts (extra `coacd`), with their measured deviation. "auto": exact where it takes no more than some seconds.
+    method : {"auto", "exact", "surface", "coacd"}
+        "exact": cuts at reflex edges; the volumes of a partition add up to the mesh's. "surface": a pyramid under each
+        face, which are all of the surface. "coacd": CoACD's approximate parts (extra `coacd`), with their measured
+        deviation. "auto": "exact" up to `MOST_REFLEX` reflex edges, "surface" above.
 
     Returns
     -------
@@ -94,11 +98,11 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         return Decomposition("convex", "one part: the mesh is convex", mesh.vertices, (used,))
     known = f"{reflex} reflex edge{'s' if reflex > 1 else ''}" if reflex else "several shells"
     pacing.at(f"cutting {mesh.name} into convex parts: {known}")
-    if method == "coacd" or (method == "auto" and reflex > MOST_REFLEX and find_spec("coacd")):
-        asked = "asked for" if method == "coacd" else f"{known}, more than {MOST_REFLEX}"
-        return _approximated(mesh, asked)
-    if method == "auto" and reflex > MOST_REFLEX:
-        known += f", more than {MOST_REFLEX}, but CoACD is not installed"
+    if method == "coacd":
+        return _approximated(mesh, "asked for")
+    if method == "surface" or (method == "auto" and reflex > MOST_REFLEX):
+        asked = "asked for" if method == "surface" else f"{known}, more than {MOST_REFLEX}"
+        return _under_faces(mesh, asked)
     return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
 
 
@@ -107,6 +111,13 @@ def _approximated(mesh: Mesh, asked: str) -> Decomposition:
     out, short = deviation
     why = f"{len(parts)} parts by CoACD ({asked}): at most {out:.3g} beyond the mesh, {short:.3g} short of it"
     return Decomposition("coacd", why, frozen(points), parts, deviation=deviation)
+
+
+def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
+    made = pyramids(mesh.vertices, mesh.triangles, mesh.name)
+    why = f"{len(made.hulls)} parts, one under each face ({asked}): all of the surface, and nothing beyond it"
+    rows = tuple(frozen(np.sort(hull.used), np.int64) for hull in made.hulls)
+    return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
 def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomposition:

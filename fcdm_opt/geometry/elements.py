@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.surface import Surface, label
 from fcdm_opt.geometry.union import surface_of_parts
 from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.geometry.pyramids import Pyramids
 
 Faces = tuple[tuple[int, ...], ...]
 _PLACES = 9  # decimals of lengths, relative to the size, that are compared
@@ -143,6 +146,41 @@ def own_elements(
         surface = surface_of_parts(points, hulls, given, name)
     faces = tuple(label(face) for face in surface.faces)
     return faces, _located(surface, points, hulls, faces)
+
+
+def pyramid_elements(made: Pyramids) -> tuple[Faces, list[Elements]]:
+    """Return the same of pyramids under the faces of a surface: what is below the base is no body's own element."""
+    surface, points = made.surface, made.points
+    faces = tuple(label(face) for face in surface.faces)
+    face_names = [Element("F", face) for face in faces]
+    edge_names = [Element("E", (a + 1, b + 1)) for a, b in np.sort(surface.edges, axis=1).tolist()]
+    straight = dict(zip(map(frozenset, surface.edges.tolist()), edge_names, strict=True))
+    corners = set(surface.edges.ravel().tolist())
+    owners = made.owners.tolist()
+    beside: dict[frozenset[int], set[int]] = {}
+    for hull, face in zip(made.hulls, owners, strict=True):
+        for ends in hull.used[hull.edges[: len(hull.used) - 1, :2]].tolist():
+            beside.setdefault(frozenset(ends), set()).add(face)
+    bent = [ends for ends, own in beside.items() if len(own) > 1 and ends not in straight]
+    if bent:  # pieces of edges that go on straight
+        rows = np.array([sorted(ends) for ends in bent])
+        longer = np.flatnonzero(~np.isin(np.array([ends in beside for ends in straight]), True))
+        for ends, middle in zip(bent, points[rows].mean(axis=1), strict=True):
+            (place,) = np.flatnonzero(surface.along_edges(middle[None], longer)[1][0])[:1].tolist() or (None,)
+            if place is not None:
+                straight[ends] = edge_names[int(longer[place])]
+    on_edge = {v: name for ends, name in straight.items() for v in ends if v not in corners}
+    elements = []
+    for hull, face in zip(made.hulls, owners, strict=True):
+        *base, apex = hull.used.tolist()
+        own = face_names[face]
+        vertices = [Element("V", (v + 1,)) if v in corners else on_edge.get(v, own) for v in base]
+        ends = hull.used[hull.edges[:, :2]].tolist()
+        edges = [straight.get(frozenset(pair), own) for pair in ends[: len(base)]]
+        edges += [Element("E", label(pair)) for pair in ends[len(base) :]]
+        sides = [Element("F", label((a, b, apex))) for a, b in ends[: len(base)]]
+        elements.append(Elements((*vertices, Element("V", (apex + 1,))), tuple(edges), (own, *sides)))
+    return faces, elements
 
 
 # ----------------------------------------------------------------------------------------- what lies on the true faces

@@ -153,32 +153,55 @@ def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
     The face of the largest triangle comes first.
     """
     sides = _closed(triangles.ravel(), np.full(len(triangles), 3), key)
-    areas = _areas(local[triangles])
-    sizes = np.sqrt((areas**2).sum(axis=1))
-    order = np.argsort(-sizes, kind="stable")
+    _, corners, counts, whole = convex_faces(local, triangles, sides)
+    if not whole:
+        raise InputError("the hull of the points is not a closed surface", key=key)
+    return corners, counts
+
+
+def flat_groups(local: Array, triangles: Ints, sides: Sides) -> Ints:
+    """Return for each triangle of a surface the first of those that lie in one plane with it, one beside the other.
+
+    `local` are its corners in units of its size.
+    """
     along, c, d = sides.sections(local, sides.pairs)
     fold = np.abs((along * cross(c, d)).sum(axis=1))  # both within `planarity` of the plane of one of them
     joined = (fold <= DEFAULT.planarity * np.maximum(norms(c), norms(d))) & ((c * d).sum(axis=1) < 0)
     flat = sides.pairs[joined] // 3
-    if not flat.size:
-        turn = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
-        return np.take_along_axis(triangles, turn, axis=1)[order].ravel(), np.full(len(triangles), 3)
     first, group = np.unique(components(flat, len(triangles)), return_index=True, return_inverse=True)[1:]
     group = first[group]
+    bent = _bent(local[triangles], _areas(local[triangles]), group)
+    group[bent] = np.flatnonzero(bent)
+    return group
+
+
+def convex_faces(local: Array, triangles: Ints, sides: Sides) -> tuple[Ints, Ints, Ints, bool]:
+    """Join triangles of a surface in one plane where that gives a convex polygon, that of the largest triangle first.
+
+    Returns
+    -------
+    faces : (t,) int array
+        The polygon that each triangle is of.
+    corners, counts : int arrays
+        The polygons' corners one after another, and how many each has.
+    whole : bool
+        Whether every polygon's outline is one.
+    """
+    group, areas = flat_groups(local, triangles, sides), _areas(local[triangles])
+    order = np.argsort(-np.sqrt((areas**2).sum(axis=1)), kind="stable")
     rank = np.empty(len(triangles), np.int64)
     rank[order] = np.arange(len(order))
-    bent = _bent(local[triangles], areas, group)
-    group[bent] = np.flatnonzero(bent)
+    if (group == np.arange(len(group))).all():
+        turn = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
+        return rank, np.take_along_axis(triangles, turn, axis=1)[order].ravel(), np.full(len(triangles), 3), True
     while True:
         lead = np.full(len(triangles), len(triangles))
         np.minimum.at(lead, group, rank)
         _, face = np.unique(lead[group], return_inverse=True)
         corners, counts, wrong = _outlines(local, sides, face, areas)
-        if not wrong.any():
-            return corners, counts
-        split = wrong[face]
-        if (np.bincount(face)[wrong] == 1).all():
-            raise InputError("the hull of the points is not a closed surface", key=key)
+        split = wrong[face] & (np.bincount(face)[face] > 1)
+        if not split.any():
+            return face, corners, counts, not wrong.any()
         group[split] = np.flatnonzero(split)
 
 
@@ -208,10 +231,10 @@ def _bent(corners: Array, areas: Array, group: Ints) -> Flags:
 
 def _outlines(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
     """Return the outlines of groups of triangles (corners, counts), and which of them are no convex polygon."""
-    twin = np.empty(len(sides.origin), np.int64)
+    twin = np.full(len(sides.origin), -1)
     twin[sides.pairs[:, 0]], twin[sides.pairs[:, 1]] = sides.pairs[:, 1], sides.pairs[:, 0]
     own = face[sides.face]
-    rim = np.flatnonzero(own != own[twin])
+    rim = np.flatnonzero((own != own[twin]) | (twin < 0))
     count = int(face.max()) + 1
     rim = rim[np.lexsort((sides.origin[rim], own[rim]))]
     own, origin, end = own[rim], sides.origin[rim], sides.end[rim]

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,7 +94,10 @@ class Surface:
 
     def triangles_of_faces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
         """Return the triangles of each face, as rows of the points."""
-        return tuple(tuple(map(tuple, self.triangles[self.owners == k].tolist())) for k in range(len(self.faces)))
+        order = np.argsort(self.owners, kind="stable")
+        ends = np.searchsorted(self.owners[order], np.arange(len(self.faces) + 1)).tolist()
+        rows = list(map(tuple, self.triangles[order].tolist()))
+        return tuple(tuple(rows[first:last]) for first, last in pairwise(ends))
 
     def polygons(self, face: int) -> Array:
         """Return a face's triangles, (k, 3, 3)."""

@@ -22,6 +22,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -211,6 +212,13 @@ class _Judge:
         self.size = self.problem.size
         self.limit = self.problem.contact_slack
         bodies = self.problem.movable, self.problem.static
+        self.outside: Outside | None = None
+        if any(body.hollow or body.whole for body in bodies):
+            surfaces = WholeSurfaces(*bodies, self.problem.target, self.transform)
+            *near, self.outside = surfaces.looked_at()
+            if self.problem.goal not in TRACKING:  # others may be near on the way
+                bodies = near[0], near[1]
+        self.bodies = bodies
         self.scaled = scaled_pair(*bodies)
         carried = carriers(*bodies)
         self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
@@ -290,8 +298,7 @@ class _Judge:
         """
         from scipy.optimize import linprog
 
-        bodies, problem = (self.problem.movable, self.problem.static), self.problem
-        carried = carriers(*bodies)
+        problem, carried = self.problem, carriers(*self.bodies)
         claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
         rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
@@ -495,6 +502,12 @@ class _Judge:
             _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
             Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
         ]
+        if self.outside is not None:
+            least = max(gap, 0.0) - self.limit
+            checks += [
+                _at_least("whole surfaces", self.outside.distance, least, "distance of those that are not looked at"),
+                _at_most("inside", self.outside.inside, 0, "closed surfaces that lie inside the other body"),
+            ]
         if "touch" in (problem.pair, problem.goal):
             near = _at_most("pair touches", abs(gap), self.limit)
             if gap > 0 and self._play > self.limit:  # in whole steps
@@ -593,7 +606,7 @@ class _Judge:
         By coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
         touch are left out.
         """
-        counts = (len(body.parts) for body in (self.problem.movable, self.problem.static))
+        counts = (len(body.parts) for body in self.bodies)
         settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
         for (i, j), errors in proofs:
             settled[:, i, j] |= errors <= self.limit

@@ -45,6 +45,8 @@ def inside_fit(solution: Solution) -> Solution:
 
 def _goes_through(problem: Problem, pair: Array, T: Array) -> bool:
     """Tell whether a part that bars the way as drawn lies behind after the motion."""
+    if problem.movable.hollow or problem.static.hollow:
+        return False  # parts that are surface alone are passed without passing the solid
     drawn, made = (relative_pose(problem.movable, problem.static, pose) for pose in (REST, T))
     slack = DEFAULT.side * problem.size
     for one, two, way in _on_the_way(problem, pair, T):

@@ -41,6 +41,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
+from fcdm_opt.problem.reach import Rows, modelled_parts
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -252,9 +253,17 @@ class Problem(NominalContact, Shown):
 
         Of what does not depend on these nothing is checked again.
         """
-        if all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items()):
+        same = all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items())
+        if same and self.movable.whole is None:
             return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
+
+    def with_parts(self, rows: Rows) -> Problem:
+        """Return the same question with other parts of large bodies modelled, by number; see `problem.reach`."""
+        other = object.__new__(Problem)
+        other.__dict__.update(_resolved(self.request, rows))
+        other._check_goal()
+        return other
 
     def _resized(self, sizes: Mapping[str, Any]) -> Problem:
         """Return the same question for another tolerance or target, of which nothing depends but the pair made."""
@@ -335,7 +344,7 @@ def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any
 # -------------------------------------------------------------------------------------------------- from asked to meant
 
 
-def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
+def _resolved(given: Mapping[str, Any], rows: Rows | None = None) -> dict[str, Any]:
     """Return what arguments of a problem mean: its attributes, see `Problem`."""
     asked = _asked(given)
     names = [name for name, _ in asked.motion.parameters]
@@ -347,6 +356,8 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     parts = _parts_made(request)
     if parts and asked.contacts is not None:
         parts |= _contacts_made(request, parts)
+    whole = {**request, **parts}
+    parts |= modelled_parts(request, whole["movable"], whole["static"], rows)
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:

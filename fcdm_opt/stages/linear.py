@@ -178,9 +178,9 @@ def straight(task: Task) -> Answer | None:
     blocked: dict[Parts, tuple[float, float]] = {}
     normals: dict[Parts, Array] = {}  # before and beyond what a clearance blocks
     features: dict[Parts, int] = {}
-    for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
+    for i, j in np.argwhere(_meeting(task, along)).tolist():
         pacing.check()
-        need = task.opponents[parts[1]].need
+        parts, need = (i, j), task.opponents[j].need
         _, rows, separations = task.separations(parts, pose)
         rates, excess = rows[:, :3] @ along, separations - need
         level = np.abs(rates) <= DEFAULT.tie
@@ -200,13 +200,15 @@ def straight(task: Task) -> Answer | None:
     others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
     places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0]).tolist()
     if task.must_touch:
-        touching = [met[parts] for parts in met.keys() - others]
-        places = [x for x in places if any(a - slack <= x <= b + slack for a, b in touching)]
+        first, last = np.array([met[parts] for parts in met.keys() - others]).reshape(-1, 2).T
+        places = [x for x in places if ((first - slack <= x) & (x <= last + slack)).any()]
     stage, stop = "1: one translation, intervals of overlap", set[Parts]()
+    keys, (lows, highs) = list(blocked), np.array(list(blocked.values())).reshape(-1, 2).T
     for least in sorted(places, key=abs):
-        in_the_way = {parts for parts, (a, b) in blocked.items() if a + slack < least < b - slack}
-        if not in_the_way:
+        rows = np.flatnonzero((lows + slack < least) & (least < highs - slack)).tolist()
+        if not rows:
             break
+        in_the_way = {keys[k] for k in rows}
         stop |= in_the_way if in_the_way <= others else set()
     else:
         return _impossible(stage)
@@ -219,6 +221,25 @@ def straight(task: Task) -> Answer | None:
     near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
     counts = task.modelled(near, variables=1, constraints=len(near), features=sum(features[parts] for parts in near))
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
+
+
+def _meeting(task: Task, along: Array) -> Bools:
+    """Tell which part pairs come within their clearance somewhere along a shift, as far as spheres about them tell."""
+    seed, T = task.static.seed, task.transform(task.rest)
+    own, others = np.empty((len(task.movable.parts), 4)), np.empty((len(task.opponents), 4))
+    scaled = [(own, part, task.target[0]) for part in task.movable.parts]
+    scaled += [(others, opponent.part, opponent.scale) for opponent in task.opponents]
+    for k, (balls, part, scale) in enumerate(scaled):
+        middle = part.vertices.mean(axis=0)
+        radius = scale * np.sqrt(((part.vertices - middle) ** 2).sum(axis=1).max())
+        middle = part.seed + scale * (middle - part.seed)
+        middle = T[:3, :3] @ middle + T[:3, 3] if balls is own else middle
+        balls[k if balls is own else k - len(own)] = *(middle - seed), radius
+    n = along / np.linalg.norm(along)
+    across = [balls[:, :3] - np.outer(balls[:, :3] @ n, n) for balls in (own, others)]
+    apart = np.linalg.norm(across[0][:, None] - across[1], axis=2)
+    reach = own[:, None, 3] + others[:, 3] + np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    return np.asarray(apart <= reach)
 
 
 # ------------------------------------------------------------------------------------------------- several translations

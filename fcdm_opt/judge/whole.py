@@ -1,0 +1,113 @@
+"""The judge's look at whole surfaces: what was not modelled must neither touch nor lie inside the other body.
+
+Of bodies whose parts are their surface, or of which only parts within reach are modelled, the judge takes part pairs
+only where surfaces come near each other. That the rest is apart is told by the collision library on the surfaces as
+they were drawn, scaled and moved, and by how often these wind round each other's corners.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facets import facets_of, near_facets
+from fcdm_opt.geometry.measures import winding_numbers
+
+FIRST, WIDER = 2e-6, 8.0  # of the size: how near surfaces are to be looked at in detail, and times as much if none are
+
+
+class Outside(NamedTuple):
+    """What was found on the whole surfaces: the least distance of what is not looked at in detail, and what is inside.
+
+    `inside` counts closed surfaces of one body that lie inside the other.
+    """
+
+    distance: float
+    inside: int
+
+
+class WholeSurfaces:
+    """The surfaces of two bodies, all that they have, at a scale pair and pose.
+
+    Parameters
+    ----------
+    movable, static : Body
+    rho : (2,) array
+    transform : (4, 4) array
+        Pose change of body 1.
+    """
+
+    def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
+        self._bodies = movable.whole or movable, static.whole or static
+        self._own = facets_of(self._bodies[0]), facets_of(self._bodies[1])
+        away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
+        self._points = rho[0] * self._own[0].points @ transform[:3, :3].T + away, rho[1] * self._own[1].points
+        self._size = max(float(np.ptp(points, axis=0).max()) for points in self._points)
+
+    def looked_at(self) -> tuple[Body, Body, Outside]:
+        """Return the bodies with only the parts whose surfaces are near each other, and what is known of the rest."""
+        band = FIRST * self._size
+        while True:
+            found = near_facets(self._own[0], self._points[0], self._own[1], self._points[1], band)
+            pairs = found.parts[found.furthest(lambda ways: np.ones((len(ways), 1)), 0.0) <= band]
+            near = [np.zeros(len(body.parts), bool) for body in self._bodies]
+            for flags, own in zip(near, pairs.T, strict=True):
+                flags[own] = True
+            if near[0].any() or band > 2.0 * self._size:
+                apart = min(self._distance(~near[0], slice(None)), self._distance(near[0], ~near[1]))
+                break
+            band *= WIDER
+        kept = []
+        for body, own in zip(self._bodies, near, strict=True):
+            rows = np.flatnonzero(own).tolist()
+            kept.append(body if len(rows) == len(body.parts) else body.only(rows))
+        return kept[0], kept[1], Outside(apart, self._inside())
+
+    def _distance(self, one: Any, two: Any) -> float:
+        """Return the least distance of the surfaces of some parts; infinite without any."""
+        import coal
+
+        models = [self._model(0, one), self._model(1, two)]
+        if None in models:
+            return float("inf")
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        here = coal.Transform3s()
+        return float(coal.distance(models[0], here, models[1], here, request, result))
+
+    def _model(self, body: int, parts: Any) -> Any:
+        import coal
+
+        chosen = np.zeros(len(self._bodies[body].parts), bool)
+        chosen[parts] = True
+        own = self._own[body]
+        corners = own.triangles[chosen[own.owners]]
+        if not len(corners):
+            return None
+        used, rows = np.unique(corners, return_inverse=True)
+        points = coal.StdVec_Vec3s()
+        points.extend(list(self._points[body][used]))
+        triangles = coal.StdVec_Triangle()
+        triangles.extend([coal.Triangle(*three) for three in rows.reshape(-1, 3).tolist()])
+        model = coal.BVHModelOBBRSS()
+        model.beginModel(len(triangles), len(points))
+        model.addSubModel(points, triangles)
+        model.endModel()
+        return model
+
+    def _inside(self) -> int:
+        """Return how many closed surfaces of either body lie inside the other."""
+        return sum(self._wound(one, two) for one, two in ((0, 1), (1, 0)))
+
+    def _wound(self, one: int, two: int) -> int:
+        solid = self._points[two][self._own[two].triangles]
+        if not self._bodies[two].hollow and len(self._bodies[two].parts) > 1:
+            return 0  # facets of cuts wind round points too; such parts fill the solid, and overlaps show
+        found = 0
+        for rows in self._own[one].shells:
+            turns = winding_numbers(self._points[one][rows], solid)
+            clearest = np.abs(turns - np.round(turns)).argmin()
+            found += bool(turns[clearest] > 0.5)
+        return found

@@ -1,0 +1,172 @@
+"""Which convex parts of large bodies are modelled: those that touch, overlap, or can come into contact.
+
+A body of thousands of parts meets another with a few of them. A question about such bodies is put with the parts that
+are near each other as drawn. Where its answer lets others overlap, or where a smaller motion may bring others into
+contact, these are modelled too and it is put again: parts that overlap nowhere on the way to an answer take nothing
+from it. That those left out are apart is judged on the whole surfaces, see `fcdm_opt.judge.whole`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.problem.problem import Problem
+
+FEW = 10_000  # part pairs that are all modelled
+AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
+MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
+AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
+WIDER = 8.0  # times as far is looked where nothing is near
+
+Rows = tuple[Ints, Ints]
+_FIRST: WeakKeyDictionary[Body, dict[tuple[Any, ...], tuple[Body, Body]]] = WeakKeyDictionary()
+
+
+def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows: Rows | None) -> dict[str, Any]:
+    """Return the attributes of a problem that say which parts are modelled: none where all are.
+
+    Parameters
+    ----------
+    request : mapping
+        The arguments of the problem.
+    movable, static : Body
+        At the sizes made.
+    rows : pair of int arrays, optional
+        Parts of either body that are; by default those near each other as drawn.
+    """
+    few = len(movable.parts) * len(static.parts) <= FEW and not (movable.hollow or static.hollow)
+    if isinstance(request["nominal"], int) or few:
+        return {}
+    nominal = np.array((1.0, 1.0) if request["nominal"] == "drawn" else request["nominal"])
+    box = [
+        (max(low, scale * (1.0 - AROUND)), min(high, scale * (1.0 + AROUND)))
+        for (low, high), scale in zip(request["box"], nominal.tolist(), strict=True)
+    ]
+    if rows is not None:
+        return {"movable": movable.only(rows[0].tolist()), "static": static.only(rows[1].tolist()), "box": tuple(box)}
+    known, key = _FIRST.setdefault(movable, {}), (id(static), *nominal.tolist())
+    if key not in known:
+        size = max(movable.size, static.size)
+        band, near = DEFAULT.snap * size, None
+        while near is None or (not len(near.parts) and band < size):
+            near = _near(movable, static, nominal, np.eye(4), band)
+            band *= WIDER
+        order = np.argsort(near.heights.max(axis=1), kind="stable")[:MOST_TOUCHING]
+        own, others = (np.unique(near.parts[order, k]).tolist() or [0] for k in (0, 1))
+        known[key] = movable.only(own), static.only(others)
+    one, two = known[key]
+    return {"movable": one, "static": two, "box": tuple(box)}
+
+
+def _near(
+    movable: Body, static: Body, rho: Array, transform: Array, band: float, *, crossing: bool = False
+) -> NearFacets:
+    """Return the near facets of two bodies at a scale pair and pose, in lengths from the static seed."""
+    one, two = facets_of(movable), facets_of(static)
+    away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
+    return near_facets(
+        one, rho[0] * one.points @ transform[:3, :3].T + away, two, rho[1] * two.points, band, crossing=crossing
+    )
+
+
+def more_parts(problem: Problem, transform: Array | None, amount: float, most: int = AT_ONCE) -> Problem | None:
+    """Return the problem with further parts that an answer shows to matter; None where no others do.
+
+    Parameters
+    ----------
+    problem : Problem
+    transform : (4, 4) array or None
+        The pose that was found; None where none was.
+    amount : float
+        The amount of the motion to it. Of goals that want a contact, parts that may touch after a smaller motion matter
+        too; infinite where there is none.
+    most : int
+        Pairs of parts that are taken up for one reason, the worst first.
+    """
+    movable, static = problem.movable.whole, problem.static.whole
+    if movable is None or static is None:
+        return None
+    kept = [np.isin(np.arange(len(body.parts)), own.rows) for body, own in _bodies(problem)]
+    size, found = problem.size, [np.empty((0, 2), np.int64)]
+    clear = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+    pose = np.eye(4) if transform is None else transform
+    near = _near(movable, static, problem.target, pose, clear + DEFAULT.cut * size, crossing=not clear)
+    depth = near.heights.max(axis=1) - clear
+    found.append(_new(near.parts[depth < -DEFAULT.cut * size], depth[depth < -DEFAULT.cut * size], kept, most))
+    if "touch" in (problem.goal, problem.pair):
+        reach = float(np.linalg.norm(_rates(problem) / problem.weights)) * amount
+        if math.isfinite(reach):
+            near = _near(movable, static, problem.target, np.eye(4), reach)
+            near = NearFacets(*(own[_unknown(near.parts, kept)] for own in near))
+            needed = near.furthest(_along(problem), DEFAULT.cut * size)
+            sooner = needed < amount * (1.0 - DEFAULT.nominal)
+            found.append(_new(near.parts[sooner], needed[sooner], kept, most))
+    for keep_out in problem.keep_out:
+        for scale in keep_out.ends:
+            near = _near(movable, keep_out.body, np.array([problem.target[0], scale]), pose, keep_out.clearance)
+            depth = near.heights.max(axis=1) - keep_out.clearance
+            rows = near.parts[depth < 0.0]
+            rows[:, 1] = -1
+            found.append(_new(rows, depth[depth < 0.0], kept, most))
+    new = np.concatenate(found)
+    if not len(new):
+        return None
+    for flags, own in zip(kept, new.T, strict=True):
+        flags[own[own >= 0]] = True
+    return problem.with_parts((np.flatnonzero(kept[0]), np.flatnonzero(kept[1])))
+
+
+def _bodies(problem: Problem) -> tuple[tuple[Body, Body], tuple[Body, Body]]:
+    """Return both bodies, each as a whole and as modelled."""
+    (one, two), own = (problem.movable.whole, problem.static.whole), (problem.movable, problem.static)
+    assert one is not None
+    assert two is not None
+    return (one, own[0]), (two, own[1])
+
+
+def _unknown(pairs: Ints, kept: list[Flags]) -> Flags:
+    """Tell which pairs of parts are not modelled yet; of -1 in place of the second the first counts alone."""
+    return np.asarray(~(kept[0][pairs[:, 0]] & (kept[1][pairs[:, 1]] | (pairs[:, 1] < 0))))
+
+
+def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
+    """Return the pairs of parts with the least values that are not modelled yet, each once, so many at a time."""
+    unknown = _unknown(pairs, kept)
+    pairs, values = pairs[unknown], values[unknown]
+    pairs = pairs[np.argsort(values, kind="stable")]
+    first = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
+    return np.asarray(pairs[first[:most]])
+
+
+def _along(problem: Problem) -> Callable[[Array], Array]:
+    """Return what tells how far a unit of amount displaces points of body 1 along unit vectors, (m, 3), at most.
+
+    A column for each way to move: both of a single shift, one for all of other motions.
+    """
+    if not problem.motion.shifts:
+        fastest = float(np.linalg.norm(_rates(problem) / problem.weights))
+        return lambda ways: np.full((len(ways), 1), fastest)
+    seeds = problem.movable.seed, problem.static.seed
+    shifts = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
+    shifts /= problem.weights[:, None]
+    if len(shifts) == 1:
+        return lambda ways: ways @ np.vstack([shifts, -shifts]).T
+    return lambda ways: np.linalg.norm(ways @ shifts.T, axis=1, keepdims=True)
+
+
+def _rates(problem: Problem) -> Array:
+    """Return the most that a vertex of body 1 as made can be displaced per unit of each parameter, (k,)."""
+    whole = problem.movable.whole or problem.movable
+    points = whole.seed + problem.target[0] * (whole.vertices - whole.seed)
+    return problem.motion.reaches(points, whole.seed)
