@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import not_separated, overlapping
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
@@ -79,6 +79,10 @@ class NearFacets(NamedTuple):
     parts: Ints
     heights: Array
     corners: Array
+
+    def some(self, rows: Flags) -> NearFacets:
+        """Return some of the pairs."""
+        return NearFacets(self.parts[rows], self.heights[rows], self.corners[rows])
 
     def furthest(self, rates: Callable[[Array], Array], slack: float) -> Array:
         """Return how much is needed at least to bring facets together, (k,): over all planes between the two.

@@ -108,7 +108,7 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
         reach = float(np.linalg.norm(_rates(problem) / problem.weights)) * amount
         if math.isfinite(reach):
             near = _near(movable, static, problem.target, np.eye(4), reach)
-            near = NearFacets(*(own[_unknown(near.parts, kept)] for own in near))
+            near = near.some(_unknown(near.parts, kept))
             needed = near.furthest(_along(problem), DEFAULT.cut * size)
             sooner = needed < amount * (1.0 - DEFAULT.nominal)
             found.append(_new(near.parts[sooner], needed[sooner], kept, most))

@@ -205,10 +205,10 @@ def straight(task: Task) -> Answer | None:
     stage, stop = "1: one translation, intervals of overlap", set[Parts]()
     keys, (lows, highs) = list(blocked), np.array(list(blocked.values())).reshape(-1, 2).T
     for least in sorted(places, key=abs):
-        rows = np.flatnonzero((lows + slack < least) & (least < highs - slack)).tolist()
-        if not rows:
+        inside = np.flatnonzero((lows + slack < least) & (least < highs - slack)).tolist()
+        if not inside:
             break
-        in_the_way = {keys[k] for k in rows}
+        in_the_way = {keys[k] for k in inside}
         stop |= in_the_way if in_the_way <= others else set()
     else:
         return _impossible(stage)
