@@ -326,7 +326,7 @@ def test_the_cuts_of_a_solid_are_the_same_every_time():
 
 def test_a_convex_mesh_is_one_part_whatever_the_method():
     vertices, faces = surface_of(CUBE3)
-    for method in ("auto", "exact", "coacd"):
+    for method in ("auto", "exact", "surface", "coacd"):
         body = Body.from_mesh(vertices, faces, decomposition=method)
         assert len(body.parts) == 1
         assert sorted(map(len, body.faces)) == [4] * 6
@@ -334,16 +334,12 @@ def test_a_convex_mesh_is_one_part_whatever_the_method():
         np.testing.assert_array_equal(body.vertices, vertices)
 
 
-def test_many_reflex_edges_are_left_to_coacd_and_said_so(monkeypatch):
+def test_of_many_reflex_edges_the_surface_is_taken_and_said_so(monkeypatch):
     vertices, faces = surface_of(VOXELS["comb"][0])
     assert "exact" in Body.from_mesh(vertices, faces).notes[0]
     monkeypatch.setattr(decomposition, "MOST_REFLEX", 3)
-    assert "CoACD (10 reflex edges, more than 3)" in Body.from_mesh(vertices, faces).notes[0]
+    assert "one under each face (10 reflex edges, more than 3)" in Body.from_mesh(vertices, faces).notes[0]
     assert "exact" in Body.from_mesh(vertices, faces, decomposition="exact").notes[0]
-    monkeypatch.setattr(decomposition, "find_spec", lambda name: None)
-    note = Body.from_mesh(vertices, faces).notes[0]
-    assert "exact" in note
-    assert "CoACD is not installed" in note
 
 
 def test_coacd_that_is_not_installed_says_how_to_get_it(monkeypatch):
@@ -353,7 +349,7 @@ def test_coacd_that_is_not_installed_says_how_to_get_it(monkeypatch):
 
 
 def test_an_unknown_decomposition_is_refused():
-    with pytest.raises(InputError, match=r"'lid': decomposition: unknown .*found 'vhacd'.*auto, exact, coacd"):
+    with pytest.raises(InputError, match=r"'lid': decomposition: unknown .*found 'vhacd'.*auto, exact, surface, coacd"):
         Body.from_mesh(*surface_of(VOXELS["L"][0]), decomposition="vhacd", name="lid")
 
 

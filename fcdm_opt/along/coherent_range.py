@@ -21,6 +21,7 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed
@@ -253,6 +254,7 @@ class Reach(NamedTuple):
 
 def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     """Return how far to look along a ray from no motion."""
+    need_all_parts(problem.movable, problem.static, "a range")
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []

@@ -89,6 +89,11 @@ class Resizing:
 
         Faces are chosen on the body as drawn, which the body was before it was scaled.
         """
+        if body.hollow:
+            what = (
+                "sizes of faces move those of a solid cut into convex parts, and of this one only the surface is known"
+            )
+            raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed='decomposition = "exact"')
         chosen = drawn or body
         face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)

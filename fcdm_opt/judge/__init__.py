@@ -2,5 +2,6 @@
 
 certificate      every check of a solution
 claimed_contact  one claimed contact under examination
+whole            what was not modelled: the surfaces of the bodies as drawn
 engagement       whether a motion leaves the fit in which the parts are drawn
 """

@@ -80,7 +80,7 @@ class BodyEntry(Entry):
         "mm",
     )
     file_unit: Unit | None = declared(None, "unit of the numbers in a mesh file that does not say; default: unit", "in")
-    decomposition: Literal["auto", "exact", "coacd"] | None = declared(
+    decomposition: Literal["auto", "exact", "surface", "coacd"] | None = declared(
         None, 'how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"', "exact"
     )
 
@@ -177,6 +177,11 @@ class Bodies(Entry):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
+    if body.hollow:  # one part under each face: made again from these
+        drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
+        faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]
+        surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
+        return {"name": body.name, **surface, "seed": body.seed.tolist()}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [

@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets
@@ -67,6 +68,14 @@ def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows
         known[key] = movable.only(own), static.only(others)
     one, two = known[key]
     return {"movable": one, "static": two, "box": tuple(box)}
+
+
+def need_all_parts(movable: Body, static: Body, what: str) -> None:
+    """Refuse a question that takes all parts about bodies of which only some are modelled."""
+    if movable.whole is not None and static.whole is not None:
+        found = f"{len(movable.whole.parts)} and {len(static.whole.parts)}"
+        wrong = f"{what} looks at all parts of the bodies, and these have too many"
+        raise InputError(wrong, key="bodies", found=found, allowed=f"solve and verify, or at most {FEW} pairs of parts")
 
 
 def _near(

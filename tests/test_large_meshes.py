@@ -1,0 +1,127 @@
+"""Bodies of which only the surface is made convex parts, and of which a problem models only the parts that matter."""
+
+import math
+
+import numpy as np
+import pytest
+from test_decomposition import VOXELS, surface_of
+
+import fcdm_opt as fo
+from fcdm_opt.errors import InputError
+from fcdm_opt.judge.whole import WholeSurfaces
+from fcdm_opt.motion.motions import Free, Translation
+from fcdm_opt.problem.problem import Problem
+
+SOLIDS = [name for name, (cells, *_) in VOXELS.items() if len(cells) > 1]
+SIDES = 520
+PEG, HOLE, DEEP = 9.0, 9.1, 4.0
+
+
+def prism_ring(sides: int, inner: float, half: float, depth: float) -> tuple[np.ndarray, list[list[int]]]:
+    """Return a square block with a regular prism bored through it, flats towards x."""
+    angles = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    ways = np.column_stack([np.cos(angles), np.sin(angles)])
+    outer = half * ways / np.abs(ways).max(axis=1)[:, None]
+    rings = [np.column_stack([own, np.full(sides, z)]) for own in (inner * ways, outer) for z in (0.0, depth)]
+    low, high, below, above = (k * sides + np.arange(sides) for k in range(4))
+    faces = []
+    for k in range(sides):
+        j = (k + 1) % sides
+        faces += [[low[k], high[k], high[j]], [low[k], high[j], low[j]]]
+        faces += [[below[k], below[j], above[j]], [below[k], above[j], above[k]]]
+        faces += [[low[k], low[j], below[j]], [low[k], below[j], below[k]]]
+        faces += [[high[k], above[k], above[j]], [high[k], above[j], high[j]]]
+    return np.vstack(rings), [[int(v) for v in face] for face in faces]
+
+
+def prism(sides: int, radius: float, low: float, high: float) -> fo.Body:
+    angles = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    ring = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    both = [np.column_stack([ring, np.full(sides, z)]) for z in (low, high)]
+    return fo.Body.convex(np.vstack(both), seed=(0, 0, 0), name="peg")
+
+
+@pytest.fixture(scope="module")
+def bored() -> fo.Body:
+    return fo.Body.from_mesh(*prism_ring(SIDES, HOLE, 15.0, DEEP), seed=(0, 0, 0), name="plate")
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str) -> None:
+    vertices, faces = surface_of(VOXELS[name][0])
+    vertices = np.asarray(vertices, dtype=float)
+    exact, surface = (
+        fo.Body.from_mesh(vertices, faces, decomposition=method, seed=vertices.mean(axis=0), name="solid")
+        for method in ("exact", "surface")
+    )
+    assert surface.hollow
+    assert not exact.hollow
+    top = max((vertices[list(face)].mean(axis=0) for face in faces), key=lambda middle: middle[2])
+    tip = np.array([(0.01, 0.02, 0.0), (-0.2, 0.0, 0.1), (0.0, -0.3, 0.2), (0.3, 0.2, 1.0)])
+    other = fo.Body.convex(top + tip + [0.0, 0.0, 0.02], name="tip")
+    for way, letter in (("z", "A"), ("z", "D"), ((0.6, 0.0, 0.8), "C")):
+        asked = {"tolerance": 0.05, "requirement": letter, "motion": Translation(way), "goal": "touch"}
+        one, two = (fo.solve(Problem(other, body, **asked)) for body in (exact, surface))
+        assert one.usable
+        assert two.usable
+        assert two.amount == pytest.approx(one.amount, rel=1e-9, abs=1e-12)
+        assert two.lower_bound == pytest.approx(one.lower_bound, rel=1e-9, abs=1e-12)
+
+
+def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored: fo.Body) -> None:
+    assert bored.hollow
+    assert f"{SIDES} reflex edges" in bored.notes[0]
+    apothem = math.cos(math.pi / SIDES)
+    peg = prism(SIDES, PEG, -1.0, 5.0)
+    for letter, (one, two) in {"A": (1.01, 1.01), "C": (0.99, 1.01), "D": (0.99, 0.99)}.items():
+        problem = Problem(peg, bored, tolerance=0.01, requirement=letter, motion=Translation("x"), goal="touch")
+        solution = fo.solve(problem)
+        assert solution.usable, solution.certificate
+        assert solution.amount == pytest.approx((two * HOLE - one * PEG) * apothem, rel=1e-9)
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+        kept = solution.problem.static
+        assert kept.whole is bored
+        assert len(kept.parts) < len(bored.parts) / 2
+        assert {"whole surfaces", "inside"} <= {check.name for check in solution.certificate.checks}
+
+
+def test_a_body_deep_inside_a_surface_is_seen(bored: fo.Body) -> None:
+    block = fo.Body.from_mesh(*surface_of(VOXELS["L"][0]), decomposition="surface", seed=(0, 0, 0), name="block")
+    middle = np.mean(block.vertices[: len(block.vertices) - len(block.parts)], axis=0)
+    inner = fo.Body.convex(1e-3 * np.vstack([np.zeros(3), np.eye(3)]) + [0.5, 0.5, 0.5], name="speck")
+    whole = WholeSurfaces(inner, block, np.ones(2), np.eye(4)).looked_at()[2]
+    assert np.isfinite(middle).all()
+    assert whole.inside == 1
+    away = np.eye(4)
+    away[0, 3] = 50.0
+    assert WholeSurfaces(inner, block, np.ones(2), away).looked_at()[2].inside == 0
+
+
+def test_questions_that_take_all_parts_are_refused(bored: fo.Body) -> None:
+    problem = Problem(
+        prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
+    )
+    with pytest.raises(InputError, match="bodies: a range looks at all parts"):
+        fo.contact_times(problem)
+    with pytest.raises(InputError, match="a pose for all sizes looks at all parts"):
+        fo.clearances(problem)
+
+
+def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
+    problem = Problem(
+        prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
+    )
+    again = Problem.from_dict(problem.to_dict())
+    assert again.static.hollow
+    assert len(again.request["static"].parts) == len(bored.parts)
+    assert fo.solve(again).amount == pytest.approx(fo.solve(problem).amount, rel=1e-12)
+
+
+def test_a_free_motion_of_a_part_with_thousands_of_faces_is_bounded(bored: fo.Body) -> None:
+    corners = np.array([(x, y, z) for x in (7.5, 8.5) for y in (-0.4, 0.4) for z in (1.0, 3.0)])
+    block = fo.Body.convex(corners, name="block")
+    problem = Problem(block, bored, target=(1.0, 1.0), motion=Free(), goal="touch")
+    solution = fo.solve(problem, effort="quick")
+    assert solution.usable
+    assert solution.amount <= HOLE - 8.5
+    assert solution.lower_bound <= solution.amount
