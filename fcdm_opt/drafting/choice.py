@@ -90,8 +90,18 @@ def chosen(situation: Situation) -> Choice:
     Parts that touch at several places are to do so again, if shifts can bring that about in all cases. Parts that touch
     flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where that cannot be
     asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations along one axis
-    come before those along three wherever they are as small, and rotations after both.
+    come before those along three wherever they are as small, and rotations after both. Of large meshes one axis is
+    taken, that nearest to the normal along which most cases are solved.
     """
+    if situation.large:
+        goal, axes = "touch", np.argsort(-np.abs(situation.normal), kind="stable")
+        tries = []
+        for axis in (AXES[k] for k in axes.tolist()):
+            pacing.at(f'trying goal "{goal}" along {axis}')
+            tries.append(_tried(situation, goal, Translation(axis)))
+            if tries[-1] is not None and len(tries[-1].usable) == len(SIGNS):
+                break
+        return max((own for own in tries if own is not None), key=lambda own: len(own.usable))
     for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         if (every := _tried(situation, goal, ANY_SHIFT, together=True)) is not None:

@@ -16,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.problem.reach import modelled_parts
 from fcdm_opt.tolerances import DEFAULT
 
 DRAWN = (1.0, 1.0)
@@ -77,7 +78,7 @@ class Situation:
         if self.state != "touching":
             return ()
         pose, slack = relative_pose(self.movable, self.static, np.eye(4)), DEFAULT.snap * self.size
-        found = meetings(self.movable, self.static, pose, np.array(DRAWN), slack)
+        found = meetings(*self._bodies, pose, np.array(DRAWN), slack)
         return tuple(dict.fromkeys(meeting.contact.feature for meeting in found))
 
     @cached_property
@@ -105,7 +106,7 @@ class Situation:
     @cached_property
     def curve(self) -> DecisionCurve:
         """The decision curve in `box`."""
-        return replace(self._usual, box=self.box)
+        return self._usual if self._modelled else replace(self._usual, box=self.box)
 
     @cached_property
     def nearest(self) -> Near | None:
@@ -153,8 +154,8 @@ class Situation:
         angles = [
             float(np.linalg.norm(one + two))  # of two unit vectors that are nearly opposite
             for n, (i, j) in ((piece.normal, piece.parts) for piece in _pieces(near.contact))
-            for one in _facing(self.movable.parts[i], n)
-            for two in _facing(self.static.parts[j], -n)
+            for one in _facing(self._bodies[0].parts[i], n)
+            for two in _facing(self._bodies[1].parts[j], -n)
         ]
         least = min(angles, default=0.0)
         return least if least > DEFAULT.tie else None
@@ -171,12 +172,27 @@ class Situation:
         return self._usual if self.state == "touching" or self._usual.segments else self._wide
 
     @cached_property
+    def _modelled(self) -> dict[str, Any]:
+        """The parts of large bodies that are near each other, and the box of their curve, as in a problem."""
+        return modelled_parts({"nominal": "drawn", "box": WIDE}, self.movable, self.static, None)
+
+    @property
+    def large(self) -> bool:
+        """Whether only some of the bodies' parts are modelled."""
+        return bool(self._modelled)
+
+    @cached_property
+    def _bodies(self) -> tuple[Body, Body]:
+        """The bodies as a problem about them models them."""
+        return self._modelled.get("movable", self.movable), self._modelled.get("static", self.static)
+
+    @cached_property
     def _usual(self) -> DecisionCurve:
-        return decision_curve(self.movable, self.static)
+        return decision_curve(*self._bodies, **({"box": self._modelled["box"]} if self._modelled else {}))
 
     @cached_property
     def _wide(self) -> DecisionCurve:
-        return replace(self._usual, box=WIDE)
+        return self._usual if self._modelled else replace(self._usual, box=WIDE)
 
 
 def _on_diagonal(segment: Segment) -> list[float]:
