@@ -26,7 +26,7 @@ from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared
+from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
 
 ROLES = ("movable", "static")
 CORNERS = ("low", "high", "middle")
@@ -414,5 +414,6 @@ def _made(parts: Mapping[str, Body], sizes: tuple[Size, ...], made: Any) -> dict
     for name, value in made.items() if isinstance(made, Mapping) else ():
         if not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError("unusable deviation", key=f"made.{name}", found=value, allowed="a finite number")
+    known_sizes(made if isinstance(made, Mapping) else (), "made", [size.name for size in sizes])
     one = next(iter(parts.values()))
     return made_at(one, one, sizes, {} if made is None else made)

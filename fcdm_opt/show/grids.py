@@ -10,6 +10,8 @@ import numpy as np
 
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.moved_files import to_csv, write
+from fcdm_opt.design.sizes import SCALES
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
 
@@ -27,7 +29,7 @@ class Grid(NamedTuple):
     ----------
     name, unit : str
     rows, columns : sequence of str
-        Sizes of the movable and of the static part, in per cent off the nominal ones.
+        Sizes of the movable and of the static part, in per cent off the nominal ones; of sizes by name deviations.
     cells : sequence of sequence of str
         A row for each size of the movable part; a dash where there is no motion.
     """
@@ -45,6 +47,8 @@ def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int
     motion = found.at(sizes[0][:, None], sizes[1][None]).parameters
     heads = [
         [f"{100.0 * off + 0.0:+.4g} %" for off in np.round(values / nominal - 1.0, 9)]
+        if nominal
+        else [measured(f"{off + 0.0:+.4g}", found.unit) for off in np.round(values, 9)]
         for values, nominal in zip(sizes, found.nominal, strict=True)
     ]
     made = []
@@ -62,6 +66,8 @@ def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: P
     tables, bodies = grids(found, parameters), ("movable", "static")
     known = (found.problem or {}).get("bodies", {})
     names = [str(known.get(body, {}).get("name", f"the {body} part")) for body in bodies]
+    moved = names[0]
+    names = names if tuple(found.over) == SCALES else list(found.over)
     lines: list[list[str]] = []
     for table in tables:
         told = f"{table.name}, {table.unit}" if table.unit else table.name
@@ -70,6 +76,6 @@ def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: P
         lines.append([])
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
-    words = {"title": title, "names": names, "reached": number(found.reached), "unit": found.unit}
+    words = {"title": title, "names": names, "moved": moved, "reached": number(found.reached), "unit": found.unit}
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths
