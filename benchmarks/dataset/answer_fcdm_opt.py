@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -109,8 +111,9 @@ def scale(case: Mapping[str, Any], rho1: float) -> dict[str, Any]:
 
 
 def document(command: str, files: Sequence[Path], *options: str) -> list[Mapping[str, Any]]:
-    """Return what `fcdm-opt` says of some files."""
-    asked = ["fcdm-opt", command, *map(str, files), "--json", *options]
+    """Return what `fcdm-opt` says of some files; the command of this Python's environment goes before the path's."""
+    beside = shutil.which("fcdm-opt", path=str(Path(sys.executable).parent))
+    asked = [beside or "fcdm-opt", command, *map(str, files), "--json", *options]
     made: list[Mapping[str, Any]] = json.loads(subprocess.run(asked, stdout=subprocess.PIPE, check=False).stdout)
     return made
 
