@@ -122,6 +122,25 @@ def test_a_block_in_a_corner_of_three_walls_is_to_touch_them_all(tmp_path: Path)
         assert list(solve(problem).parameters.values()) == pytest.approx([shift] * 3, rel=1e-9)
 
 
+def test_a_drawer_that_fills_its_cabinet_is_seated_on_its_floor(tmp_path: Path) -> None:
+    # it cannot stay on all four walls, and "seat" where all their lines meet made a smaller one impossible
+    import trimesh
+
+    block = box(tmp_path / "drawer.off", (20.0, 10.0, 8.0), (0.0, 0.0, 6.0))
+    hull, room = trimesh.creation.box((24.0, 10.0, 12.0)), trimesh.creation.box((20.0, 12.0, 8.0))
+    cabinet = trimesh.boolean.difference([hull, room]).apply_translation([0.0, 0.0, 6.0])
+    cabinet.export(tmp_path / "cabinet.stl")
+    text, path = drafted(block, tmp_path / "cabinet.stl", tmp_path)
+    assert "at 4 places, no shift restores all of them" in text
+    found = {problem.requirement: solve(problem) for problem in load_problems(path)}
+    # both seeds at height 6, both faces 4 below: the floor goes down by 4 t, the block's bottom by 4 s
+    for letter, (s, t) in SIGNS.items():
+        if letter != "B":
+            assert found[letter].usable
+            assert found[letter].parameters["TZ"] == pytest.approx(0.02 * 4 * (s - t), abs=1e-12)
+    assert not found["B"].usable  # it does not fit between the walls
+
+
 def test_parts_in_the_same_place_can_be_taken_apart(tmp_path: Path) -> None:
     cube = box(tmp_path / "cube.off", (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
     text, path = drafted(cube, cube, tmp_path)

@@ -45,6 +45,20 @@ def test_a_width_between_two_faces_moves_each_by_half() -> None:
     assert np.ptp(made.vertices[:, 1:], axis=0).tolist() == [2.0, 1.0]
 
 
+def test_the_name_of_a_cylinder_means_all_of_its_facets() -> None:
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    ring = np.column_stack([5.0 * np.cos(angles), 5.0 * np.sin(angles)])
+    pin = fo.Body.convex(np.vstack([np.column_stack([ring, np.full(12, z)]) for z in (0.0, 3.0)]))
+    around = {"around": (0, 0, 1), "axis": "z", "radius": 5.0}
+    by_name, by_axis = (fo.Size("d", "movable", faces=faces, each=0.5) for faces in ("cylinder radius 5", around))
+    assert np.array_equal(by_name.offsets(pin), by_axis.offsets(pin))
+    assert int((by_name.offsets(pin) == 0.5).sum()) == 12
+    assert fo.Size("h", "movable", faces="top").offsets(pin).sum() == 1.0
+    made = resized(pin, {by_name: 0.2})
+    apothem = 5.0 * math.cos(math.pi / 12)  # a facet moves out by 0.1, so all of the outline grows by one factor
+    assert np.linalg.norm(made.vertices[:, :2], axis=1) == pytest.approx(5.0 * (apothem + 0.1) / apothem)
+
+
 def test_a_scale_through_every_axis_is_the_uniform_one_and_that_of_the_body() -> None:
     rng = np.random.default_rng(3)
     for _ in range(50):
@@ -146,7 +160,8 @@ def test_a_slot_whose_walls_meet_is_refused() -> None:
 REFUSED = {
     "several": ({"faces": "-x"}, "several faces.*F6.*F10"),
     "none": ({"faces": "F99"}, "no such face.*F1 to F10"),
-    "word": ({"faces": "left"}, "no face is named like this.*through"),
+    "word": ({"faces": "lid"}, "no face is named like this.*through"),
+    "name": ({"faces": "bore radius 8"}, "no face of body 'slot' has this name.*left, front, right, F6"),
     "each": ({"faces": ["F1", "F2"]}, "how far does each face move.*0.5"),
     "unit": ({"scale": "xyz", "tolerance": "0.1 mm"}, "a scale has no unit.*a share: 0.003"),
     "both": ({"faces": "F1", "scale": "x"}, "faces or a scale"),

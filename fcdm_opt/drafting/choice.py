@@ -20,10 +20,12 @@ from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 TOLERANCE = 0.02
+MOST_SIDES = 6  # ways that contacts face which are tried
 MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
+Contacts = str | tuple[str, ...] | None
 ANY_SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
 
@@ -38,14 +40,14 @@ class Choice:
     motion : Motion
     solutions : dict
         By requirement; None where it could not be asked.
-    together : bool
-        Whether all contacts that are drawn are to be restored, not one.
+    contacts : str or tuple of str, optional
+        Contacts that are restored together: "all", labels, or None for the nominal contact.
     """
 
     goal: str
     motion: Motion
     solutions: dict[str, Solution | None]
-    together: bool = False
+    contacts: Contacts = None
 
     @property
     def usable(self) -> dict[str, Solution]:
@@ -87,11 +89,12 @@ class Choice:
 def chosen(situation: Situation) -> Choice:
     """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
-    Parts that touch at several places are to do so again, if shifts can bring that about in all cases. Parts that touch
-    flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where that cannot be
-    asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations along one axis
-    come before those along three wherever they are as small, and rotations after both. Of large meshes one axis is
-    taken, that nearest to the normal along which most cases are solved.
+    Parts that touch at several places are to do so again, if shifts can bring that about in all cases; else those of
+    them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
+    others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
+    is solved: a case in which the parts do not fit is an answer. Translations along one axis come before those along
+    three wherever they are as small, and rotations after both. Of large meshes one axis is taken, that nearest to the
+    normal along which most cases are solved.
     """
     if situation.large:
         goal, axes = "touch", np.argsort(-np.abs(situation.normal), kind="stable")
@@ -104,8 +107,11 @@ def chosen(situation: Situation) -> Choice:
         return max((own for own in tries if own is not None), key=lambda own: len(own.usable))
     for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
-        if (every := _tried(situation, goal, ANY_SHIFT, together=True)) is not None:
+        every = _tried(situation, goal, ANY_SHIFT, "all")
+        if every is not None and len(every.usable) == len(SIGNS):
             return every
+    if (side := _on_one_side(situation)) is not None:
+        return side
     found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
@@ -132,6 +138,24 @@ def chosen(situation: Situation) -> Choice:
     return found
 
 
+def _on_one_side(situation: Situation) -> Choice | None:
+    """Return the choice to seat those contacts again that face one way, None where there is but one or none is solved.
+
+    A way on which each case is either solved or told not to fit is taken at once.
+    """
+    best: Choice | None = None
+    told = {feature: feature.told(situation.movable, situation.static) for feature in situation.contacts}
+    for normal, features in situation.sides[:MOST_SIDES] if len(told) > 1 else ():
+        pacing.at(f"trying to seat what faces {named(normal)}")
+        names = (told[own] if list(told.values()).count(told[own]) == 1 else own.label for own in features)
+        tried = _tried(situation, "seat", Translation(named(normal)), tuple(names))
+        if tried is not None and tried.usable and (best is None or len(tried.usable) > len(best.usable)):
+            best = tried
+        if (best is not None and best.settled) or pacing.over():
+            break
+    return best
+
+
 def named(axis: Array) -> str | tuple[float, float, float]:
     """Return "x", "y" or "z" for a direction along that axis, either way, else its components."""
     k = int(np.abs(axis).argmax())
@@ -150,20 +174,20 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
     return less if less is not None and len(less.usable) == len(choice.usable) else choice
 
 
-def _tried(situation: Situation, goal: str, motion: Motion, *, together: bool = False) -> Choice | None:
-    """Return what a goal and a motion lead to; None where it cannot be asked, or not all contacts be restored."""
+def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
+    """Return what a goal and a motion lead to; None where it cannot be asked."""
     solutions: dict[str, Solution | None] = {}
     bodies, asked = (situation.movable, situation.static), {"goal": goal, "motion": motion, "tolerance": TOLERANCE}
-    asked |= {"contacts": "all"} if together else {}
+    asked |= {"contacts": contacts} if contacts else {}
     for letter in SIGNS:
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
                 answer = solutions[letter] = solve(problem, effort="quick", time=math.inf)
-            if together and not answer.usable:
-                return None
+            if contacts == "all" and not answer.usable:
+                break  # all four cases are to be solved
         except InputError:
             solutions[letter] = None
-            if goal == "seat" or together:
+            if goal == "seat" or contacts:
                 return None  # the contact is not flush, or not of a kind for it: the same for all requirements
-    return Choice(goal, motion, solutions, together)
+    return Choice(goal, motion, solutions, contacts)

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import shlex
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -24,6 +25,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
+from fcdm_opt.geometry.naming import names_of_rows, without_corners
 from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
@@ -65,6 +67,7 @@ BECAUSE = {
 }
 """Why a goal is proposed, by how the parts lie."""
 TOGETHER = "as drawn the parts touch at {} places, and shifts restore them all"
+ONE_WAY = "as drawn the parts touch at {} places, no shift restores all of them in every case; {} kept"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
     "A": "both parts made larger",
@@ -137,7 +140,7 @@ def draft(
         unit=lengths,
         asked=unit is not None,
         parts=list(zip(("movable", "static"), bodies, places, map(_points, bodies), strict=True)),
-        opposite={role: opposite_faces(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
+        opposite={role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
         situation=situation,
         state=state,
         tilt=tilted,
@@ -151,8 +154,8 @@ def draft(
         patience=SECONDS,
         tie=TIE,
     )
-    every = ', contacts = "all"' if choice.together else ""
-    asked = f'goal "{choice.goal}"{every}, motion {motion_entry(choice.motion)}'
+    contacts = f", contacts = {toml(choice.contacts)}" if choice.contacts else ""
+    asked = f'goal "{choice.goal}"{contacts}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
         f"as drawn: {state}",
@@ -218,10 +221,12 @@ def state_text(situation: Situation, unit: str) -> str:
     }
     text = words[situation.state]
     if situation.state == "touching":
-        labels = [short(contact.told(situation.movable, situation.static)) for contact in situation.contacts]
+        told = (contact.told(situation.movable, situation.static) for contact in situation.contacts)
+        alike = Counter(without_corners(label) for label in told)
+        labels = [short(label) + (f" ({count} facets)" if count > 1 else "") for label, count in alike.items()]
         more = [f"{len(labels) - MOST_CONTACTS} more"] if len(labels) > MOST_CONTACTS else []
         listed = " and ".join([*labels[:MOST_CONTACTS], *more])
-        at = f", at {len(labels)} places" if len(labels) > 1 else ""
+        at = f", at {alike.total()} places" if alike.total() > 1 else ""
         return f"{text}{at}: {listed}" if labels else text
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
@@ -233,9 +238,13 @@ def state_text(situation: Situation, unit: str) -> str:
 
 def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
-    if choice.together:
+    if choice.contacts == "all":
         return TOGETHER.format(len(situation.contacts))
     why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
+    if choice.contacts:
+        count = len(choice.contacts)
+        kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
+        why = ONE_WAY.format(len(situation.contacts), kept)
     shift = choice.motion.steps[0]
     if len(choice.motion.steps) == 1 and isinstance(shift, Translation) and shift.axis == named(situation.normal):
         why += ", and along the contact's normal is the shortest way"
@@ -343,27 +352,39 @@ def _is_large(solution: Solution, gap: float) -> bool:
     return solution.amount > LARGE * solution.problem.size and solution.amount > 2.0 * abs(gap)
 
 
-def opposite_faces(body: Body, most: int = 6) -> list[tuple[str, str, str, float]]:
-    """Return pairs of faces that look opposite ways and can move: both names, words for what is between, `each`.
+def widths(body: Body, most: int = 6) -> list[tuple[tuple[str, ...], str, float]]:
+    """Return faces whose distance is a size, and can be one: their labels or name, words for what it is, `each`.
 
-    The largest `most` distances of material between them, or room, whichever is less.
+    The diameters of cylinders and bores, then the largest `most` distances of material between plane faces that look
+    opposite ways, or of room, whichever is less.
     """
     normals, points = body.face_planes
-    found, known = list[tuple[float, tuple[str, str, str, float]]](), set[tuple[int, ...]]()
-    for i, j in combinations(range(len(normals)) if len(normals) <= MOST_FACES else (), 2):
+    names = names_of_rows(body)
+    round_ones = [name for name in dict.fromkeys(names) if " radius " in name]
+    found, known = list[tuple[float, tuple[tuple[str, ...], str, float]]](), set[tuple[int, ...]]()
+
+    def offered(faces: tuple[str, ...], width: float, what: str) -> bool:
+        each = 0.5 if width > 0.0 else -0.5
+        with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
+            Resizing.of(body, [Size("width", "movable", faces=faces, each=each)])
+            found.append((abs(width), (faces, f"{what}{' of material' if width > 0.0 else ' of room'},", each)))
+            return True
+        return False
+
+    for name in round_ones[:most]:
+        radius = float(name.split()[2])
+        offered((name,), 2.0 * radius if name.startswith("cylinder") else -2.0 * radius, f"diameter {2.0 * radius:.6g}")
+    rounded_off, found = [own for _, own in found], []
+    plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
+    for i, j in combinations(plain_ones if len(plain_ones) <= MOST_FACES else (), 2):
         width = float((points[j] - points[i]) @ normals[j])
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if np.abs(normals[i] + normals[j]).max() > DEFAULT.nominal or not width or key in known:
             continue
-        each = 0.5 if width > 0.0 else -0.5
-        names = f"F{i + 1}", f"F{j + 1}"
-        with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
-            Resizing.of(body, [Size("width", "movable", faces=names, each=each)])
+        ways = " and ".join(map(direction, normals[[i, j]]))
+        if offered((f"F{i + 1}", f"F{j + 1}"), width, f"{ways}, {abs(width):.6g}"):
             known.add(key)
-            kind = "of material" if width > 0.0 else "of room"
-            ways = " and ".join(map(direction, normals[[i, j]]))
-            found.append((abs(width), (*names, f"{ways}, {abs(width):.6g} {kind},", each)))
-    return [pair for _, pair in sorted(found, key=lambda own: -own[0])[:most]]
+    return rounded_off + [own for _, own in sorted(found, key=lambda own: -own[0])[:most]]
 
 
 def _extent(body: Body, unit: str) -> str:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.contact import meetings
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
+from fcdm_opt.curve.contact import Joint, joints
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
@@ -75,11 +75,33 @@ class Situation:
     @cached_property
     def contacts(self) -> tuple[Feature, ...]:
         """Everything that touches as drawn, each once; empty where nothing does."""
+        return tuple(joint.feature for joint in self._joints)
+
+    @cached_property
+    def sides(self) -> tuple[tuple[Array, tuple[Feature, ...]], ...]:
+        """Flush contacts that face one way, and that way, from the movable part to the static one.
+
+        Those that meet the lowest part of the movable body first: what it stands on as drawn.
+        """
+        found: list[tuple[Array, list[Feature]]] = []
+        for joint in self._joints:
+            if not joint.feature.is_flush or len(joint.normals) != 1:
+                continue
+            for normal, own in found:
+                if normal @ joint.normals[0] >= 1.0 - DEFAULT.side:
+                    own.append(joint.feature)
+                    break
+            else:
+                found.append((joint.normals[0], [joint.feature]))
+        found.sort(key=lambda side: round(float(side[0][2]), 6))
+        return tuple((normal, tuple(own)) for normal, own in found)
+
+    @cached_property
+    def _joints(self) -> tuple[Joint, ...]:
+        """Every contact as drawn, none where nothing touches."""
         if self.state != "touching":
             return ()
-        pose, slack = relative_pose(self.movable, self.static, np.eye(4)), DEFAULT.snap * self.size
-        found = meetings(*self._bodies, pose, np.array(DRAWN), slack)
-        return tuple(dict.fromkeys(meeting.contact.feature for meeting in found))
+        return joints(*self._bodies, np.array(DRAWN), DEFAULT.snap * self.size)
 
     @cached_property
     def growth(self) -> float:

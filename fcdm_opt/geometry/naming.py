@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+import re
+from collections import Counter, defaultdict
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +23,7 @@ ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 SIDES = tuple(side for pair in ENDS for side in pair)
 
 Label = tuple[int, ...]
+_FACET = re.compile(r"(P[12])V[V0-9,]+ of (\w+ radius )")
 
 
 @lru_cache(maxsize=16)
@@ -29,8 +31,8 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, the radius
-    of their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
-    "face 12", as they are counted, for others.
+    of their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
+    corners that the body ends with along an axis; "face 12", as they are counted, for others.
     """
     normals = normals_of_faces(body)
     return {**_plane(body, normals, MANY), **_round(body, normals)}
@@ -41,7 +43,7 @@ def told_element(body: Body, element: Element) -> str:
 
     An edge is told by the faces that meet in it.
     """
-    label, names = tuple(sorted(element.vertices)), _all_names(body)
+    label, names = tuple(sorted(element.vertices)), told_faces(body)
     if element.kind == "V":
         return f"corner {label[0]}"
     if element.kind == "F":
@@ -55,7 +57,7 @@ def told_element(body: Body, element: Element) -> str:
 
 
 @lru_cache(maxsize=16)
-def _all_names(body: Body) -> dict[Label, tuple[str, str]]:
+def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axis that it faces along, "" where it does so along none."""
     normals = normals_of_faces(body)
     named = {}
@@ -64,6 +66,17 @@ def _all_names(body: Body) -> dict[Label, tuple[str, str]]:
         straight = abs(normals[face][k]) >= 1.0 - DEFAULT.side and " radius " not in name
         named[face] = (name, f"{'-+'[int(normals[face][k] > 0.0)]}{'xyz'[k]}" if straight else "")
     return named
+
+
+def names_of_rows(body: Body) -> list[str]:
+    """Return the names of a body's faces, in their order; "face 12" where there is nothing better."""
+    told = told_faces(body)
+    return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
+
+
+def without_corners(told: str) -> str:
+    """Return a contact as `Feature.told` gives it, without the corners of facets that go by their cylinder's name."""
+    return _FACET.sub(r"\1 \2", told)
 
 
 def normals_of_faces(body: Body) -> dict[Label, Array]:
@@ -112,7 +125,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
             way = way / np.linalg.norm(way)
             way *= np.sign(way[np.abs(way).argmax()])
             by_axis[tuple(np.round(way / ROUND).astype(int).tolist())].append((face, other))
-    named: dict[Label, str] = {}
+    rounds: list[tuple[str, list[Label]]] = []
     for key, pairs in by_axis.items():
         faces = sorted({face for pair in pairs for face in pair})
         place = {face: k for k, face in enumerate(faces)}
@@ -120,7 +133,12 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
         for owner in np.unique(owners).tolist():
             own = [faces[k] for k in np.flatnonzero(owners == owner)]
             name = _radius(body, own, normals, np.array(key, dtype=np.float64)) if len(own) >= FEWEST else ""
-            named |= dict.fromkeys(own, name) if name else {}
+            rounds += [(name, own)] if name else []
+    names, count = [name for name, _ in rounds], Counter[str]()
+    named: dict[Label, str] = {}
+    for name, own in sorted(rounds, key=lambda one: one[1]):
+        count[name] += 1
+        named |= dict.fromkeys(own, name if names.count(name) == 1 else f"{name} no. {count[name]}")
     return named
 
 

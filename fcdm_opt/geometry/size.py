@@ -12,14 +12,17 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, numbers
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.naming import names_of_rows
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 SELECTORS = (
-    '"+x", "-z" (outward normal), "F3" (as `fcdm-opt faces` lists them), { through = [x, y, z] } (a point of the face) '
-    'or { around = [x, y, z], axis = "z", radius = r } (all facets of a cylinder)'
+    '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a cylinder all '
+    'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
+    "facets of a cylinder)"
 )
+NAMED = re.compile(r"(top|bottom|left|right|front|back|(cylinder|bore) radius \S+( no\. [0-9]+)?)")
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
 
@@ -37,9 +40,9 @@ class Size(Plain):
     body : "movable" or "static"
         Of an `Assembly` the name of a part.
     faces : selector or sequence of selectors, optional
-        Outward normal ("+x"), a label that `fcdm-opt faces` lists ("F3"), {"through": (x, y, z)}, a point of the face,
-        or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in several
-        planes have is refused.
+        Outward normal ("+x"), a label or name that `fcdm-opt faces` lists ("F3", "top", "bore radius 8": all facets),
+        {"through": (x, y, z)}, a point of the face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a
+        cylinder. A normal that faces in several planes have is refused.
     each : number or sequence of numbers, optional
         Outward offset of the faces of each selector a unit of the size: 0.5 and 0.5 for a width between two faces.
         Default 1, for a single selector.
@@ -177,6 +180,8 @@ class Size(Plain):
     def _selector(self, value: Any) -> Any:
         if isinstance(value, str) and re.fullmatch(r"[+-]?[xyz]|F[1-9][0-9]*", value):
             return value if value[0] in "+-F" else f"+{value}"
+        if isinstance(value, str) and NAMED.fullmatch(value):
+            return value
         if isinstance(value, Mapping) and set(value) == {"through"}:
             return {"through": self._numbers(value["through"], "faces.through", 3, "a point (x, y, z)")}
         if isinstance(value, Mapping) and set(value) == {"around", "axis", "radius"}:
@@ -227,6 +232,14 @@ class Size(Plain):
     def _selected(self, selector: Any, body: Body, normals: Array, points: Array, key: str) -> Ints:
         """Return the rows of the faces that a selector means."""
         near = DEFAULT.nominal
+        if isinstance(selector, str) and NAMED.fullmatch(selector):
+            named: dict[str, list[int]] = {}
+            for row, name in enumerate(names_of_rows(body)):
+                named.setdefault(name, []).append(row)
+            if selector not in named:
+                what = f"no face of body '{body.name}' has this name"
+                raise self._refused(what, key, selector, ", ".join(map(_listed, named)))
+            return np.array(named[selector])
         if isinstance(selector, str) and selector[0] == "F":
             row = int(selector[1:]) - 1
             if row >= len(normals):
@@ -262,6 +275,10 @@ class Size(Plain):
             several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
             raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
         return rows
+
+
+def _listed(name: str) -> str:
+    return f"F{name[5:]}" if name.startswith("face ") else name
 
 
 def direction(normal: Array) -> str:

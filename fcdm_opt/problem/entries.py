@@ -237,7 +237,8 @@ class AroundEntry(Entry):
 
 def _selector_kind(value: Any) -> str:
     """Tell which way of naming a face a value is."""
-    return "<word>" if isinstance(value, str) else "<around>" if "around" in value else "<through>"
+    keys = vars(value) if isinstance(value, Entry) else value
+    return "<word>" if isinstance(value, str) else "<around>" if "around" in keys else "<through>"
 
 
 def _some_selector(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -146,7 +147,7 @@ class NominalContact:
         for k, label in enumerate(asked, 1):
             key = f"contacts[{k}]"
             with placed(key=key):
-                feature = Feature.from_label(label)
+                feature = self._read(label, known)
             if feature not in known:
                 raise InputError("no such contact at the nominal position", key=key, found=label, allowed=listed)
             if feature in chosen:
@@ -284,6 +285,11 @@ class NominalContact:
                 allowed='a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one',
             )
 
+    def _read(self, label: str, known: Iterable[Feature]) -> Feature:
+        """Return the feature of a label, or of one with names of faces (`Feature.told`) that only one of these has."""
+        meant = [own for own in known if own.told(self.movable, self.static) == label]
+        return meant[0] if len(meant) == 1 else Feature.from_label(label)
+
     def named(self, labels: tuple[str, str] | None) -> tuple[Feature, Feature] | None:
         """Return the features that were named, which must touch at the nominal switching point."""
         if labels is None:
@@ -296,8 +302,7 @@ class NominalContact:
         chosen = []
         for k, label in enumerate(labels, 1):
             with placed(key=f"features[{k}]"):
-                meant = [own for own in lines if own.told(self.movable, self.static) == label]
-                feature = meant[0] if len(meant) == 1 else Feature.from_label(label)
+                feature = self._read(label, lines)
             if feature not in lines:
                 listed = "; ".join(str(name) for name in lines)
                 raise InputError(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -267,13 +267,12 @@ def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
 
 
 def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
-    """Return three corners of a face that span the largest triangle."""
-
-    def area(three: tuple[Interval, ...]) -> float:
-        a, b, c = (point.middle for point in three)
-        return float(np.linalg.norm(np.cross(b - a, c - a)))
-
-    return max(combinations(points, 3), key=area)
+    """Return three corners of a face that span a large triangle: two far apart, and that farthest off their line."""
+    places = np.array([point.middle for point in points])
+    one = int(np.linalg.norm(places - places[0], axis=1).argmax())
+    two = int(np.linalg.norm(places - places[one], axis=1).argmax())
+    three = int(np.linalg.norm(np.cross(places - places[one], places[two] - places[one]), axis=1).argmax())
+    return points[one], points[two], points[three]
 
 
 def _less(u: Interval, v: Interval) -> Interval:

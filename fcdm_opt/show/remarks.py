@@ -64,12 +64,13 @@ def _contacts(solution: Solution) -> list[str]:
         ]
     told = []
     if gaps and not solution.open_contacts:
-        told.append(f"all {len(gaps)} contacts are closed")
+        told.append("the contact is closed" if len(gaps) == 1 else f"all {len(gaps)} contacts are closed")
     for k, feature in enumerate(problem.contacts, 1):
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(f'{gap:.4g}', unit)}" if gap > problem.contact_slack else "closed"
         if not gaps or solution.open_contacts:
-            told.append(f"contact {k}, {feature.label}" + (f": {state}" if gaps else ""))
+            named = feature.told(problem.movable, problem.static)
+            told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
         return [*told, *solution.active]
     if problem.goal == FIT:
@@ -77,8 +78,11 @@ def _contacts(solution: Solution) -> list[str]:
     else:
         within = solution.unique_within
         box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
+        what = "it" if len(problem.contacts) == 1 else "them"
         told.append(
-            f"no other motion{box} closes them: proved" if within else "that no other motion closes them is not proved"
+            f"no other motion{box} closes {what}: proved"
+            if within
+            else f"that no other motion closes {what} is not proved"
         )
     return told
 

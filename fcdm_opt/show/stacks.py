@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +15,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.naming import names_of_rows, without_corners
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured
@@ -33,7 +36,7 @@ that are listed, and letters of a name."""
 
 
 def listed_faces(body: Body) -> list[dict[str, Any]]:
-    """Return the faces of a body: name, outward normal, where its plane is, area, corners.
+    """Return the faces of a body: label, name, outward normal, where its plane is, area, corners.
 
     The area, length units squared, is None where only the parts are known, whose cuts may go on in a face's plane.
     """
@@ -44,9 +47,11 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
     areas = known or [None] * len(body.faces)
     if not body.skin and len(body.parts) == 1:  # facets in the order of faces
         areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
+    names = names_of_rows(body)
     return [
         {
             "face": f"F{k + 1}",
+            "name": names[k],
             "normal": direction(normals[k]),
             "plane": direction_level(normals[k], points[k]),
             "area": areas[k],
@@ -57,14 +62,27 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
 
 
 def print_faces(body: Body, role: str) -> None:
-    """Print the faces of a body, as sizes name them."""
+    """Print the faces of a body, as sizes name them; the facets of a cylinder as one."""
     print_text(f"{role}: body '{body.name}'")
     rows = []
-    for face in listed_faces(body):
+    for name, own in groupby(sorted(listed_faces(body), key=_place), key=lambda face: face["name"]):
+        face, *others = own
+        if others:
+            area = sum(one["area"] or 0.0 for one in (face, *others))
+            covered = f"{area:.6g}" if face["area"] is not None else ""
+            plane = f"{len(others) + 1} facets"
+            rows.append({"face": face["face"], "name": name, "normal": "", "plane": plane, "area": covered})
+            continue
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
         covered = "" if face["area"] is None else f"{face['area']:.6g}"
-        rows.append({**face, "area": covered, "vertices": ",".join(corners)})
+        told = "" if name.startswith("face ") else name
+        rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
     print_rows(rows, numbers=("area",), optional=("area",))
+
+
+def _place(face: dict[str, Any]) -> tuple[int, str]:
+    """Return where a face is listed: facets of a cylinder side by side, after the plane faces."""
+    return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
 
 
 def print_stack(stack: StackUp, share: GapYield) -> None:
@@ -91,12 +109,16 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         }
         for own in stack.contributions
     ], numbers=("gap a unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
+    alike = Counter[tuple[str, str, str]]()
+    for row in stack.rows:
+        sizes = _sizes({name: x for name, x in row.coefficients.items() if x})
+        alike[without_corners(row.told), f"{row.gap:+.6g}", sizes or "no size moves it"] += 1
     print_rows([
         {
-            "contact": shortened(row.contact, LONGEST), "as drawn": f"{row.gap:+.6g}",
-            "gap a unit of each size": _sizes({name: x for name, x in row.coefficients.items() if x}),
+            "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
+            "gap a unit of each size": sizes,
         }
-        for row in stack.rows
+        for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
 
 

@@ -411,7 +411,8 @@ class _Told:
             for group in self.conflicts
         ]
         if not told:
-            return ("nothing of what closes all contacts keeps parts from overlapping, or elements on each other",)
+            which = "all contacts" if count > 1 else "the contact"
+            return (f"nothing of what closes {which} keeps parts from overlapping, or elements on each other",)
         return (*told, *self._carried())
 
     @cached_property

@@ -28,6 +28,8 @@ class StackRow(Plain):
     ----------
     contact : str
         Label of the contact feature.
+    told : str
+        The same with names of faces.
     parts : (int, int)
         Which part pair it is of: the gap is the largest of a pair's rows, least over pairs.
     gap : float
@@ -37,6 +39,7 @@ class StackRow(Plain):
     """
 
     contact: str
+    told: str
     parts: tuple[int, int]
     gap: float
     coefficients: Mapping[str, float]
@@ -137,8 +140,10 @@ class StackUp:
         found = []
         for k, pair in enumerate(self.touching.pairs):
             for row, (gap, *coefficients) in enumerate(pair.values.tolist()):
-                label = self.touching.feature(k, row).label
-                found.append(StackRow(label, pair.parts, gap, dict(zip(self.names, coefficients, strict=True))))
+                feature = self.touching.feature(k, row)
+                told = feature.told(*self.touching.bodies)
+                by_name = dict(zip(self.names, coefficients, strict=True))
+                found.append(StackRow(feature.label, told, pair.parts, gap, by_name))
         return tuple(found)
 
     def gap(self, p: Any) -> Any:
