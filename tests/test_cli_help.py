@@ -194,7 +194,9 @@ def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.chdir(TOP)
     monkeypatch.setattr(solved, "solved_case", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     result = run("solve", BOXES)
+    signal.signal(signal.SIGINT, before)
     assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
 
 
@@ -219,6 +221,7 @@ def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:
         import ctypes, os, signal, threading
         from fcdm_opt.cli import guarding
         guarding.GRACE = 0.2
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
         lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
         threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
         with guarding.guarded():
