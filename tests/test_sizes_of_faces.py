@@ -119,6 +119,50 @@ def test_a_slot_gets_wider_and_deeper_with_its_cuts() -> None:
     assert left[:, 0].tolist() == [-5.0625 - 0.25 + 0.25] * 4
 
 
+def bored(radius: float, sections: int) -> fo.Body:
+    """A plate with a round hole, partitioned by the planes of its own facets."""
+    plate, pin = trimesh.creation.box((60, 40, 10)), trimesh.creation.cylinder(radius, 30, sections=sections)
+    mesh = trimesh.boolean.difference([plate, pin])
+    return fo.Body.from_mesh(mesh.vertices, mesh.faces, name="plate")
+
+
+def test_pieces_of_a_face_with_a_hole_lost_its_name_at_other_sizes() -> None:
+    body = bored(8.0, 24)
+    made = resized(body, {fo.Size("d", "static", faces="bore radius 8", each=-0.5): -0.02})
+    named = [(made, part, k) for part in made.parts for k in np.flatnonzero(np.abs(part.normals[:, 2]) > 0.5).tolist()]
+    assert len(named) >= 48
+    assert all(own.owns(part.elements["F"][k]) for own, part, k in named)
+    apothem = 8.0 * math.cos(math.pi / 24)
+    hole = 24 * math.tan(math.pi / 24) * (apothem - 0.01) ** 2
+    assert volume(made) == pytest.approx(10 * (60 * 40 - hole), rel=1e-6)  # the library has single precision
+
+
+def test_a_slot_that_closes_is_refused_with_its_walls() -> None:
+    mesh = trimesh.boolean.difference([
+        trimesh.creation.box(bounds=[[0, 0, 0], [3, 1, 2]]), trimesh.creation.box(bounds=[[1, -1, 1], [2, 2, 3]]),
+    ])  # fmt: skip
+    body = fo.Body.from_mesh(mesh.vertices, mesh.faces)
+    walls = [{"through": (x, 0.5, 1.5)} for x in (1.0, 2.0)]
+    size = fo.Size("w", "static", faces=walls, each=1.0)
+    assert volume(resized(body, {size: 0.49})) == pytest.approx(6.0 - 0.02, rel=1e-6)
+    with pytest.raises(fo.InputError, match=r"material meets across a room, at faces F\d+, F\d+; found 'w = 0.51'"):
+        resized(body, {size: 0.51})
+
+
+def test_a_pin_made_too_thick_is_told_not_to_fit() -> None:
+    """It was moved out through the wall, and refused for want of a name there."""
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    ring = 7.98 * np.column_stack([np.cos(angles), np.sin(angles)])
+    pin = fo.Body.convex(np.vstack([np.column_stack([ring, np.full(24, z)]) for z in (-4.0, 4.0)]), name="pin")
+    size = fo.Size("d", "movable", faces="cylinder radius 7.98", each=0.5)
+    shift = X >> fo.Translation("y")
+    problem = fo.Problem(pin, bored(8.0, 24), sizes=[size], made={"d": 0.1}, goal="clear", motion=shift)
+    solution = fo.solve(problem)
+    wide = 2.0 * 7.98 * math.cos(math.pi / 24) + 0.1, 16.0 * math.cos(math.pi / 24)
+    assert not solution.usable
+    assert "not fit: pin {:.3f} in plate {:.3f}".format(*wide) in str(solution)
+
+
 @pytest.mark.parametrize("name", ["dovetail", "lid", "bracket", "keyway"])
 def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
     """By a first-order formula: dV / dp of a face is its area; of all faces at once too."""

@@ -18,6 +18,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.size import Size, direction
+from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_AT_A_CORNER = 24  # facets of a corner that splits: all their triples are kept
@@ -131,7 +132,8 @@ class Resizing:
         """Tell whether a part with all facets at their innermost within a box of sizes is empty."""
         inward = [np.minimum(own.offsets * low, own.offsets * high).sum(axis=1) for own in self.parts]
         return any(
-            not (_levels(own.part, offsets) > 0.0).all() and _ball(own.part, offsets)[1] <= 0.0
+            not (_levels(own.part, offsets) > 0.0).all()
+            and _ball(own.part.normals, _levels(own.part, offsets))[1] <= 0.0
             for own, offsets in zip(self.parts, inward, strict=True)
         )
 
@@ -236,14 +238,56 @@ def _offset(moving: Resizing, values: Array) -> Body:
         return replace(body, vertices=frozen(rows), parts=(part.placed(moved, body.seed),))
     index = {tuple(point): k for k, point in reversed(list(enumerate(body.vertices.tolist())))}
     parts = [[index[tuple(point)] for point in part.vertices.tolist()] for part in body.parts]
-    faces = [[label - 1 for label in face] for face in body.outlines]
+    names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
     try:
-        made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name, deviation=body.deviation)
+        if body.skin:
+            counts, triangles = list(map(len, body.skin)), np.concatenate([np.array(own) for own in body.skin])
+            surface = Surface.of(rows, triangles, np.repeat(np.arange(len(counts)), counts))
+            made = Body._made(rows, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
+            _apart(body, made, near)
+        else:
+            faces = [[label - 1 for label in face] for face in body.outlines]
+            made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
     except InputError as reason:
-        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
         raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-    return replace(made, notes=body.notes, skin=body.skin)
+    return replace(made, notes=body.notes, skin=body.skin, deviation=body.deviation)
+
+
+def _apart(body: Body, made: Body, near: float) -> None:
+    """Refuse parts that lie in one another and did not as drawn: faces on two sides of a room have met."""
+    low, high = (np.array([end(part.vertices, axis=0) for part in made.parts]) for end in (np.min, np.max))
+    for i, j in combinations(range(len(made.parts)), 2):
+        if (np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])).min() <= near:
+            continue
+        if _share_more(made.parts[i], made.parts[j], near) and not _share_more(body.parts[i], body.parts[j], near):
+            raise InputError(f"material meets across a room, at {_facing(made, (i, j))}")
+
+
+def _planes(part: ConvexPart) -> tuple[Array, Array]:
+    """Return the normals of a part's facets and how far out they are."""
+    bases = part.vertices[[loop[0] for loop in part.loops]]
+    return part.normals, (part.normals * bases).sum(axis=1)
+
+
+def _share_more(one: ConvexPart, two: ConvexPart, near: float) -> bool:
+    """Tell whether two parts share a ball larger than `near`."""
+    planes = _planes(one), _planes(two)
+    for (normals, levels), other in zip(planes, (two, one), strict=True):
+        if ((normals @ other.vertices.T).min(axis=1) - levels).max() >= -near:
+            return False
+    normals, levels = (np.concatenate(own) for own in zip(*planes, strict=True))
+    return _ball(normals, levels)[1] > near
+
+
+def _facing(made: Body, pair: tuple[int, int]) -> str:
+    """Name the faces of two parts that look at each other and have crossed least."""
+    (n, a), (m, b) = (_planes(made.parts[k]) for k in pair)
+    crossed = -(a[:, None] + b[None])
+    crossed[(n @ m.T > DEFAULT.nominal - 1.0) | (crossed > 0.0)] = -np.inf
+    places = np.unravel_index(crossed.argmax(), crossed.shape)
+    found = {face for part, k in zip(pair, places, strict=True) for face in made.facet_faces[part][k]}
+    return "faces " + ", ".join(f"F{face + 1}" for face in sorted(found)) if np.isfinite(crossed.max()) else "no face"
 
 
 def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
@@ -259,7 +303,8 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     part, centre = own.part, own.part.vertices.mean(axis=0)
-    middle, radius, levels = _ball(part, own.offsets @ values)
+    levels = _levels(part, own.offsets @ values)
+    middle, radius = _ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
     try:
@@ -273,14 +318,13 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     return points + centre, np.ones(len(points), bool)
 
 
-def _ball(part: ConvexPart, offsets: Array) -> tuple[Array, float, Array]:
-    """Return the largest ball in a part with moved facets, about its mean vertex, and the facets' levels there."""
+def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
+    """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
     from scipy.optimize import linprog
 
-    levels = _levels(part, offsets)
-    rows = np.column_stack([part.normals, np.ones(len(levels))])
+    rows = np.column_stack([normals, np.ones(len(levels))])
     ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
-    return (ball.x[:3], float(ball.x[3]), levels) if ball.status == 0 else (np.zeros(3), -np.inf, levels)
+    return (ball.x[:3], float(ball.x[3])) if ball.status == 0 else (np.zeros(3), -np.inf)
 
 
 def _levels(part: ConvexPart, offsets: Array) -> Array:

@@ -19,21 +19,32 @@ FAR = 2.0
 
 
 def _walls(problem: Problem) -> tuple[Array, Array]:
-    """Return how part pairs keep apart as drawn: unit normals, (k, 3), and the rows (a, b, c) of their lines, (k, 3).
+    """Return how part pairs keep apart as drawn: unit normals, (k, 3), and how far the parts made reach along them.
 
-    Of each pair the facet direction of its largest separation at the nominal sizes. Of pairs that overlap there, none.
+    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none.
+    The reaches, (k, 2), are those of body 1 along the normal and of body 2 against it, from the origin: the parts made
+    are apart in this direction by minus their sum.
     """
-    pose, slack = relative_pose(problem.movable, problem.static, REST), DEFAULT.snap * problem.size
-    normals, lines = [], []
-    for one in problem.movable.parts:
-        for two in problem.static.parts:
+    made = problem.movable, problem.static
+    movable, static = drawn = [problem.request[role] for role in ("movable", "static")] if problem.made else made
+    if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
+        return np.empty((0, 3)), np.empty((0, 2))
+    pose, slack = relative_pose(movable, static, REST), DEFAULT.snap * problem.size
+    placed = [
+        [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
+        for body, rho in zip(made, problem.target, strict=True)
+    ]
+    normals, reaches = [], []
+    for one, inner in zip(movable.parts, placed[0], strict=True):
+        for two, outer in zip(static.parts, placed[1], strict=True):
             _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
             gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
             best = int(gaps.argmax())
             if gaps[best] >= -slack:
-                normals.append(rows[best, :3])
-                lines.append(rows[best, 3:])
-    return np.reshape(normals, (-1, 3)), np.reshape(lines, (-1, 3))
+                n = rows[best, :3]
+                normals.append(n)
+                reaches.append(((inner @ n).max(), -(outer @ n).min()))
+    return np.reshape(normals, (-1, 3)), np.reshape(reaches, (-1, 2))
 
 
 def holds(problem: Problem) -> bool:
@@ -68,11 +79,11 @@ def misfit(problem: Problem) -> Misfit | None:
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
     all that are closed at the target sizes, and were not as drawn, those that lack most.
     """
-    normals, lines = _walls(problem)
+    normals, reaches = _walls(problem)
     if not len(normals):
         return None
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
-    gaps = lines[:, 2] - lines[:, :2] @ problem.target
+    gaps = -reaches.sum(axis=1)
     tightest: dict[tuple[int, ...], int] = {}
     for k in np.argsort(-gaps).tolist():
         tightest[tuple(keys[k].tolist())] = k
@@ -81,7 +92,7 @@ def misfit(problem: Problem) -> Misfit | None:
         j = tightest.get(tuple(-x for x in key))
         if j is None or not gaps[k] + gaps[j] < least:
             continue
-        width = (lines[k, :2] + lines[j, :2]) * problem.target
+        width = reaches[k] + reaches[j]
         inside = 0 if width[0] > 0.0 else 1
         if not width[inside] > -width[1 - inside]:
             continue  # walls that are a little aslant, seen from far away
