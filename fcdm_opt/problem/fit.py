@@ -110,4 +110,5 @@ def verdict(problem: Problem) -> str:
     names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
     unit = f" {problem.unit}" if problem.unit else ""
-    return f"does not fit: {inner} {found.inner:.{places}f} in {outer} {found.outer:.{places}f}{unit}"
+    wide, room = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
+    return f"does not fit: {inner} {wide} in {outer} {room}{unit}"
