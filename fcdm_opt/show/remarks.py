@@ -7,6 +7,7 @@ was solved without.
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, bound_text, number, numbers
 from fcdm_opt.tolerances import DEFAULT
 
+NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
 LARGE, GROWTH = 0.5, 2.0
 """A corner that moves farther than this share of the smaller body's shortest side, and than this times what the sizes
 change, may end on another side of the other body."""
@@ -65,10 +67,11 @@ def _contacts(solution: Solution) -> list[str]:
     told = []
     if gaps and not solution.open_contacts:
         told.append("the contact is closed" if len(gaps) == 1 else f"all {len(gaps)} contacts are closed")
+    numbered = solution.open_contacts or any(map(NUMBERED.search, solution.active))
     for k, feature in enumerate(problem.contacts, 1):
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(f'{gap:.4g}', unit)}" if gap > problem.contact_slack else "closed"
-        if not gaps or solution.open_contacts:
+        if numbered:
             named = feature.told(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:

@@ -412,7 +412,7 @@ class _Told:
         ]
         if not told:
             which = "all contacts" if count > 1 else "the contact"
-            return (f"nothing of what closes {which} keeps parts from overlapping, or elements on each other",)
+            return (f"where {which} would be closed parts overlap, or a contact is beyond the edges of its faces",)
         return (*told, *self._carried())
 
     @cached_property
