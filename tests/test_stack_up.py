@@ -47,6 +47,19 @@ def inner(tolerance: Any, name: str = "gap", along: str | None = None) -> fo.Siz
 BLOCK = fo.Size("block", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.05)
 
 
+def test_a_collar_on_its_walls_hid_the_play_between_them() -> None:
+    """The collar touches at all sizes, so that the gap was 0 whatever the block and the channel measure."""
+    stem, collar = ([*product(x, (-2.0, 2.0), z)] for x, z in (((-9.9, 9.9), (0.0, 6.0)), ((-13.0, 13.0), (5.0, 6.0))))
+    body = fo.Body.from_parts([stem, collar], seed=(0, 0, 0), name="collared")
+    sides = fo.Size("block", "movable", faces=[{"through": (x, 0, 2)} for x in (-9.9, 9.9)], each=0.5, tolerance=0.05)
+    stack = stacked(body, channel(20.0), sides, inner((-0.02, 0.08)))
+    assert len(stack.standing) == 2  # on the top of each wall
+    assert stack.worst().least == pytest.approx(0.1 - 0.025 - 0.01, abs=1e-14)
+    assert stack.worst().largest == pytest.approx(0.1 + 0.025 + 0.04, abs=1e-9)
+    assert stack.gap({"block": 0.2}) == pytest.approx(0.0, abs=1e-14)  # beyond the tolerances too
+    assert len(stack.to_dict()["standing"]) == 2
+
+
 def test_a_block_between_walls() -> None:
     """At the middle each side's gap is (channel - block) / 2 -+ position."""
     stack = stacked(

@@ -72,6 +72,8 @@ class TouchingSizes:
         By what factor the box may be widened until one of the bodies changes its shape, and the face there.
     ranges : (s, 2) array
         Of shifts of the movable body, which count as sizes behind the others.
+    standing : tuple of PairRows
+        Of part pairs that touch at all sizes of the box and were left out, see `of`.
     """
 
     bodies: tuple[Body, Body]
@@ -80,6 +82,7 @@ class TouchingSizes:
     pairs: tuple[PairRows, ...]
     reach: tuple[float, str]
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
+    standing: tuple[PairRows, ...] = ()
 
     @classmethod
     def of(
@@ -91,6 +94,7 @@ class TouchingSizes:
         transform: Any = None,
         shifts: tuple[Array, Array] | None = None,
         least: bool = True,
+        standing: bool = True,
     ) -> TouchingSizes:
         """Return them.
 
@@ -105,6 +109,9 @@ class TouchingSizes:
             Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
         least : bool
             Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
+        standing : bool
+            Whether part pairs count that touch at all sizes of the box, as a flange on its plate. Without them the gap
+            is that of all others, unless there are no others.
 
         Raises
         ------
@@ -145,10 +152,15 @@ class TouchingSizes:
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
-        kept = _nearest(pairs, box)
+        slack = DEFAULT.tie * size
+        always = [not standing and max(map(abs, _ends(own, box))) <= slack for own in pairs]
+        if all(always):
+            always = [False] * len(pairs)
+        held = [own for own, left in zip(pairs, always, strict=True) if left]
+        kept = _nearest([own for own, left in zip(pairs, always, strict=True) if not left], box)
         if least:
-            kept = [_binding(pair, box) for pair in kept]
-        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges)
+            kept, held = ([_binding(pair, box) for pair in own] for own in (kept, held))
+        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
 
     @property
     def box(self) -> Array:
@@ -191,9 +203,8 @@ class TouchingSizes:
             pairs.append(PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept]))
         return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
-    def feature(self, pair: int, row: int) -> Feature:
+    def feature(self, own: PairRows, row: int) -> Feature:
         """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""
-        own = self.pairs[pair]
         parts = [body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True)]
         named = []
         for part, (kind, k) in zip(parts, own.elements[row], strict=True):
@@ -469,16 +480,16 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
     return n, rows, one.edge_names[i], two.edge_names[j], np.full(len(rows), 2)
 
 
+def _ends(pair: PairRows, box: Array) -> tuple[float, float]:
+    """Return a bound of the least gap of a pair in the box, and its largest."""
+    middle, half = _centred(box)
+    heights, swings = pair.values[:, 0] + pair.values[:, 1:] @ middle, np.abs(pair.values[:, 1:]) @ half
+    return float((heights - swings).max()), float((heights + swings).max())
+
+
 def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     """Return the pairs that can be the nearest somewhere in the box."""
-    middle, half = _centred(box)
-    ends = [
-        (
-            float((own.values[:, 0] + own.values[:, 1:] @ middle - np.abs(own.values[:, 1:]) @ half).max()),
-            float((own.values[:, 0] + own.values[:, 1:] @ middle + np.abs(own.values[:, 1:]) @ half).max()),
-        )
-        for own in pairs
-    ]
+    ends = [_ends(own, box) for own in pairs]
     most = min(high for _, high in ends)
     return [pair for pair, (low, _) in zip(pairs, ends, strict=True) if low <= most]
 

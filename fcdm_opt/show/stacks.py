@@ -24,6 +24,7 @@ from fcdm_opt.show import BLACK, BLUE, DARK, GREY, PAGE, VERMILLION, Figure, sty
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import print_rows, print_text
 from fcdm_opt.show.texts import shortened
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.design.stack.allocation import Allocation
@@ -109,10 +110,15 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         }
         for own in stack.contributions
     ], numbers=("gap a unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
+    if stack.standing:
+        print_text(f"closed at all these sizes, and not counted: {'; '.join(map(without_corners, stack.standing))}")
+        print_text()
+    noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:
         sizes = _sizes({name: x for name, x in row.coefficients.items() if x})
-        alike[without_corners(row.told), f"{row.gap:+.6g}", sizes or "no size moves it"] += 1
+        drawn = row.gap if abs(row.gap) > noise else 0.0
+        alike[without_corners(row.told), f"{drawn:+.6g}", sizes or "no size moves it"] += 1
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,

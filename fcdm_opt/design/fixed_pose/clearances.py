@@ -66,7 +66,7 @@ class EndOfRange(Plain):
         """Return an extreme over sizes by name."""
         pair, row = touching.governing(p)
         own, names = touching.pairs[pair], tuple(size.name for size in touching.sizes)
-        label = touching.feature(pair, row).label
+        label = touching.feature(touching.pairs[pair], row).label
         return cls(gap=gap, rho=frozen(p), parts=own.parts, feature=label, direction=own.normals[row], names=names)
 
     @classmethod

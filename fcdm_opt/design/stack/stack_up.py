@@ -138,13 +138,20 @@ class StackUp:
     def rows(self) -> tuple[StackRow, ...]:
         """The rows that decide the gap somewhere within the tolerances; there are no others."""
         found = []
-        for k, pair in enumerate(self.touching.pairs):
+        for pair in self.touching.pairs:
             for row, (gap, *coefficients) in enumerate(pair.values.tolist()):
-                feature = self.touching.feature(k, row)
+                feature = self.touching.feature(pair, row)
                 told = feature.told(*self.touching.bodies)
                 by_name = dict(zip(self.names, coefficients, strict=True))
                 found.append(StackRow(feature.label, told, pair.parts, gap, by_name))
         return tuple(found)
+
+    @cached_property
+    def standing(self) -> tuple[str, ...]:
+        """Contacts that are closed at all sizes within the tolerances, a flange on its plate: not counted in gaps."""
+        pairs, bodies = self.touching.standing, self.touching.bodies
+        found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
+        return tuple(dict.fromkeys(feature.told(*bodies) for feature in found))
 
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
@@ -169,7 +176,7 @@ class StackUp:
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
             wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
             bodies, pose = self.touching.bodies, self.touching.transform
-            return TouchingSizes.of(*bodies, wider, transform=pose, least=False).gap(values)
+            return TouchingSizes.of(*bodies, wider, transform=pose, least=False, standing=False).gap(values)
         return self.touching.gap(values)
 
     @cached_property
@@ -263,6 +270,7 @@ class StackUp:
             "sizes": [size.to_dict() for size in self.sizes],
             "limits": self.limits,
             "rows": self.rows,
+            "standing": self.standing,
             "worst": self.worst(),
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
@@ -274,6 +282,9 @@ class StackUp:
 
 def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: Any = None) -> StackUp:
     """Return how the gap of a problem's bodies depends on its sizes, at a pose.
+
+    Contacts that are closed whatever the sizes are, as a flange on its plate, say nothing of them: the gap is that of
+    all others, and `StackUp.standing` names them.
 
     Parameters
     ----------
@@ -293,7 +304,8 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
     expected(problem, Problem, "problem")
     between = (problem.clearance, np.inf) if limits is None else _limits(limits)
     drawn = problem.request["movable"], problem.request["static"]
-    return StackUp(TouchingSizes.of(*drawn, problem.sizes, transform=pose), between, problem.unit)
+    touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)
+    return StackUp(touching, between, problem.unit)
 
 
 def _limits(limits: Sequence[float]) -> tuple[float, float]:
