@@ -9,6 +9,8 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -18,13 +20,13 @@ FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
 
-def _walls(problem: Problem) -> tuple[Array, Array]:
-    """Return how part pairs keep apart as drawn: unit normals, (k, 3), and the rows (a, b, c) of their lines, (k, 3).
+def _walls(problem: Problem) -> tuple[Array, Array, list[tuple[ConvexPart, ConvexPart]]]:
+    """Return how part pairs keep apart as drawn: unit normals, (k, 3), rows (a, b, c) of their lines, (k, 3), and they.
 
     Of each pair the facet direction of its largest separation at the nominal sizes. Of pairs that overlap there, none.
     """
     pose, slack = relative_pose(problem.movable, problem.static, REST), DEFAULT.snap * problem.size
-    normals, lines = [], []
+    normals, lines, pairs = [], [], []
     for one in problem.movable.parts:
         for two in problem.static.parts:
             _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
@@ -33,7 +35,8 @@ def _walls(problem: Problem) -> tuple[Array, Array]:
             if gaps[best] >= -slack:
                 normals.append(rows[best, :3])
                 lines.append(rows[best, 3:])
-    return np.reshape(normals, (-1, 3)), np.reshape(lines, (-1, 3))
+                pairs.append((one, two))
+    return np.reshape(normals, (-1, 3)), np.reshape(lines, (-1, 3)), pairs
 
 
 def holds(problem: Problem) -> bool:
@@ -43,7 +46,7 @@ def holds(problem: Problem) -> bool:
     """
     from scipy.optimize import linprog
 
-    normals, _ = _walls(problem)
+    normals, *_ = _walls(problem)
     if not len(normals):
         return False
     rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= 0 for each
@@ -54,12 +57,14 @@ def holds(problem: Problem) -> bool:
 class Misfit(NamedTuple):
     """Two widths of the parts made that do not go together.
 
-    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static).
+    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `walls` are
+    the faces of the other one that limit it, in words.
     """
 
     inside: int
     inner: float
     outer: float
+    walls: tuple[str, ...] = ()
 
 
 def misfit(problem: Problem) -> Misfit | None:
@@ -68,7 +73,7 @@ def misfit(problem: Problem) -> Misfit | None:
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
     all that are closed at the target sizes, and were not as drawn, those that lack most.
     """
-    normals, lines = _walls(problem)
+    normals, lines, pairs = _walls(problem)
     if not len(normals):
         return None
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
@@ -86,8 +91,18 @@ def misfit(problem: Problem) -> Misfit | None:
         if not width[inside] > -width[1 - inside]:
             continue  # walls that are a little aslant, seen from far away
         least = float(gaps[k] + gaps[j])
-        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]))
+        outer = 1 - inside
+        body, side = (problem.movable, problem.static)[outer], (1.0, -1.0)[outer]
+        walls = (_wall(body, pairs[each][outer], side * normals[each]) for each in (k, j))
+        found = Misfit(inside, float(width[inside]), float(-width[outer]), tuple(dict.fromkeys(filter(None, walls))))
     return found
+
+
+def _wall(body: Body, part: ConvexPart, normal: Array) -> str:
+    """Return the face of a part that looks along a direction, in words; "" for one that only a cut made."""
+    towards = part.normals @ normal
+    best = int(towards.argmax())
+    return told_element(body, part.elements["F"][best]) if towards[best] >= 1.0 - DEFAULT.side else ""
 
 
 def verdict(problem: Problem) -> str:
@@ -99,4 +114,7 @@ def verdict(problem: Problem) -> str:
     names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
     unit = f" {problem.unit}" if problem.unit else ""
-    return f"does not fit: {inner} {found.inner:.{places}f} in {outer} {found.outer:.{places}f}{unit}"
+    fit = f"{inner} {found.inner:.{places}f} in {outer} {found.outer:.{places}f}{unit}"
+    walls = " and ".join(found.walls)
+    between = f", between its {walls}" if len(found.walls) == 2 else f", across its {walls}" if walls else ""
+    return f"does not fit: {fit}{between}"

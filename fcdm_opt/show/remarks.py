@@ -78,7 +78,9 @@ def _contacts(solution: Solution) -> list[str]:
         within = solution.unique_within
         box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
         told.append(
-            f"no other motion{box} closes them: proved" if within else "that no other motion closes them is not proved"
+            f"no other motion{box} closes them: proved"
+            if within
+            else "whether another motion closes them too is not known"
         )
     return told
 
