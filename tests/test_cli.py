@@ -122,8 +122,10 @@ def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
     result = run("solve", cubes)
     assert result.exit_code == 0
     text = result.stdout
-    verdict = "close it: move left 1 along +x: then its front (+x) face lies on the back (-x) face of right; smallest"
-    assert verdict in " ".join(text.split())
+    verdict = (
+        "close it: move left 1 along +x: then its front face (facing +x) lies on the back face (facing -x) of right"
+    )
+    assert f"{verdict}; smallest" in " ".join(text.split())
     row = next(line for line in text.splitlines() if line.startswith("close it "))
     assert row.split()[-4:] == ["1", "1", "touching", "yes"]
     assert "TX 1 " in row  # the shift along y does nothing, and is left out

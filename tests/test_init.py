@@ -298,7 +298,7 @@ def test_the_label_of_a_round_face_filled_a_page(tmp_path: Path) -> None:
     table = box(tmp_path / "table.off", (4.0, 4.0, 1.0), (0.0, 0.0, -0.5))
     made = draft(peg, table, file=tmp_path / "p.toml")
     assert max(map(len, [*made.text.splitlines(), *made.summary])) <= 200
-    assert "touch: F1F2(P1 bottom; P2V5,V6,V7,V8)" in made.text
+    assert "touch: bottom face (facing -z) of peg at top face (facing +z) of table" in made.text
 
 
 def wedge(path: Path, lift: float) -> Path:

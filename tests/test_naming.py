@@ -7,12 +7,14 @@ from itertools import product
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from fcdm_opt import Body, Problem, Translation, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.naming import names_of_faces
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import names_of_faces, told_element
 
 
 def ring(radius: float, count: int, z: float) -> np.ndarray:
@@ -56,6 +58,21 @@ def test_a_face_of_many_corners_is_named_after_where_it_is() -> None:
 @pytest.mark.parametrize("count", [3, 4, 5])
 def test_a_prism_of_few_sides_is_no_cylinder(count: int) -> None:
     assert names_of_faces(Body.convex(prism(1.0, count))) == {}
+
+
+@pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])
+def test_facets_around_a_point_are_a_sphere(axis: np.ndarray) -> None:
+    ball = turned(Body.convex(trimesh.creation.icosphere(2, radius=4.0).vertices), axis)
+    assert set(names_of_faces(ball).values()) == {"sphere radius 4"}
+    edge = tuple(sorted(ball.faces[0][:2]))
+    for element in (Element("F", ball.faces[0]), Element("E", edge), Element("V", (7,))):
+        assert told_element(ball, element) == "sphere of radius 4"
+
+
+def test_a_cone_is_no_sphere() -> None:
+    """Both rings of a frustum lie on one sphere."""
+    frustum = Body.convex(np.vstack([ring(3.0, 32, 0.0), ring(2.0, 32, 2.0)]))
+    assert not any("radius" in name for name in names_of_faces(frustum).values())
 
 
 def test_an_oval_is_no_cylinder() -> None:

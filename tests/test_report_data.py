@@ -171,7 +171,7 @@ def test_motion_family_of_boxes_is_the_closed_form():
         shift = -0.035 * share
         assert frame["transform"][3] == pytest.approx(shift, rel=DRAWN, abs=1e-12)
         assert frame["pair_gap"] == pytest.approx(gap_of_boxes(case["pair"], shift), rel=1e-6, abs=1e-12)
-        assert frame["parameters"] == [f"{shift:.6g}"]
+        assert frame["parameters"] == [f"{shift + 0.0:.6g}"]  # 0, not -0
         for x1, y1, x2, y2, *_ in frame["curve"]:
             assert gap_of_boxes((x1, y1), shift) == pytest.approx(0.0, abs=1e-7)
             assert gap_of_boxes((x2, y2), shift) == pytest.approx(0.0, abs=1e-7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show.verdict import fit_text, verdict_text
+from fcdm_opt.show.texts import parameter_texts
+from fcdm_opt.show.verdict import fit_text, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
@@ -28,7 +30,8 @@ def cube(name: str, size: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0
 
 VERDICTS = {
     ("nut", "shifted against a flat"): (
-        "move nut 0.25 mm along +x: then its face 10 (+x) lies on the back (-x) face of key; smallest possible (proved)"
+        "move nut 0.25 mm along +x: then its face 10 (facing +x) lies on the back face (facing -x) of key; "
+        "smallest possible (proved)"
     ),
     (
         "dovetail",
@@ -38,11 +41,13 @@ VERDICTS = {
         "move slide 0.25 mm along +z: then it is 0.25 mm clear of rail; smallest possible (proved)"
     ),
     ("bracket", "past the ribs"): (
-        "move bracket 1.5 mm along -x and 2 mm along -z: then its bottom (-z) face lies on the top (+z) face of plate; "
-        "smallest possible (proved)"
+        "move bracket 1.5 mm along -x and 2 mm along -z: then its bottom face (facing -z) lies on the top face "
+        "(facing +z) of plate; smallest possible (proved)"
     ),
     ("boxes", "already clear"): "leave cube where it is: it is 0.5 clear of plate; nothing to do",
-    ("nut", "nut made too small"): "does not fit: key 20.00 in nut 19.89 mm",
+    ("nut", "nut made too small"): (
+        "does not fit: key 20.00 in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
+    ),
     ("bracket_stuck", "shift within the ribs"): "impossible with this motion and these limits (proved)",
 }
 
@@ -82,11 +87,30 @@ def test_steps_in_words(motion: fo.Motion, q: list[float], deeds: list[tuple[str
     assert motion.deeds(q, unit="mm") == deeds
 
 
+def test_shifts_in_a_row_are_told_together() -> None:
+    one, two = cube("one", 2.0), cube("two", 4.0, (3.5, 0.0, 0.0))
+    motion = fo.Translation((0, 1, 0)) >> fo.Translation("z") >> fo.Rotation("x") >> fo.Translation("x")
+    problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=motion, unit="mm")
+    names = [parameter.name for parameter in motion.parameters]
+    values = dict(zip(names, (3.0, 4.0, math.pi / 2, 1.0), strict=True))
+    moved = replace(fo.solve(problem), parameters=values)
+    told = "3 mm along +y and 4 mm along +z, then {}90 deg about +x, then {}1 mm along +x"
+    assert motion_said(moved) == told.format("", "")
+    assert f"move one {told.format('turn it ', 'move it ')}" in verdict_text(moved)
+
+
+def test_what_only_rounding_made_is_shown_as_0() -> None:
+    one, two = cube("one", 2.0), cube("two", 4.0, (3.5, 0.0, 0.0))
+    problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=fo.Free(), unit="mm")
+    values = dict.fromkeys(("TX", "TY", "TZ", "RX", "RY", "RZ"), -1.8e-15) | {"TX": 0.5}
+    assert parameter_texts(problem, values) == ["0.5 mm", "0 mm", "0 mm", "0 deg", "0 deg", "0 deg"]
+
+
 def test_every_face_edge_and_corner_has_words() -> None:
     body = cube("block", 2.0)
     words = {told_element(body, Element("F", face)) for face in body.faces}
     sides = [("back", "-x"), ("front", "+x"), ("left", "-y"), ("right", "+y"), ("bottom", "-z"), ("top", "+z")]
-    assert words == {f"{name} ({axis}) face" for name, axis in sides}
+    assert words == {f"{name} face (facing {axis})" for name, axis in sides}
     assert told_element(body, Element("V", (3,))) == "corner 3"
     edge = tuple(sorted(set(body.faces[0]) & set(body.faces[2])))  # corners that two faces share
     assert told_element(body, Element("E", edge)).startswith("edge between ")
@@ -137,6 +161,20 @@ def test_a_whole_mesh_is_taken() -> None:
     body = fo.Body.from_mesh(trimesh.creation.box((1.0, 2.0, 3.0)), name="block")
     assert (body.name, len(body.faces)) == ("block", 6)
     assert np.ptp(body.vertices, axis=0).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_walls_that_leave_too_little_room_are_named() -> None:
+    """Blocks on both sides of a cube of 2, of 1 % tolerance each: 2.02 in 1.98 at requirement B."""
+    boxes = [cube("", 2.0, (x, 0.0, 0.0)).vertices for x in (-2.0, 2.0)]
+    slot = fo.Body.from_parts(boxes, seed=np.zeros(3), name="slot")
+    motion = fo.Translation("x")
+    problem = fo.Problem(
+        cube("key", 2.0), slot, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm"
+    )
+    told = verdict_text(fo.solve(problem))
+    assert told.startswith("does not fit: key 2.020 in slot 1.980 mm, between its face ")
+    assert "(facing +x) and face " in told
+    assert "(facing -x)" in told
 
 
 def test_parts_in_different_frames_are_warned_of() -> None:

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shlex
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -25,7 +24,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
-from fcdm_opt.geometry.naming import names_of_rows, without_corners
+from fcdm_opt.geometry.naming import names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
@@ -221,13 +220,13 @@ def state_text(situation: Situation, unit: str) -> str:
     }
     text = words[situation.state]
     if situation.state == "touching":
-        told = (contact.told(situation.movable, situation.static) for contact in situation.contacts)
-        alike = Counter(without_corners(label) for label in told)
-        labels = [short(label) + (f" ({count} facets)" if count > 1 else "") for label, count in alike.items()]
-        more = [f"{len(labels) - MOST_CONTACTS} more"] if len(labels) > MOST_CONTACTS else []
-        listed = " and ".join([*labels[:MOST_CONTACTS], *more])
-        at = f", at {alike.total()} places" if alike.total() > 1 else ""
-        return f"{text}{at}: {listed}" if labels else text
+        one, two = situation.movable, situation.static
+        pairs = [(told_element(one, each.one), told_element(two, each.two)) for each in situation.contacts]
+        told = list(dict.fromkeys(f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs))
+        more = [f"{len(told) - MOST_CONTACTS} more"] if len(told) > MOST_CONTACTS else []
+        listed = " and ".join([*told[:MOST_CONTACTS], *more])
+        at = f", at {len(pairs)} places" if len(pairs) > 1 else ""
+        return f"{text}{at}: {listed}" if told else text
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
             return text  # as from a hole that opens: true, and of no use

@@ -131,18 +131,18 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
             best = joined
     if best is None:
         raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
-    covering, kind = None, "partition"
+    covering, kind = None, "side by side"
     centre = space.point(seed)
     if not is_star_shaped(space, solid.facets, centre):
-        reason = "the solid is not star-shaped about the seed"
+        reason = "not all of it is seen from the seed"
     elif len(best) > MOST_COVERED:
         reason = f"more than {MOST_COVERED} parts, no cover looked for"
     else:
         covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best))
-        kind = "partition" if covering is None else "cover"
+        kind = "side by side" if covering is None else "that overlap"
         reason = "all hold the seed" if covering else f"a cover needs more than {LARGER * len(best)} parts"
     chosen = covering or best
-    why = f"{len(chosen)} parts, an exact {kind}: {known}, {reason}"
+    why = f"{len(chosen)} parts {kind}, exactly the solid: {known}, {reason}"
     points, parts = _numbered(space, len(mesh.vertices), chosen)
     planes = np.array([2 * facet.plane + (facet.side > 0) for facet in solid.facets])
     surface = Surface.of(mesh.vertices, mesh.triangles, planes)

@@ -16,8 +16,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 MANY = 8  # corners from which a plane face goes by a name
 FEWEST = 6  # facets side by side that are taken for a cylinder
+BALL = 20  # those that are taken for a sphere
 TURN = 0.65  # cosine: the most that two of them are turned against one another
 ROUND = 1e-4  # of the radius: how far corners may be off it
+WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
+ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z: below, above."""
 SIDES = tuple(side for pair in ENDS for side in pair)
@@ -30,41 +33,56 @@ _FACET = re.compile(r"(P[12])V[V0-9,]+ of (\w+ radius )")
 def names_of_faces(body: Body) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
-    "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, the radius
-    of their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
-    corners that the body ends with along an axis; "face 12", as they are counted, for others.
+    "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
+    radius 9.9" and "hollow radius 9.9" alike, the radius of their corners ("bore radius 2 no. 1" where several are
+    alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
+    as they are counted, for others.
     """
     normals = normals_of_faces(body)
     return {**_plane(body, normals, MANY), **_round(body, normals)}
 
 
 def told_element(body: Body, element: Element) -> str:
-    """Return an element of a body in words: "top (+z) face", "bore radius 10", "face 3 (-x)", "corner 5".
+    """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5".
 
-    An edge is told by the faces that meet in it.
+    An edge is told by the faces that meet in it; what lies within one round face is told as that.
     """
     label, names = tuple(sorted(element.vertices)), told_faces(body)
-    if element.kind == "V":
-        return f"corner {label[0]}"
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
-        told = f"{name} ({side})" if side else name
-        return f"{told} face" if name in SIDES else told
-    sides = list(dict.fromkeys(names[face][0] for face in body.faces if set(label) <= set(face) and face in names))
+        told = f"{name} face" if name in SIDES else _rounded(name)
+        return f"{told} (facing {side})" if side else told
+    sides = list(
+        dict.fromkeys(_rounded(names[face][0]) for face in body.faces if {*label} <= {*face} and face in names)
+    )
+    if len(sides) == 1 and is_round(sides[0]):
+        return sides[0]
+    if element.kind == "V":
+        return f"corner {label[0]}"
     if len(sides) == 2:
         return f"edge between {sides[0]} and {sides[1]}"
     return f"edge from corner {label[0]} to {label[-1]}"
 
 
+def is_round(told: str) -> bool:
+    """Tell whether an element in words is a round face."""
+    return " of radius " in told and not told.startswith("edge ")
+
+
+def _rounded(name: str) -> str:
+    return name.replace(" radius ", " of radius ")
+
+
 @lru_cache(maxsize=16)
 def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
-    """Return a name for every face of a body, and the axis that it faces along, "" where it does so along none."""
+    """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
     normals = normals_of_faces(body)
     named = {}
     for face, name in {**_plane(body, normals, 0), **_round(body, normals)}.items():
-        k = int(np.abs(normals[face]).argmax())
-        straight = abs(normals[face][k]) >= 1.0 - DEFAULT.side and " radius " not in name
-        named[face] = (name, f"{'-+'[int(normals[face][k] > 0.0)]}{'xyz'[k]}" if straight else "")
+        normal = normals[face]
+        along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
+        sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]
+        named[face] = (name, "" if " radius " in name else " and ".join(sides))
     return named
 
 
@@ -115,7 +133,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
     for face in facets:
         for vertex in face:
             around[vertex].add(face)
-    by_axis = defaultdict[Label, list[tuple[Label, Label]]](list)
+    by_axis, smooth = defaultdict[Label, list[tuple[Label, Label]]](list), list[tuple[Label, Label]]()
     for face in facets:
         for other in set[Label]().union(*(around[vertex] for vertex in face)):
             shared = sorted(set(face) & set(other))
@@ -125,34 +143,49 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
             way = way / np.linalg.norm(way)
             way *= np.sign(way[np.abs(way).argmax()])
             by_axis[tuple(np.round(way / ROUND).astype(int).tolist())].append((face, other))
-    rounds: list[tuple[str, list[Label]]] = []
+            smooth.append((face, other))
+    rounds = [(_radius(body, own, normals, None), own) for own in _side_by_side(smooth, BALL)]
     for key, pairs in by_axis.items():
-        faces = sorted({face for pair in pairs for face in pair})
-        place = {face: k for k, face in enumerate(faces)}
-        owners = components(np.array([[place[one], place[two]] for one, two in pairs]), len(faces))
-        for owner in np.unique(owners).tolist():
-            own = [faces[k] for k in np.flatnonzero(owners == owner)]
-            name = _radius(body, own, normals, np.array(key, dtype=np.float64)) if len(own) >= FEWEST else ""
-            rounds += [(name, own)] if name else []
-    names, count = [name for name, _ in rounds], Counter[str]()
+        axis = np.array(key, dtype=np.float64)
+        rounds += [(_radius(body, own, normals, axis), own) for own in _side_by_side(pairs, FEWEST)]
+    alike = Counter(name for name, _ in rounds)
+    order = {k: place for place, k in enumerate(sorted(range(len(rounds)), key=lambda k: rounds[k][1]))}
     named: dict[Label, str] = {}
-    for name, own in sorted(rounds, key=lambda one: one[1]):
-        count[name] += 1
-        named |= dict.fromkeys(own, name if names.count(name) == 1 else f"{name} no. {count[name]}")
+    for k, (name, own) in enumerate(rounds):
+        earlier = sum(order[j] < order[k] for j, (other, _) in enumerate(rounds) if other == name)
+        numbered = f"{name} no. {earlier + 1}" if alike[name] > 1 else name
+        named |= dict.fromkeys(own, numbered) if name else {}
     return named
 
 
-def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array) -> str:
-    """Return what facets around an axis are, nothing where their corners are not as far from one line."""
-    axis = axis / np.linalg.norm(axis)
+def _side_by_side(pairs: list[tuple[Label, Label]], fewest: int) -> list[list[Label]]:
+    """Return the groups of so many facets at least that pairs join."""
+    faces = sorted({face for pair in pairs for face in pair})
+    if len(faces) < fewest:
+        return []
+    place = {face: k for k, face in enumerate(faces)}
+    owners = components(np.array([[place[one], place[two]] for one, two in pairs]), len(faces))
+    groups = [np.flatnonzero(owners == owner) for owner in np.unique(owners).tolist()]
+    return [[faces[k] for k in group] for group in groups if len(group) >= fewest]
+
+
+def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> str:
+    """Return what facets around an axis, or a point, are: nothing where their corners are not as far from it."""
     corners = body.vertices[np.unique([v - 1 for face in faces for v in face])]
-    flat = np.linalg.svd(axis[None])[2][1:]
+    looks = np.array([normals[face] for face in faces])
+    if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
+        len(faces)
+    ):
+        return ""  # a cylinder or a cone: two of its rings lie on a sphere too
+    flat = np.eye(3) if axis is None else np.linalg.svd(axis[None] / np.linalg.norm(axis))[2][1:]
     points = corners @ flat.T
     # |x - c|^2 = r^2, linear in c and r^2 - c^2
     found = np.linalg.lstsq(np.column_stack([2.0 * points, np.ones(len(points))]), (points**2).sum(axis=1))[0]
-    off = np.linalg.norm(points - found[:2], axis=1)
+    centre = found[:-1]
+    off = np.linalg.norm(points - centre, axis=1)
     radius = float(off.mean())
     if np.abs(off - radius).max() > ROUND * radius:
         return ""
-    outward = [normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - found[:2]) > 0.0 for face in faces]
-    return f"{'cylinder' if all(outward) else 'bore'} radius {radius:.4g}" if len(set(outward)) == 1 else ""
+    outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
+    kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
+    return f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}" if len(outward) == 1 else ""

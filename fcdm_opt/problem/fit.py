@@ -9,6 +9,8 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -18,23 +20,29 @@ FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
 
-def _walls(problem: Problem) -> tuple[Array, Array]:
-    """Return how part pairs keep apart as drawn: unit normals, (k, 3), and how far the parts made reach along them.
+def _drawn(problem: Problem) -> tuple[Body, Body]:
+    """Return the bodies as drawn, where the problem's are those made at given sizes."""
+    own = problem.request if problem.made else {"movable": problem.movable, "static": problem.static}
+    return own["movable"], own["static"]
+
+
+def _walls(problem: Problem) -> tuple[Array, Array, list[tuple[ConvexPart, ConvexPart]]]:
+    """Return how part pairs keep apart as drawn: normals, (k, 3), how far the parts made reach, (k, 2), and the parts.
 
     Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none.
     The reaches, (k, 2), are those of body 1 along the normal and of body 2 against it, from the origin: the parts made
     are apart in this direction by minus their sum.
     """
     made = problem.movable, problem.static
-    movable, static = drawn = [problem.request[role] for role in ("movable", "static")] if problem.made else made
+    movable, static = drawn = _drawn(problem)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
-        return np.empty((0, 3)), np.empty((0, 2))
+        return np.empty((0, 3)), np.empty((0, 2)), []
     pose, slack = relative_pose(movable, static, REST), DEFAULT.snap * problem.size
     placed = [
         [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
         for body, rho in zip(made, problem.target, strict=True)
     ]
-    normals, reaches = [], []
+    normals, reaches, pairs = [], [], []
     for one, inner in zip(movable.parts, placed[0], strict=True):
         for two, outer in zip(static.parts, placed[1], strict=True):
             _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
@@ -44,7 +52,8 @@ def _walls(problem: Problem) -> tuple[Array, Array]:
                 n = rows[best, :3]
                 normals.append(n)
                 reaches.append(((inner @ n).max(), -(outer @ n).min()))
-    return np.reshape(normals, (-1, 3)), np.reshape(reaches, (-1, 2))
+                pairs.append((one, two))
+    return np.reshape(normals, (-1, 3)), np.reshape(reaches, (-1, 2)), pairs
 
 
 def holds(problem: Problem) -> bool:
@@ -54,7 +63,7 @@ def holds(problem: Problem) -> bool:
     """
     from scipy.optimize import linprog
 
-    normals, _ = _walls(problem)
+    normals, *_ = _walls(problem)
     if not len(normals):
         return False
     rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= 0 for each
@@ -65,12 +74,14 @@ def holds(problem: Problem) -> bool:
 class Misfit(NamedTuple):
     """Two widths of the parts made that do not go together.
 
-    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static).
+    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `walls` are
+    the faces of the other one that limit it, in words.
     """
 
     inside: int
     inner: float
     outer: float
+    walls: tuple[str, ...] = ()
 
 
 def misfit(problem: Problem) -> Misfit | None:
@@ -79,7 +90,7 @@ def misfit(problem: Problem) -> Misfit | None:
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
     all that are closed at the target sizes, and were not as drawn, those that lack most.
     """
-    normals, reaches = _walls(problem)
+    normals, reaches, pairs = _walls(problem)
     if not len(normals):
         return None
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
@@ -87,18 +98,28 @@ def misfit(problem: Problem) -> Misfit | None:
     tightest: dict[tuple[int, ...], int] = {}
     for k in np.argsort(-gaps).tolist():
         tightest[tuple(keys[k].tolist())] = k
-    found, least = None, -problem.contact_slack
-    for key, k in tightest.items():
+    found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
+    for k, key in sorted((k, key) for key, k in tightest.items()):  # of equals the first
         j = tightest.get(tuple(-x for x in key))
-        if j is None or not gaps[k] + gaps[j] < least:
+        if j is None or not gaps[k] + gaps[j] < least - tie:
             continue
         width = reaches[k] + reaches[j]
         inside = 0 if width[0] > 0.0 else 1
         if not width[inside] > -width[1 - inside]:
             continue  # walls that are a little aslant, seen from far away
         least = float(gaps[k] + gaps[j])
-        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]))
+        outer = 1 - inside
+        body, side = _drawn(problem)[outer], (1.0, -1.0)[outer]
+        walls = (_wall(body, pairs[each][outer], side * normals[each]) for each in (k, j))
+        found = Misfit(inside, float(width[inside]), float(-width[outer]), tuple(dict.fromkeys(filter(None, walls))))
     return found
+
+
+def _wall(body: Body, part: ConvexPart, normal: Array) -> str:
+    """Return the face of a part that looks along a direction, in words; "" for one that only a cut made."""
+    towards = part.normals @ normal
+    best = int(towards.argmax())
+    return told_element(body, part.elements["F"][best]) if towards[best] >= 1.0 - DEFAULT.side else ""
 
 
 def verdict(problem: Problem) -> str:
@@ -111,4 +132,7 @@ def verdict(problem: Problem) -> str:
     inner, outer = names[found.inside], names[1 - found.inside]
     unit = f" {problem.unit}" if problem.unit else ""
     wide, room = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
-    return f"does not fit: {inner} {wide} in {outer} {room}{unit}"
+    fit = f"{inner} {wide} in {outer} {room}{unit}"
+    walls = " and ".join(found.walls)
+    between = f", between its {walls}" if len(found.walls) == 2 else f", across its {walls}" if walls else ""
+    return f"does not fit: {fit}{between}"

@@ -120,6 +120,7 @@ def solution_figure(
     shown = ShownPair.of(
         problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
     )
+    shown_at = "shown unmoved, sizes" if solution.transform is None else "sizes shown"
     return scene_figure(
         shown,
         contacts=contacts_of(moved, rho, shown),
@@ -127,5 +128,5 @@ def solution_figure(
         said=motion_said(solution),
         unit=problem.unit,
         title=title,
-        caption=caption.replace("{sizes}", f" (sizes shown: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
+        caption=caption.replace("{sizes}", f" ({shown_at}: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
     )

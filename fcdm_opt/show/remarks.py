@@ -85,7 +85,7 @@ def _contacts(solution: Solution) -> list[str]:
         told.append(
             f"no other motion{box} closes {what}: proved"
             if within
-            else f"that no other motion closes {what} is not proved"
+            else f"whether another motion closes {what} too is not known"
         )
     return told
 

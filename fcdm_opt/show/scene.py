@@ -265,7 +265,7 @@ def draw_scene(
         _draw_old(axes, raster, shown, old, times)
         _draw_arrow(axes, raster, shown, old, said)
     for k, contact in enumerate(contacts):
-        _draw_contact(axes, page, contact, "" if k else "in contact")
+        _draw_contact(axes, page, contact, "" if k else "in contact" if moved is not None else "contact meant")
     if numbered:
         _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes

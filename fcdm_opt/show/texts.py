@@ -61,6 +61,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def listed(words: Sequence[str]) -> str:
+    """Return words in a row: "a", "a and b", "a, b and c"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
 def shown(value: Any, digits: int = DIGITS) -> str:
     """Return a value of JSON: numbers with so many digits, lists with commas (coordinates), an en dash for nothing."""
     if value is None or value == "":
@@ -122,9 +127,16 @@ def in_unit(value: float, unit: str) -> float:
     return math.degrees(value) if unit == "deg" else value
 
 
+def telling(problem: Problem, values: Sequence[float], amount: float | None = None) -> list[float]:
+    """Return values of the parameters, 0 for those that add nothing to so large an amount, by default their own."""
+    weighted = [w * q for q, w in zip(values, problem.weights.tolist(), strict=False)]
+    amount = math.hypot(*weighted) if amount is None else amount
+    return [q if abs(x) > NOTHING * amount else 0.0 for q, x in zip(values, weighted, strict=False)]
+
+
 def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
     """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
-    named = zip(parameter_units(problem), parameters.values(), strict=False)
+    named = zip(parameter_units(problem), telling(problem, list(parameters.values())), strict=False)
     return [measured(f"{in_unit(x, unit):.{DIGITS}g}", unit if unit == "deg" else problem.unit) for unit, x in named]
 
 
@@ -138,8 +150,7 @@ def motion_text(solution: Solution, *, unit: bool = True) -> str:
 
 def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
     """Return a motion in words as `motion_text` does; what adds nothing to so large an amount is left out."""
-    weighted = zip(values, problem.weights, strict=False)
-    values = [q if abs(w * q) > NOTHING * amount else 0.0 for q, w in weighted]
+    values = telling(problem, values, amount)
     if not values:
         return "-"
     steps = problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS).split(" + ")

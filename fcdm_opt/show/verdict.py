@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
     CLOSED,
@@ -20,11 +20,13 @@ from fcdm_opt.show.texts import (
     asked_text,
     bound_line,
     counted,
+    listed,
     motion_text,
     number,
     outcome_text,
     shortened,
     steps_text,
+    telling,
 )
 
 if TYPE_CHECKING:
@@ -82,9 +84,7 @@ def answer_text(solution: Solution) -> str:
 
 def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
-    small = NOTHING * amount
-    weighted = zip(values, problem.weights.tolist(), strict=True)
-    values = [q if abs(w * q) > small else 0.0 for q, w in weighted]
+    values = telling(problem, values, amount)
     kept, start = [], 0
     for step, deed in zip(problem.motion.steps, problem.motion.deeds(values, unit=problem.unit), strict=True):
         own = values[start : start + len(step.own_parameters)]
@@ -125,20 +125,30 @@ def _steps(solution: Solution) -> list[tuple[str, str]]:
 
 def motion_said(solution: Solution) -> str:
     """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
-    return ", then ".join(manner for _, manner in _steps(solution)) if solution.amount > 0.0 else ""
+    return _in_order(_steps(solution), "")[1] if solution.amount > 0.0 else ""
 
 
 def _deed(solution: Solution) -> str:
     name = name_of(solution.problem, 0)
     deeds = _steps(solution)
-    if not deeds:
-        return f"leave {name} where it is"
-    (verb, manner), *more = deeds
-    told = f"{verb} {name} {manner}"
-    for next_verb, next_manner in more:
-        told += f" and {next_manner}" if next_verb == verb == "move" else f", then {next_verb} it {next_manner}"
-        verb = next_verb
-    return told
+    verb, told = _in_order(deeds, "it ") if deeds else ("", "")
+    return f"{verb} {name} {told}" if deeds else f"leave {name} where it is"
+
+
+def _in_order(deeds: list[tuple[str, str]], again: str) -> tuple[str, str]:
+    """Return the first verb, and all that is done: shifts in a row together, then what comes after them.
+
+    `again`: what is turned, said with each further verb.
+    """
+    runs: list[tuple[str, list[str]]] = []
+    for verb, manner in deeds:
+        if runs and runs[-1][0] == verb == "move":
+            runs[-1][1].append(manner)
+        else:
+            runs.append((verb, [manner]))
+    told = [(verb, listed(manners)) for verb, manners in runs]
+    (first, words), *more = told
+    return first, words + "".join(f", then {f'{verb} {again}' if again else ''}{manner}" for verb, manner in more)
 
 
 def _effect(solution: Solution) -> str:
@@ -165,15 +175,16 @@ def sure_text(solution: Solution) -> str:
         return solution.doubt
     if abs(solution.gap) < max(CLOSED, EXACT):
         return "smallest possible (proved)"
-    return f"smallest possible but for {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
+    return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
 
 
 def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
-    """Return what touches what: "its corner 5 touches the top face of plate"; of many contacts the first ones."""
+    """Return what touches what: "its corner 5 touches the top face (facing +z) of plate"; of many the first ones."""
     told: dict[str, list[str]] = {}
     for feature in features:
         one, two = told_element(problem.movable, feature.one), told_element(problem.static, feature.two)
-        others = told.setdefault(f"its {one} {'lies on' if feature.kind == 'F1F2' else 'touches'}", [])
+        flat = feature.kind == "F1F2" and not is_round(one) and not is_round(two)
+        others = told.setdefault(f"its {one} {'lies on' if flat else 'touches'}", [])
         others += [two] if two not in others else []
     if not told:
         return ""

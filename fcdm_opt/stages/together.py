@@ -511,7 +511,9 @@ def _fitted(task: Task) -> Answer:
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=("parts overlap besides these contacts",))
     opened = np.maximum(task.line_gaps(q)[1], 0.0)
-    at = np.flatnonzero(opened >= opened.max() - DEFAULT.line * task.size)
-    active = (f"largest gap {opened.max():.6g}, of contact {_listed(at.tolist())}",)
+    most = float(opened.max())
+    at = np.flatnonzero(opened >= most - DEFAULT.line * task.size)
+    closed = most <= DEFAULT.touch * task.size  # rounding
+    active = ("no contact is left open" if closed else f"largest gap {most:.6g}, of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
     return task.answer(q, stage, np.inf if exact else 0.0, active, counts)

@@ -10,6 +10,7 @@ import numpy as np
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
@@ -59,7 +60,8 @@ def fits_up_to(problem: Problem) -> float | None:
 
     def fits(share: float) -> bool:
         try:
-            return solve(deviating(problem, share), effort="quick").usable
+            made = deviating(problem, share)
+            return misfit(made) is None and solve(made, effort="quick").usable
         except InputError:  # the goal does not hold at these sizes
             return False
 

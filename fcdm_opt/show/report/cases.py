@@ -23,11 +23,12 @@ from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tol
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
+from fcdm_opt.show.texts import advised, asked_text, bound_line, listed, motion_text, parameter_texts, shown, telling
 from fcdm_opt.show.verdict import fit_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
+MOST_TOLD = 4  # data without a derivative that are named
 ACROSS = 900  # pixels of the picture of an answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
@@ -71,7 +72,9 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     texts = parameter_texts(problem, solution.parameters)
-    told = zip(problem.motion.parameters, solution.parameters.values(), texts, strict=False)  # none without a motion
+    told = zip(
+        problem.motion.parameters, telling(problem, list(solution.parameters.values())), texts, strict=False
+    )  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
@@ -159,7 +162,11 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not derivatives.exists:
         why = "; ".join(derivatives.reasons)
         text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
-    return {"bars": [finite(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
+    every = bars(derivatives, solution.problem)
+    none = [bar.name for bar in every if not np.isfinite(bar.value)]
+    if none:
+        text += f"; no derivative by {listed(none) if len(none) <= MOST_TOLD else f'{len(none)} data'}"
+    return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
 
 
 # ------------------------------------------------------------------------------------------------------------- pictures

@@ -26,7 +26,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_of
-from fcdm_opt.show.texts import motion_text, parameter_texts
+from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_NAMED = 8
@@ -136,7 +136,7 @@ class Frames:
             "target": drawn(sizes if target is None else target),
             "rho": None if rho is None or not np.isfinite(rho).all() else drawn(rho),
             "amount": drawn(amount),
-            "pair_gap": drawn(gap),
+            "pair_gap": drawn(0.0 if abs(gap) <= NOTHING * self._problem.size else gap),
             "pair_state": state,
             **{"status": None, "usable": None, "motion": "none", "parameters": [], **told},
             "note": "; ".join(filter(None, (note, self._lost(curve, rho)))),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
@@ -30,6 +29,7 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
 FAMILIES, PROOFS = 3.0, 4.0
 """Seconds that the frames of all cases, and their proofs, may take by default: a page is wanted while one waits."""
+BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
 def gather(
@@ -136,7 +136,7 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""), time=math.inf)
+        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""), time=BESIDE)
     except InputError as reason:
         return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
     return _cell(None, solution, note=f"{note}; {solution.stopped}" if solution.stopped else note)
