@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 from math import hypot
 from time import perf_counter
 from typing import NamedTuple
@@ -169,7 +168,7 @@ class _Solving:
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
         boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
         found = []
-        for one, two in combinations(assembly.parts, 2):
+        for one, two in assembly.pairs():
             (low, high), (least, most) = boxes[one], boxes[two]
             if frozenset((one, two)) in asked or (low > most).any() or (least > high).any():
                 continue
