@@ -137,7 +137,7 @@ class _Solving:
         problems = [assembly.problem(pair, parts) for pair in group]
         tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
         relaxed = self._relaxed(group) if self._proving else 0.0
-        answer = all_at_once(problems, tasks, known=relaxed, prove=self._proving)
+        answer = all_at_once(problems, tasks, [*map(str, group)], known=relaxed, prove=self._proving)
         told = f"{', '.join(map(str, group))}: {answer.stage}"
         if answer.q is None:
             return _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})

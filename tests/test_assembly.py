@@ -285,6 +285,28 @@ def test_parts_that_would_overlap_make_way_for_each_other() -> None:
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
 
 
+@pytest.mark.parametrize("motion", [Z, Z >> fo.Rotation("y"), fo.Free()], ids=["rise", "tilt", "free"])
+def test_contacts_of_a_loop_that_exclude_each_other_are_named(motion) -> None:
+    """A beam flat on two posts, one .04 higher and one .02 lower than drawn: all four contacts clash, any three do."""
+    parts = {
+        "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0))),
+        "left": fo.Body.convex(block((-4, -1, 0), (-3, 1, 2))),
+        "right": fo.Body.convex(block((3, -1, 0), (4, 1, 2))),
+        "beam": fo.Body.convex(block((-4.5, -1, 2), (4.5, 1, 3))),
+    }
+    contacts = [("left", "floor"), ("right", "floor"), ("beam", "left"), ("beam", "right")]
+    motions, made = dict.fromkeys(("left", "right", "beam"), motion), {"left": 1.02, "right": 0.99}
+    solution = fo.solve_assembly(fo.Assembly(parts, contacts, motions=motions, scales=made))
+    clash, *carry = solution.active
+    assert solution.status is (Status.INFEASIBLE if motion.shifts else Status.NOT_FOUND)
+    assert all(" - ".join(pair) in clash for pair in contacts)
+    assert "exclude each other" in clash
+    assert {told.split(" with ")[1] for told in carry} == {
+        "right - floor open by 0.06",
+        "beam - right open by 0.06",
+    }
+
+
 CORNER = {
     "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0)), seed=(0, 0, -0.5)),
     "wall": fo.Body.convex(block((4, -5, 0), (5, 5, 3)), seed=(4.5, 0, 1.5)),

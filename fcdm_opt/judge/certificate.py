@@ -314,7 +314,11 @@ class _Judge:
                 bounds=[*problem.limits.tolist(), (0.0, None)],
             )
             least = float(program.fun) if program.status == 0 else float("nan")
-            checks.append(_at_most("largest gap least", gaps.max(), least + self.limit, "no shift makes it less"))
+            checks.append(
+                _at_most(
+                    "largest gap least", gaps.max(), least + self.limit, "no shift makes it less, other parts aside"
+                )
+            )
         return checks
 
     def _alone(self) -> list[Check]:

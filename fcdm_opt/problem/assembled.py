@@ -89,7 +89,7 @@ class AssemblySolution(Plain):
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:
-        """Signed distance of each two parts, not both fixed, after the motion, by their names, as judged; length units."""
+        """Signed distance of each two parts, not both fixed, after the motion, by names, as judged; length units."""
         found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
         return {pair: found[kept_apart(*pair)] for pair in self.assembly.pairs() if kept_apart(*pair) in found}
 
