@@ -128,6 +128,15 @@ def test_flush_walls_that_are_not_listed_are_left_too(pocket, goal, motion) -> N
             assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
 
 
+def test_a_fit_that_closes_all_is_as_well_proved_as_closing_them(pocket) -> None:
+    asked = pocket.changed(motion=fo.Free())
+    fit, closed = fo.solve(asked.changed(goal="fit")), fo.solve(asked)
+    assert fit.usable
+    assert fit.lower_bound == pytest.approx(closed.lower_bound, rel=1e-9)
+    assert fit.lower_bound == pytest.approx(fit.amount, rel=1e-9)
+    assert fit.unique_within == pytest.approx(closed.unique_within)
+
+
 def test_a_keep_out_is_passed_on_the_shortest_side(pocket) -> None:
     """A stop .05 beside the block, which needs .08 there: it goes round the stop, or out over the wall."""
     stop = fo.KeepOut(fo.Body.convex(block((4.05, 0, 0), (5, 1, 2)), name="stop"))

@@ -288,7 +288,7 @@ class _Judge:
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
-            self._fits() if goal == FIT else self._alone()
+            (self._fits() if goal == FIT else []) + self._alone()
         )
 
     def _fits(self) -> list[Check]:

@@ -119,8 +119,11 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
     unless it is larger.
     """
-    if problem.goal == FIT or (answer.q is None and problem.motion.shifts):
+    none, fit = answer.q is None, problem.goal == FIT
+    if (none and fit) or ((none or fit) and problem.motion.shifts):
         return answer
+    if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
+        return answer  # only where all can be closed does the least gap ask for the same
     if problem.motion.shifts:  # what holds in one box holds in all
         only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
         return replace(answer, unique=np.inf if only else 0.0)
