@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 from math import hypot
 from time import perf_counter
 from typing import NamedTuple
@@ -138,7 +137,7 @@ class _Solving:
         problems = [assembly.problem(pair, parts) for pair in group]
         tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
         relaxed = self._relaxed(group) if self._proving else 0.0
-        answer = all_at_once(problems, tasks, known=relaxed, prove=self._proving)
+        answer = all_at_once(problems, tasks, [*map(str, group)], known=relaxed, prove=self._proving)
         told = f"{', '.join(map(str, group))}: {answer.stage}"
         if answer.q is None:
             return _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})
@@ -169,7 +168,7 @@ class _Solving:
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
         boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
         found = []
-        for one, two in combinations(assembly.parts, 2):
+        for one, two in assembly.pairs():
             (low, high), (least, most) = boxes[one], boxes[two]
             if frozenset((one, two)) in asked or (low > most).any() or (least > high).any():
                 continue

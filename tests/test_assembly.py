@@ -20,7 +20,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
 
-X, Z = fo.Translation("x"), fo.Translation("z")
+X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 
 
 def block(low: tuple[float, ...], high: tuple[float, ...]) -> Array:
@@ -285,6 +285,54 @@ def test_parts_that_would_overlap_make_way_for_each_other() -> None:
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
 
 
+@pytest.mark.parametrize("motion", [Z, Z >> fo.Rotation("y"), fo.Free()], ids=["rise", "tilt", "free"])
+def test_contacts_of_a_loop_that_exclude_each_other_are_named(motion) -> None:
+    """A beam flat on two posts, one .04 higher and one .02 lower than drawn: all four contacts clash, any three do."""
+    parts = {
+        "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0))),
+        "left": fo.Body.convex(block((-4, -1, 0), (-3, 1, 2))),
+        "right": fo.Body.convex(block((3, -1, 0), (4, 1, 2))),
+        "beam": fo.Body.convex(block((-4.5, -1, 2), (4.5, 1, 3))),
+    }
+    contacts = [("left", "floor"), ("right", "floor"), ("beam", "left"), ("beam", "right")]
+    motions, made = dict.fromkeys(("left", "right", "beam"), motion), {"left": 1.02, "right": 0.99}
+    solution = fo.solve_assembly(fo.Assembly(parts, contacts, motions=motions, scales=made))
+    clash, *carry = solution.active
+    assert solution.status is (Status.INFEASIBLE if motion.shifts else Status.NOT_FOUND)
+    assert all(" - ".join(pair) in clash for pair in contacts)
+    assert "exclude each other" in clash
+    assert {told.split(" with ")[1] for told in carry} == {
+        "right - floor open by 0.06",
+        "beam - right open by 0.06",
+    }
+
+
+CORNER = {
+    "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0)), seed=(0, 0, -0.5)),
+    "wall": fo.Body.convex(block((4, -5, 0), (5, 5, 3)), seed=(4.5, 0, 1.5)),
+    "back": fo.Body.convex(block((-5, 4, 0), (5, 5, 3)), seed=(0, 4.5, 1.5)),
+    "block": fo.Body.convex(block((-4, -4, 0), (4, 4, 1)), seed=(0, 0, 0.5)),
+}
+
+
+@pytest.mark.parametrize("motion", [X >> Y >> Z, fo.Free()], ids=["shifts", "free"])
+@pytest.mark.parametrize("asked", [("floor", "wall", "back"), ("floor", "wall")], ids=["all", "one in the way"])
+def test_a_block_between_fixed_parts_of_sizes_of_their_own(motion, asked) -> None:
+    """Fixed parts may overlap each other as made; what is not asked for is not run into."""
+    scales = {"block": 1.02, "floor": 0.99, "wall": 1.01, "back": 1.03}
+    assembly = fo.Assembly(
+        CORNER, [("block", part) for part in asked], motions={"block": motion}, scales=scales
+    )  # fmt: skip
+    solution = fo.solve_assembly(assembly)
+    expected = [-0.08 - 0.005, -0.08 - 0.015, 0.01 - 0.005]
+    assert assembly.fixed == ("floor", "wall", "back")
+    assert solution.usable
+    assert flat(solution)[:3] == pytest.approx(expected, abs=1e-9)
+    assert ("floor", "wall") not in solution.gaps
+    if motion.shifts or len(asked) == 3:
+        assert solution.lower_bound == pytest.approx(hypot(*expected), rel=1e-9)
+
+
 def test_sizes_of_parts_are_made_and_their_contacts_restored() -> None:
     """Plates whose upper or lower face came out elsewhere: each rises by what is thicker between them."""
     sizes = [
@@ -331,7 +379,8 @@ PLATES = stack(2, SCALES)
         ({"contacts": [("plate 1", "base"), {"parts": ("plate 2", "plate 1"), "goal": "fit"}]}, "contacts[2].goal"),
         ({"contacts": [("plate 1", "base"), ("plate 2", "base")]}, "contacts[2] 'plate 2 - base'.nominal"),
         ({"contacts": [("plate 1", "base", "plate 2")]}, "contacts[1].parts"),
-        ({"motions": {"plate 1": Z}}, "motions"),
+        ({"motions": {"plate 2": Z}}, "contacts[1].parts"),
+        ({"motions": {}}, "motions"),
         ({"motions": {"plate 1": Z, "plate 2": Z, "base": Z}}, "motions"),
         ({"motions": {"plate 1": Z, "plate 3": Z}}, "motions.plate 3"),
         ({"motions": {"plate 1": Z, "plate 2": "z"}}, "motions.plate 2"),

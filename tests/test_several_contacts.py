@@ -14,6 +14,7 @@ import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.remarks import remarks
 
 SHIFTS = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
@@ -99,6 +100,60 @@ def test_a_wall_that_is_not_listed_is_not_run_into(ball, corner) -> None:
     solution = fo.solve(problem.changed(contacts=[feature.label for feature in problem.contacts[:2]]))
     assert solution.usable
     assert list(solution.parameters.values()) == pytest.approx(list(whole.parameters.values()), abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def pocket() -> fo.Problem:
+    """A block of 4 x 3 x 2 flush in a corner whose seed is the corner itself; only the block comes out larger."""
+    walls = [
+        block((-1, -1, -1), (6, 6, 0)),
+        block((-1, -1, 0), (0, 6, 5)),
+        block((0, -1, 0), (6, 0, 5)),
+    ]  # fmt: skip
+    return fo.Problem(
+        fo.Body.convex(block((0, 0, 0), (4, 3, 2)), name="block"), fo.Body.from_parts(walls, seed=(0, 0, 0)),
+        tolerance=0.02, requirement="B", motion=SHIFTS, goal="seat", contacts="all",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("goal", ["at", "fit"])
+@pytest.mark.parametrize("motion", [SHIFTS, fo.Free()], ids=["shifts", "free"])
+def test_flush_walls_that_are_not_listed_are_left_too(pocket, goal, motion) -> None:
+    """Of three flush walls one is listed: the block that has grown by 2 % about its middle leaves all by its growth."""
+    for feature in pocket.contacts:
+        solution = fo.solve(pocket.changed(goal=goal, contacts=[feature.label], motion=motion))
+        assert solution.usable
+        assert list(solution.parameters.values())[:3] == pytest.approx([0.04, 0.03, 0.02], abs=1e-9)
+        if motion is SHIFTS:
+            assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+def test_a_fit_that_closes_all_is_as_well_proved_as_closing_them(pocket) -> None:
+    asked = pocket.changed(motion=fo.Free())
+    fit, closed = fo.solve(asked.changed(goal="fit")), fo.solve(asked)
+    assert fit.usable
+    assert fit.lower_bound == pytest.approx(closed.lower_bound, rel=1e-9)
+    assert fit.lower_bound == pytest.approx(fit.amount, rel=1e-9)
+    assert fit.unique_within == pytest.approx(closed.unique_within)
+
+
+def test_a_keep_out_is_passed_on_the_shortest_side(pocket) -> None:
+    """A stop .05 beside the block, which needs .08 there: it goes round the stop, or out over the wall."""
+    stop = fo.KeepOut(fo.Body.convex(block((4.05, 0, 0), (5, 1, 2)), name="stop"))
+    floor, _, back = (feature.label for feature in pocket.contacts)
+    around = fo.solve(pocket.changed(contacts=[floor], keep_out=[stop]))
+    assert around.usable
+    assert list(around.parameters.values()) == pytest.approx([0.04, 1.03, 0.02], abs=1e-9)
+    beyond = fo.solve(pocket.changed(contacts=[floor, back], keep_out=[stop]))
+    assert beyond.usable
+    assert list(beyond.parameters.values()) == pytest.approx([5.04, 0.03, 0.02], abs=1e-9)
+    assert fo.solve(pocket.changed(keep_out=[stop])).status is Status.INFEASIBLE
+
+
+def test_a_contact_that_always_overlaps_is_named(pocket) -> None:
+    solution = fo.solve(pocket.changed(goal="fit", motion=fo.Translation("x") >> fo.Translation("y")))
+    assert solution.status is Status.INFEASIBLE
+    assert solution.active == ("contact 1 overlaps whatever the motion",)
 
 
 def test_a_problem_with_contacts_is_plain_data(ball, corner) -> None:

@@ -288,7 +288,7 @@ class _Judge:
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
-            self._fits() if goal == FIT else self._alone()
+            (self._fits() if goal == FIT else []) + self._alone()
         )
 
     def _fits(self) -> list[Check]:
@@ -314,7 +314,11 @@ class _Judge:
                 bounds=[*problem.limits.tolist(), (0.0, None)],
             )
             least = float(program.fun) if program.status == 0 else float("nan")
-            checks.append(_at_most("largest gap least", gaps.max(), least + self.limit, "no shift makes it less"))
+            checks.append(
+                _at_most(
+                    "largest gap least", gaps.max(), least + self.limit, "no shift makes it less, other parts aside"
+                )
+            )
         return checks
 
     def _alone(self) -> list[Check]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from math import hypot, isfinite
 
 import numpy as np
@@ -49,7 +48,7 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
     limit = max(tolerances.touch * smallest, tolerances.tie * assembly.size)
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
-    for one, two in combinations(assembly.parts, 2):
+    for one, two in assembly.pairs():
         rho = np.array([[scales[one], scales[two]]])
         gap = judged_gaps(scaled_pair(made[one], made[two]), rho, _seen(poses, one, two), limit)[0]
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Any
 
 from fcdm_opt.geometry.arrays import Array
@@ -90,10 +89,9 @@ class AssemblySolution(Plain):
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:
-        """Signed distance of each two parts after the motion, by their names, as judged; length units."""
+        """Signed distance of each two parts, not both fixed, after the motion, by names, as judged; length units."""
         found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
-        pairs = combinations(self.assembly.parts, 2)
-        return {pair: found[kept_apart(*pair)] for pair in pairs if kept_apart(*pair) in found}
+        return {pair: found[kept_apart(*pair)] for pair in self.assembly.pairs() if kept_apart(*pair) in found}
 
     @property
     def motions(self) -> dict[str, str]:

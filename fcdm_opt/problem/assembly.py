@@ -1,7 +1,7 @@
-"""Several parts, one at rest and each other with a motion of its own, and contacts between any two; plain data.
+"""Several parts, some at rest and each other with a motion of its own, and contacts between any two; plain data.
 
 A part's motion is relative to the part that it follows, and is taken along by it: the pose of a part is the product of
-the motions from the fixed part to it. So a contact of a part with the one that it follows depends on that part's
+the motions from a fixed part to it. So a contact of a part with the one that it follows depends on that part's
 motion alone.
 """
 
@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ class Assembly:
     Parameters
     ----------
     parts : mapping of name to Body, or sequence of Body
-        In one frame, as drawn; a sequence goes by the bodies' names.
+        In one frame, as drawn; a sequence goes by the bodies' names. Fixed ones may overlap each other.
     contacts : sequence of (name, name) or mappings
         Which parts are to meet, each two once. A pair asks for all contacts that they have as drawn; a mapping has
         "parts" and "goal", "contacts" or "clearance" besides, with the meaning that these have for a `Problem` whose
@@ -81,10 +82,11 @@ class Assembly:
     sizes : sequence of Size, optional
         Whose `body` is the name of a part.
     motions : mapping of name to Motion
-        Of every part but the fixed one. World frame as drawn; relative to the part that it follows.
+        Of every part but the fixed ones, of which there is one at least. World frame as drawn; relative to the part
+        that it follows.
     follows : mapping of name to name, optional
-        Which part takes another one along. By default the next one on the way of contacts to the fixed part; with the
-        fixed part's name for all, motions are those in the world.
+        Which part takes another one along. By default the next one on the way of contacts to a fixed part; with a fixed
+        part's name for all, motions are those in the world.
     scales : mapping of name to number > 0, optional
         Of the parts made, 1 where none is given.
     made : mapping of size name to deviation, or "low", "high", "middle", optional
@@ -103,8 +105,8 @@ class Assembly:
     parts : dict
         Bodies by name.
     contacts : tuple of JoinedPair
-    fixed : str
-        The part without a motion.
+    fixed : tuple of str
+        The parts without a motion.
 
     Raises
     ------
@@ -124,7 +126,7 @@ class Assembly:
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
     name: str
     unit: str
-    fixed: str
+    fixed: tuple[str, ...]
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
 
     def __init__(
@@ -150,12 +152,16 @@ class Assembly:
                 raise InputError(
                     "not a motion", key=f"motions.{part}", found=motion, allowed="a Motion with parameters"
                 )
-        resting = [part for part in bodies if part not in moved]
-        if len(resting) != 1:
-            what = "exactly one part must be without a motion: the fixed one"
-            raise InputError(what, key="motions", found=", ".join(resting) or "none", allowed="one of the parts")
+        resting = tuple(part for part in bodies if part not in moved)
+        if not resting or not moved:
+            what = "some parts must be without a motion: those that are fixed; and some with one"
+            raise InputError(what, key="motions", found=", ".join(moved) or "none", allowed="some of the parts")
         joined = _joined(contacts, bodies)
-        leaders = _followed(follows, bodies, joined, resting[0])
+        for k, pair in enumerate(joined, 1):
+            if not {*pair[:2]} & {*moved}:
+                what = "neither of the two parts has a motion"
+                raise InputError(what, key=f"contacts[{k}].parts", found=str(pair), allowed="a part that moves")
+        leaders = _followed(follows, bodies, joined, resting)
         joined = tuple(_turned(pair, leaders) for pair in joined)
         deviations = _made(bodies, tuple(sizes), made)
         own = {
@@ -171,7 +177,7 @@ class Assembly:
             "limits": _limits(limits, moved),
             "name": name,
             "unit": unit,
-            "fixed": resting[0],
+            "fixed": resting,
         }
         for key, value in own.items():
             object.__setattr__(self, key, value)
@@ -199,12 +205,16 @@ class Assembly:
         return tuple((part, own) for part, motion in self.motions.items() for own in motion.parameters)
 
     def chain(self, part: str) -> tuple[str, ...]:
-        """Return the parts that carry a part, from the first that moves on to itself; none for the fixed one."""
+        """Return the parts that carry a part, from the first that moves on to itself; none for a fixed one."""
         found: list[str] = []
-        while part != self.fixed:
+        while part in self.motions:
             found.append(part)
             part = self.follows[part]
         return tuple(reversed(found))
+
+    def pairs(self) -> Iterator[tuple[str, str]]:
+        """Yield every two parts that may come to overlap; fixed parts are where they are."""
+        yield from (pair for pair in combinations(self.parts, 2) if not {*pair} <= {*self.fixed})
 
     def involved(self, one: str, two: str) -> tuple[str, ...]:
         """Return the parts on whose motions it depends how two parts meet."""
@@ -213,7 +223,7 @@ class Assembly:
 
     def poses(self, q: Mapping[str, Sequence[float] | Array]) -> dict[str, Array]:
         """Return the pose change of each part in the world, (4, 4), of the parameters of each motion."""
-        found = {self.fixed: np.eye(4)}
+        found = {part: np.eye(4) for part in self.fixed}
         for part in self.motions:
             T = np.eye(4)
             for own in self.chain(part):
@@ -355,17 +365,19 @@ def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
     return tuple(found)
 
 
-def _followed(given: Any, parts: Mapping[str, Body], joined: Sequence[JoinedPair], fixed: str) -> dict[str, str]:
-    """Return which part each moving one follows: as given, or the next on the way of contacts to the fixed one."""
+def _followed(
+    given: Any, parts: Mapping[str, Body], joined: Sequence[JoinedPair], fixed: Sequence[str]
+) -> dict[str, str]:
+    """Return which part each moving one follows: as given, or the next on the way of contacts to a fixed one."""
     asked = _by_part(given, "follows", parts)
     for part, leader in asked.items():
         _known(leader, f"follows.{part}", parts)
-        if part == fixed:
+        if part in fixed:
             raise InputError(
-                "the fixed part follows none", key=f"follows.{part}", found=leader, allowed="a part that moves"
+                "a fixed part follows none", key=f"follows.{part}", found=leader, allowed="a part that moves"
             )
     found: dict[str, str] = {}
-    reached = [fixed]
+    reached = [*fixed]
     for part in reached:  # grows meanwhile
         for other in _neighbours(part, joined):
             if other not in reached:
@@ -373,12 +385,12 @@ def _followed(given: Any, parts: Mapping[str, Body], joined: Sequence[JoinedPair
                 found[other] = part
     lost = [part for part in parts if part not in reached]
     if lost:
-        what = f"no contacts lead from the fixed part '{fixed}' to this one"
+        what = f"no contacts lead from a fixed part ({', '.join(fixed)}) to this one"
         raise InputError(what, key="contacts", found=", ".join(lost), allowed="contacts that join all parts")
     found |= asked
     for part in found:
         seen = {part}
-        while (part := found.get(part, fixed)) != fixed:
+        while part := found.get(part, ""):
             if part in seen:
                 raise InputError("parts follow each other in a circle", key="follows", found=part, allowed="a tree")
             seen.add(part)

@@ -20,7 +20,7 @@ from fcdm_opt.problem.syntax import parsed
 
 
 class PartEntry(BodyEntry):
-    """A part of the assembly, as drawn in the frame of all; the one without a motion is fixed."""
+    """A part of the assembly, as drawn in the frame of all; those without a motion are fixed."""
 
     model_config = ConfigDict(title="Parts", json_schema_extra=one_of(("vertices",), ("file", "unit")))
 
@@ -28,13 +28,13 @@ class PartEntry(BodyEntry):
     motion: list[StepEntry] | None = declared(
         None,
         "steps in order, relative to the part that it follows, as in a problem file: { translation = .. }, { rotation "
-        "= .., centre = .. }, { screw = .., pitch.. }, { free = true }; the fixed part has none",
+        "= .., centre = .. }, { screw = .., pitch.. }, { free = true }; a fixed part has none",
         [{"translation": "z"}],
         min_length=1,
     )
     follows: str | None = declared(
         None,
-        "name of the part that takes this one along; without it the next on the way of contacts to the fixed part",
+        "name of the part that takes this one along; without it the next on the way of contacts to a fixed part",
         "frame",
     )
     weight: Positive = declared(1.0, "a number > 0, relative: of its amount in the total", 2.0)

@@ -78,6 +78,6 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
         made = body.scaled(assembly.scales[part])
         pose: Any = solution.transforms.get(part)
         bodies.append(made if pose is None else made.moved(pose))
-    names = [f"{part}, fixed" if part == assembly.fixed else part for part in assembly.parts]
+    names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     found = f"amount {amount_text(solution.amount, assembly.unit)}" if solution.status.found else "no motions found"
     return parts_figure(bodies, names, unit=assembly.unit, title=title, caption=found)

@@ -26,12 +26,15 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.uniqueness import equations_at, least_about, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
+from fcdm_opt.stages.ways_apart import Scene
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
 MOST_NODES, FARTHEST = 2000, 1e6
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
+AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 ENOUGH = 1e-6  # relative gap with which a bound is left
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
@@ -52,7 +55,7 @@ def together(task: Task) -> Answer | None:
     z, none = least([own])
     if z is not None:
         return _answered(own, z)
-    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told(own).sentences()
+    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
     if none:
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
@@ -70,7 +73,9 @@ def _answered(own: System, z: Array) -> Answer:
     return task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
 
 
-def all_at_once(problems: Sequence[Problem], tasks: Sequence[Task], *, known: float, prove: bool) -> Answer:
+def all_at_once(
+    problems: Sequence[Problem], tasks: Sequence[Task], names: Sequence[str], *, known: float, prove: bool
+) -> Answer:
     """Answer several tasks that share their parameters and their size: contacts of an assembly that share motions.
 
     Exact where nothing turns; else with the best bound found: `known` beforehand, that no other motions restore the
@@ -80,6 +85,8 @@ def all_at_once(problems: Sequence[Problem], tasks: Sequence[Task], *, known: fl
     ----------
     problems, tasks : sequences of Problem and Task
         Alike.
+    names : sequence of str
+        Of each, in what is told.
     known : float
         A lower bound of the amount.
     prove : bool
@@ -91,7 +98,7 @@ def all_at_once(problems: Sequence[Problem], tasks: Sequence[Task], *, known: fl
     z, none = least(systems)
     if z is None:
         status = Status.INFEASIBLE if none else Status.NOT_FOUND
-        return Answer(status, None, stage, np.inf if none else known, ("no motions close all contacts together",))
+        return Answer(status, None, stage, np.inf if none else known, _Told(systems, names).sentences())
     q = systems[0].q(z)
     amount = float(np.linalg.norm(tasks[0].weights * q))
     bound = amount if exact else known
@@ -112,8 +119,11 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
     unless it is larger.
     """
-    if problem.goal == FIT or (answer.q is None and problem.motion.shifts):
+    none, fit = answer.q is None, problem.goal == FIT
+    if (none and fit) or ((none or fit) and problem.motion.shifts):
         return answer
+    if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
+        return answer  # only where all can be closed does the least gap ask for the same
     if problem.motion.shifts:  # what holds in one box holds in all
         only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
         return replace(answer, unique=np.inf if only else 0.0)
@@ -189,6 +199,10 @@ class System:
         lines = tuple(line for joint in joints for line in lines_of(task.movable, task.static, joint))
         return cls(replace(task, joints=joints, besides=lines), lines)
 
+    def only(self, group: Sequence[int]) -> System:
+        """Return the same with some of the contacts; without any the parts are only to be clear of each other."""
+        return System.of(self.task if group else replace(self.task, goal="clear", pair="clear"), group)
+
     def q(self, z: Array) -> Array:
         """Return the motion parameters."""
         task = self.task
@@ -252,18 +266,27 @@ class System:
         return replace(self.task, besides=self.features).meets(q, slack)
 
     def blocked(self, q: Array) -> set[Parts]:
-        """Return the pairs with the static body that are too near; while nothing turns all that may be."""
+        """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
         task, own = self.task, {feature.parts for feature in self.features}
-        if not task.must_clear:
-            return set()
-        bad = task.pair_gaps(q)[:, : len(task.static.parts)] < task.need - DEFAULT.cut * task.size
-        return {(i, j) for i, j in np.ndindex(bad.shape) if (bad[i, j] or task.motion.shifts) and (i, j) not in own}
+        bad = task.pair_gaps(q) < task.needs - DEFAULT.cut * task.size
+        if not task.motion.shifts:
+            return {(i, j) for i, j in np.argwhere(bad).tolist()}
+        asked = np.isfinite(task.needs)
+        return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
     def ways_apart(self, parts: Parts, q: Array) -> list[Rows]:
         """Return the ways in which a pair may come apart as far as is needed, the widest first."""
-        rows = self._rows(parts, q, EVERY if self.task.motion.shifts else NEAREST_WAYS)
-        levels = rows.levels + self.task.need / self.task.size
-        return [Rows(rows.normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
+        task = self.task
+        need = float(task.needs[parts[1]])
+        if task.motion.shifts:
+            rows = self._rows(parts, q, EVERY)
+            levels = rows.levels + need / task.size
+            return [Rows(rows.normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
+        y = task.weights * q
+        scene = Scene.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit))
+        ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
+        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
+        return [Rows(J, (need - gaps + J @ y) / task.size) for J, gaps in rates]
 
     def closings(self, q: Array) -> list[list[Rows]]:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
@@ -395,31 +418,53 @@ def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What keeps contacts from being restored together, and which of them can be."""
+    """What keeps contacts from being restored together, and which of them can be; `names` are of the systems."""
 
-    own: System
+    systems: Sequence[System]
+    names: Sequence[str]
+
+    @cached_property
+    def _joints(self) -> list[tuple[int, int]]:
+        """System and place there of each contact."""
+        return [(k, j) for k, own in enumerate(self.systems) for j in range(len(own.task.joints))]
+
+    def _named(self, group: Sequence[int]) -> str:
+        """Return contacts by number, with their system's name."""
+        told = list[str]()
+        for c in group:
+            k, j = self._joints[c]
+            number = str(j + 1) if len(self.systems[k].task.joints) > 1 or not self.names[k] else ""
+            told.append(f"{self.names[k]} {number}".strip())
+        return ", ".join(told)
+
+    def _some(self, group: Sequence[int]) -> list[System]:
+        """Return all systems with some contacts, as if there were no others."""
+        kept = [[j for i, j in (self._joints[c] for c in group) if i == k] for k in range(len(self.systems))]
+        return [own.only(some) if own.task.joints else own for own, some in zip(self.systems, kept, strict=True)]
 
     def sentences(self) -> tuple[str, ...]:
         """Return which contacts exclude each other, by number, and which carry without the others."""
-        count = len(self.own.task.joints)
+        count = len(self._joints)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
         told = [
-            f"contacts {_listed(group)} exclude each other"
+            f"contacts {self._named(group)} exclude each other"
             if len(group) > 1
-            else f"contact {group[0] + 1} cannot be closed"
+            else f"contact {self._named(group)} cannot be closed"
             for group in self.conflicts
         ]
         if not told:
             which = "all contacts" if count > 1 else "the contact"
-            return (f"where {which} would be closed parts overlap, or a contact is beyond the edges of its faces",)
+            return (
+                f"where {which} would be closed parts overlap, a limit is passed, or a contact is beyond its faces",
+            )
         return (*told, *self._carried())
 
     @cached_property
     def conflicts(self) -> list[tuple[int, ...]]:
         """The least sets of contacts that no motion closes together, whatever else it does."""
         found: list[tuple[int, ...]] = []
-        count, most = len(self.own.task.joints), int(self.own.moving.sum()) + 1
+        count, most = len(self._joints), int(self.systems[0].moving.sum()) + 1
         for size in range(1, min(count, most) + 1):
             for group in combinations(range(count), size):
                 if not any(set(known) <= set(group) for known in found) and not self._agree(group):
@@ -428,38 +473,44 @@ class _Told:
 
     def _agree(self, group: tuple[int, ...]) -> bool:
         """Tell whether the equations of some contacts alone have a solution."""
-        own, task = System.of(self.own.task, group), self.own.task
+        some, task = self._some(group), self.systems[0].task
+        shifts = all(own.task.motion.shifts for own in some)
         z = np.zeros(len(task.weights))
         for _ in range(STEPS):
-            values, slopes = own.linearised(z * task.size / task.weights)
+            values, slopes = _linearised(some, z * task.size / task.weights)
             step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
             z = z - step
-            if np.abs(step).max() <= LEAST_STEP * 10 or task.motion.shifts:
+            if np.abs(step).max() <= LEAST_STEP * 10 or shifts:
                 break
-        return bool(np.abs(own.linearised(z * task.size / task.weights)[0]).max() <= DEFAULT.touch)
+        return bool(np.abs(_linearised(some, z * task.size / task.weights)[0]).max() <= DEFAULT.touch)
 
     def _carried(self) -> Iterator[str]:
         """Yield which contacts can be closed together while the others are open, and by how much."""
-        task = self.own.task
-        count, told = len(task.joints), 0
+        count, told = len(self._joints), 0
         for size in range(count - 1, 0, -1):
             for group in combinations(range(count), size):
                 if any(set(known) <= set(group) for known in self.conflicts):
                     continue
-                some = System.of(task, group)
-                z, _ = least([some])
+                z, _ = least(self._some(group))
                 if z is None:
                     continue
-                left = {
-                    k: System.of(task, (k,)).task.line_gaps(some.q(z))[1].max() for k in range(count) if k not in group
-                }
-                if min(left.values()) < -DEFAULT.touch * task.size:
+                left = {c: self._opened(c, z) for c in range(count) if c not in group}
+                slack = DEFAULT.touch * self.systems[0].task.size
+                if min(left.values()) < -slack:
                     continue  # past it, not above it
                 told += 1
-                others = ", ".join(f"{k + 1} open by {x:.4g}" for k, x in left.items())
-                yield f"{_listed(group)} can carry, with {others}"
+                others = ", ".join(
+                    f"{self._named([c])} {f'open by {x:.4g}' if x > slack else 'not flush'}" for c, x in left.items()
+                )
+                yield f"{self._named(group)} can carry, with {others}"
             if told:
                 return
+
+    def _opened(self, contact: int, z: Array) -> float:
+        """Return how far a contact is open after a motion."""
+        k, j = self._joints[contact]
+        alone = System.of(self.systems[k].task, (j,))
+        return float(alone.task.line_gaps(alone.q(z))[1].max())
 
 
 def _listed(group: Sequence[int]) -> str:
@@ -470,43 +521,42 @@ def _listed(group: Sequence[int]) -> str:
 
 
 def _fitted(task: Task) -> Answer:
-    """Return the least motion of those that leave no contact overlapping and make the largest gap least.
+    """Return the least motion of those that leave nothing overlapping and make the largest gap least.
 
-    A linear program where nothing turns, exact; else one after the other.
+    A linear program where nothing turns, exact; else one after the other. What would overlap besides the contacts is
+    kept apart in one of its ways: that of the least gap, and of no bound unless all are closed.
     """
-    from scipy.optimize import linprog
-
-    own = System.of(task)
-    exact, count = task.motion.shifts, len(own.features)
+    own, exact, count = System.of(task), task.motion.shifts, len(task.joints)
     z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
-    low, high = (side * task.weights / task.size for side in task.limits.T)
-    for _ in range(1 if exact else STEPS):
+    none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
+    blocked = set[Parts]()
+    for _ in range(STEPS):
         values, slopes = own.linearised(own.q(z))
+        count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
-        aligned = {"A_eq": np.column_stack([slopes[count:], np.zeros(own.count - count)])} if own.turns else {}
-        if own.turns:
-            aligned["b_eq"] = slopes[count:] @ z - values[count:]
-        ones = np.ones((count, 1))
-        program = linprog(
-            np.append(np.zeros(len(z)), 1.0),
-            A_ub=np.vstack([np.column_stack([-rates, 0.0 * ones]), np.column_stack([rates, -ones])]),
-            b_ub=np.concatenate([gaps, -gaps]),
-            bounds=[*zip(low, high, strict=True), (0.0, None)],
-            method="highs",
-            **aligned,
-        )
-        if program.status != 0:
-            return replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
-        largest = max(float(program.fun), 0.0) + DEFAULT.tie
+        aligned = slopes[count:], slopes[count:] @ z - values[count:]
+        groups, kept = [own.ways_apart(parts, own.q(z)) for parts in sorted(blocked)], own.limits()
+        if groups:
+            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, groups)
+            if ways is None:
+                return none if complete else failed
+            kept = kept.and_also(ways.normals, ways.levels)
+        fun = _least_gap(gaps, rates, aligned, kept)
+        if fun is None:
+            return replace(none, active=_overlapping(gaps, rates))
+        largest = max(fun, 0.0) + DEFAULT.tie
         rows = own.limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
-        flat = np.linalg.norm(rows.normals, axis=1) > DEFAULT.tie
-        rows = Rows(rows.normals[flat], rows.levels[flat])
-        found, _ = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())
-        found = program.x[:-1] if found is None else found
+        found, _ = _nearest(*aligned, rows, groups)
+        if found is None:
+            return failed
         step, z = float(np.abs(found - z).max()), found
-        if step <= CONTRACTED:
+        if not exact and step > CONTRACTED:
+            continue
+        more = own.blocked(own.q(z)) - blocked
+        if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
+        blocked |= more
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=("parts overlap besides these contacts",))
@@ -516,4 +566,56 @@ def _fitted(task: Task) -> Answer:
     closed = most <= DEFAULT.touch * task.size  # rounding
     active = ("no contact is left open" if closed else f"largest gap {most:.6g}, of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
-    return task.answer(q, stage, np.inf if exact else 0.0, active, counts)
+    known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
+    return task.answer(q, stage, np.inf if known else 0.0, active, counts)
+
+
+def _least_gap(gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows) -> float | None:
+    """Return the least largest gap, in sizes, of motions z that meet all rows and let no gap be negative."""
+    from scipy.optimize import linprog
+
+    ones = np.ones((len(gaps), 1))
+    program = linprog(
+        np.append(np.zeros(rates.shape[1]), 1.0),
+        A_ub=np.vstack([np.hstack([-rates, 0.0 * ones]), np.hstack([rates, -ones]), _widened(-rows.normals)]),
+        b_ub=np.concatenate([gaps, -gaps, -rows.levels]),
+        A_eq=_widened(aligned[0]),
+        b_eq=aligned[1],
+        bounds=[*[(None, None)] * rates.shape[1], (0.0, None)],
+        method="highs",
+    )
+    return float(program.fun) if program.status == 0 else None
+
+
+def _ways_of_least_gap(
+    gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, groups: Sequence[list[Rows]]
+) -> tuple[Rows | None, bool]:
+    """Return the way of each group that is met where the largest gap is least, motions counting little.
+
+    None where there is none, and whether that is so.
+    """
+    ones = np.ones((len(gaps), 1))
+    of_gaps = np.vstack([np.hstack([rates / MINOR, 0.0 * ones]), np.hstack([-rates / MINOR, ones])])
+
+    def lifted(given: Rows) -> Rows:
+        return Rows(_widened(given.normals / MINOR), given.levels)
+
+    every = lifted(rows).and_also(of_gaps, np.concatenate([-gaps, gaps]))
+    y, complete = _nearest(_widened(aligned[0] / MINOR), aligned[1], every, [[*map(lifted, ways)] for ways in groups])
+    if y is None:
+        return None, complete
+    z = y[:-1] / MINOR
+    met = [max(ways, key=lambda way: float((way.normals @ z - way.levels).min())) for ways in groups if ways]
+    return Rows(np.vstack([way.normals for way in met]), np.concatenate([way.levels for way in met])), True
+
+
+def _widened(rows: Array) -> Array:
+    """Return rows over z as rows over z and the largest gap."""
+    return np.hstack([rows, np.zeros((len(rows), 1))])
+
+
+def _overlapping(gaps: Array, rates: Array) -> tuple[str, ...]:
+    """Return which contacts overlap whatever the motion."""
+    flat = np.linalg.norm(rates, axis=1) <= DEFAULT.tie
+    at = np.flatnonzero(flat & (gaps < -DEFAULT.touch)).tolist()
+    return (f"contact {_listed(at)} overlaps whatever the motion",) if at else ("some contact always overlaps",)
