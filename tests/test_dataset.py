@@ -190,6 +190,13 @@ def test_a_smaller_valid_motion_refutes_the_set(score: Any) -> None:
     assert "REFUTED" in said.why
 
 
+def test_a_rounding_of_a_small_motion_refuted_the_set(score: Any) -> None:
+    own = scene("key in a slot, sizes per face: touch, narrow slot, x, y")
+    less = [0.0025 * (1 - 1.2e-6), 0.0]
+    assert score.miss(own, less) == pytest.approx(3e-9, rel=1e-3)
+    assert score.verdict(own, {"claim": "least", "motion": less}).outcome == "near"
+
+
 def test_a_motion_where_there_is_none(score: Any) -> None:
     own = scene("peg: clear, 1.04 and 1, x, y")
     assert score.verdict(own, {"claim": "none"}).outcome == "least"
