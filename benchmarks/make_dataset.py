@@ -29,8 +29,9 @@ from fcdm_opt_benchmarks.references import shifts
 from fcdm_opt_benchmarks.shapes import box, polygon, prism, random_directions, random_rotation
 from fcdm_opt_benchmarks.stability.drawn_parts import PARTS
 
-VERSION = "1.0"
+VERSION = "1.1"
 DATASET = Path(__file__).parent / "dataset"
+MESHES = Path(__file__).parent / "meshes"
 DIGITS = 4  # of coordinates that are drawn by lot, or are on a circle
 WIDEST = 2e-3  # relative: gap of a proved interval
 X, Y, Z = ([float(k == j) for j in range(3)] for k in range(3))
@@ -292,6 +293,7 @@ def drawn(rng: np.random.Generator) -> Iterator[Scene]:
     yield from _located()
     yield from _of_sizes()
     yield from _turned()
+    yield from _meshes()
 
 
 def _boxes() -> Iterator[Scene]:
@@ -728,6 +730,52 @@ def _turned() -> Iterator[Scene]:
         (1, 1),
         asked(slab, FREE, "clear", clearance=0.75),
     )
+
+
+PANDA = {"from": "https://github.com/frankaemika/franka_ros", "licence": "Apache-2.0"}
+TRIMESH = {"from": "https://github.com/mikedh/trimesh", "licence": "MIT"}
+
+
+def _mesh(name: str, unit: float = 1.0) -> tuple[Any, Any]:
+    """Return corners, to `DIGITS` places, and triangles of a mesh that others have made."""
+    import trimesh
+
+    found = trimesh.load_mesh(MESHES / name)
+    return np.round(np.asarray(found.vertices, dtype=np.float64) * unit, DIGITS), np.asarray(found.faces)
+
+
+def _cut(name: str) -> list[Any]:
+    """Return the convex parts of a mesh of others: cut at its own corners, so that no coordinate is new."""
+    import fcdm_opt as fo
+
+    return [own.vertices for own in fo.Body.from_mesh(*_mesh(name), decomposition="exact").parts]
+
+
+def _meshes() -> Iterator[Scene]:
+    """Yield parts of `meshes`, of open licence: a robot's hand and the flange that bears it, a tube, a notched cube."""
+    hand, flange = (np.unique(_mesh(name, 1000.0)[0], axis=0) for name in ("panda_hand.stl", "panda_flange.stl"))
+    half, low = math.sqrt(0.5), body([flange], (0, 0, 0))
+    placed = hand @ np.array([[half, half, 0], [-half, half, 0], [0, 0, 1]]).T  # as the robot carries it
+    made: list[tuple[str, str, Scene, Scene, Any, Scene, Scene]] = []
+    for lift, scale, goal, motion in (
+        (107.0, (1.01, 1.0), "clear", along(Z)),
+        (140.0, (0.99, 1.01), "touch", along(X, Z)),
+        (140.0, (1.0, 1.0), "touch", [*along(Z), about(X)]),
+    ):
+        high = body([placed + np.array([0.0, 0.0, lift])], (0, 0, lift))
+        tags = "curved mesh real"
+        made.append(("robot hand on its flange", tags, high, low, scale, asked(high, motion, goal), PANDA))
+    tube = body(_cut("tube.stl"), (0, 0, 30))
+    pin = body([prism(2.1 * polygon(12) + np.array([0.05, 0.02]), -10, 70)], (0.05, 0.02, 30))
+    question = asked(pin, along(X, Y), "touch", limits=[[-2.0, 2.0], [-2.0, 2.0]])
+    made.append(("pin in a tube", "curved mesh real union", pin, tube, (0.99, 1.01), question, TRIMESH))
+    notched, block = body(_cut("notched_cube.stl"), (-20, -20, -20)), body([box((0, 0, 0), (20, 20, 20))], (10, 10, 10))
+    question = asked(block, along(X, Y, Z), "locate", pairs=[[0, 0], [0, 1], [0, 2]])
+    tags = "aligned flush contacts mesh real union"
+    made.append(("block in a notch", tags, block, notched, (0.99, 1.01), question, TRIMESH))
+    for family, tags, one, two, scale, question, source in made:
+        name = f"{question['goal']}, {_ways(question['motion'])}"
+        yield scene("drawn", family, name, tags, one, two, scale, question, mesh=source)
 
 
 # -------------------------------------------------------------------------------------------------------------- answers

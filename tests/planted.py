@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from typing import Any
 
 from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
@@ -28,6 +29,12 @@ def right(data: Data) -> Data:
 def hangs(data: Data) -> Data:
     while data["x"] < 5:
         pass
+    return right(data)
+
+
+def waits(data: Data) -> Data:
+    """Do nothing beyond the limit, as where other programs have the processor."""
+    time.sleep(2.1 if data["x"] < 5 else 0.0)
     return right(data)
 
 
@@ -73,6 +80,7 @@ def unwell(data: Data) -> Data:
 METHODS = {
     "right": right,
     "hangs": hangs,
+    "waits": waits,
     "leaves": leaves,
     "aborts": aborts,
     "prints": prints,

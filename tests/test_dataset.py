@@ -46,7 +46,31 @@ def test_small_and_half_as_engineers_draw() -> None:
     drawn = sum(own["class"] == "drawn" for own in SCENES)
     assert 0.45 <= drawn / len(SCENES) <= 0.55
     tags = {tag for own in SCENES for tag in own["tags"]}
-    assert {"aligned", "flush", "union", "curved", "mesh", "contacts", "sizes"} <= tags
+    assert {"aligned", "flush", "union", "curved", "mesh", "contacts", "sizes", "real"} <= tags
+
+
+def test_meshes_of_others_carry_their_open_licence_and_come_from_the_files_beside() -> None:
+    """The hull of a scene's body has the volume of that of its file."""
+    import trimesh
+    from scipy.spatial import ConvexHull
+
+    folder = FOLDER.parent / "meshes"
+    said = (folder / "README.md").read_text(encoding="utf-8")
+    assert all(path.name in said for path in folder.glob("*.stl"))
+    real = [own for own in SCENES if "real" in own["tags"]]
+    assert real == [own for own in SCENES if "mesh" in own]
+    for own in real:
+        assert own["mesh"]["licence"] in {"MIT", "Apache-2.0"}
+        assert own["mesh"]["from"] in said
+    for name, family, role, unit in (
+        ("panda_hand.stl", "robot hand on its flange", "movable", 1000.0),
+        ("panda_flange.stl", "robot hand on its flange", "static", 1000.0),
+        ("tube.stl", "pin in a tube", "static", 1.0),
+        ("notched_cube.stl", "block in a notch", "static", 1.0),
+    ):
+        own = next(own for own in real if own["family"] == family)
+        held = ConvexHull(np.vstack([np.array(part) for part in own[role]["parts"]])).volume
+        assert held == pytest.approx(trimesh.load_mesh(folder / name).convex_hull.volume * unit**3, rel=1e-5), name
 
 
 @pytest.mark.parametrize("own", MOVED, ids=lambda own: own["name"])
@@ -166,6 +190,13 @@ def test_a_smaller_valid_motion_refutes_the_set(score: Any) -> None:
     assert "REFUTED" in said.why
 
 
+def test_a_rounding_of_a_small_motion_refuted_the_set(score: Any) -> None:
+    own = scene("key in a slot, sizes per face: touch, narrow slot, x, y")
+    less = [0.0025 * (1 - 1.2e-6), 0.0]
+    assert score.miss(own, less) == pytest.approx(3e-9, rel=1e-3)
+    assert score.verdict(own, {"claim": "least", "motion": less}).outcome == "near"
+
+
 def test_a_motion_where_there_is_none(score: Any) -> None:
     own = scene("peg: clear, 1.04 and 1, x, y")
     assert score.verdict(own, {"claim": "none"}).outcome == "least"
@@ -191,7 +222,7 @@ def test_the_scorer_knows_of_no_tool() -> None:
 # ------------------------------------------------------------------------------------------ our own command, by files
 
 
-@pytest.mark.parametrize("only", ["shim", "sizes per face", "against three walls"])
+@pytest.mark.parametrize("only", ["hook and bar", "sizes per face", "against three walls"])
 def test_our_command_answers_by_files_alone(tmp_path: Path, score: Any, only: str) -> None:
     out = tmp_path / "answers.json"
     script = [sys.executable, str(FOLDER / "answer_fcdm_opt.py"), str(out), "--only", only]

@@ -206,6 +206,23 @@ def test_a_true_edge_divided_by_a_cut_was_two_edges():
     assert one["E"][(1, 0, 0), (1, 0, 1)].kind == "F"
 
 
+def test_corners_that_parts_list_for_themselves_gave_faces_and_edges_two_names():
+    """Slices of a bent tube, rounded and so not quite flat, with shared corners and with a list of corners for each."""
+    around = np.arange(8) * np.pi / 4
+    radii, heights = 3 + np.cos(around), np.sin(around)
+    rings = [np.column_stack([radii * np.cos(t), radii * np.sin(t), heights]).round(2) for t in (0, 0.6, 1.2, 1.8)]
+    slices = [np.vstack(pair) for pair in itertools.pairwise(rings)]
+    once = Body.from_parts(slices, seed=(0, 0, 0))
+    rows = np.arange(48).reshape(3, 16)
+    twice = Body.from_parts(np.vstack(slices), parts=rows.tolist(), seed=(0, 0, 0))
+    places = [{tuple(body.vertices[v - 1]) for v in face} for body in (once, twice) for face in body.faces]
+    assert places[: len(once.faces)] == places[len(once.faces) :]
+    for part, other in zip(once.parts, twice.parts, strict=True):
+        for kind in "VEF":
+            owned = [[body.owns(own) for own in each.elements[kind]] for body, each in ((once, part), (twice, other))]
+            assert owned[0] == owned[1]
+
+
 def test_an_edge_that_goes_on_beyond_its_neighbour_is_named_by_what_is_true_of_it():
     body = Body.from_parts([box((0, 0, 0), (3, 1, 1)), box((0, 1, 0), (1, 3, 1))])  # an L, the seam a third of a side
     ends = {tuple(x): k + 1 for k, x in enumerate(body.vertices.tolist())}

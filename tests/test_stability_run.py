@@ -108,6 +108,12 @@ def test_a_method_that_hangs_at_some_cases_answers_the_others(results):
     assert all(result.seconds >= 0.9 for result in own.values() if result.outcome == "hung")
 
 
+def test_a_process_that_had_no_processor_is_given_half_the_limit_more(results):
+    own = of(results, "waits")
+    assert {result.outcome for result in own.values()} == {"right"}
+    assert own["twice 1.0"].seconds > 2.0  # the limit of a cold process here
+
+
 def test_answers_and_errors_are_kept(results):
     assert of(results, "right")["twice 0.1"].answer == {"twice": 0.2}
     assert of(results, "off, by little")["twice 5.0"].verdict.error == pytest.approx(1e-5)

@@ -36,7 +36,7 @@ REACHED, NEAR = 1e-6, 1e-3
 """Relative: a motion this much larger than the least has reached it; is near it."""
 
 TIGHT = 1e-10
-"""Of the size: only motions that miss by no more can refute the data set's own bounds."""
+"""Of the size: only motions that miss by no more, and are less by more, can refute the data set's own bounds."""
 
 PARALLEL = 1e-9
 """Sine of an angle below which edges, or faces, have one direction."""
@@ -247,7 +247,7 @@ def verdict(scene: Scene, answer: Mapping[str, Any] | None) -> Verdict:
         return Verdict("wrong", None, seconds, f"misses what is asked by {off:.3g}")
     if "none" in truth:
         return Verdict("wrong", None, seconds, "a motion where there is none")
-    if off <= TIGHT * size(scene) and own < truth["lower"] * (1 - REACHED):
+    if off <= TIGHT * size(scene) and own < truth["lower"] * (1 - REACHED) - TIGHT * size(scene):
         return Verdict("wrong", None, seconds, f"DATA SET REFUTED: {own:.9g}, below {truth['lower']:.9g}")
     error = abs(own - least) / least if least else own / size(scene)
     if claim == "least" and own > least * (1 + NEAR) + MISS * size(scene):

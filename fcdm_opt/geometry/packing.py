@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
-from fcdm_opt.geometry.measures import cross
+from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _face_normals(part: ConvexPart) -> tuple[Array, Array]:
     if triangles.size:
         corners = part.vertices[np.array([loops[k] for k in triangles])]
         one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        across = np.cross(one, two)
+        across = cross(one, two)
         area = np.sqrt((across**2).sum(axis=1))
         with np.errstate(divide="ignore", invalid="ignore"):
             normals[triangles] = across / area[:, None]
@@ -143,7 +143,7 @@ def _rounded_unit(n: NDArray[Any]) -> Array:
 def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     """Return a polygon's unit normal with its error bound: rounding where it is planar, else its spread too."""
     exact = _exact(polygon)
-    corner = int(np.argmax(np.linalg.norm(np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]), axis=1))) + 1
+    corner = int(np.argmax(norms(cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0])))) + 1
     n = cross(exact[corner], exact[corner + 1])
     if not (exact @ n).any():
         return _rounded_unit(n), 5 * _UNIT
@@ -156,7 +156,7 @@ def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     # A facet on three of the corners tilts by at most the spread, 2 height, over that triangle's least height, which is
     # least / reach; the smallest triangle of a convex polygon has consecutive corners. Doubled.
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
-    least = float(np.linalg.norm(np.cross(before, after), axis=1).min())
+    least = float(norms(cross(before, after)).min())
     return drawn, 8 * height * reach / least + 8 * _UNIT if least > 0 else np.inf
 
 
@@ -164,7 +164,7 @@ def _is_convex(part: ConvexPart, normals: Array, errors: Array) -> bool:
     """Tell whether the exact facets of any two neighbouring faces certainly meet at a convex edge."""
     along = part.vertices[part.edges[:, 1]] - part.vertices[part.edges[:, 0]]
     left, right = part.edges[:, 2], part.edges[:, 3]
-    folds = (np.cross(normals[left], normals[right]) * along).sum(axis=1) / np.sqrt((along**2).sum(axis=1))
+    folds = (cross(normals[left], normals[right]) * along).sum(axis=1) / np.sqrt((along**2).sum(axis=1))
     doubtful = np.flatnonzero(~(folds > 2 * (errors[left] + errors[right]) + 16 * _UNIT))
     return all(_folds(part, *part.edges[k].tolist()) for k in doubtful)
 

@@ -23,7 +23,9 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     exposed = [walls.exposed(k) for k in range(len(walls.loops))]
     shown = [k for k, pieces in enumerate(exposed) if pieces]
     groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
-    faces = [sorted({v for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
+    _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    same = first[place].tolist()  # parts may list a corner each for themselves: edges too are named by its first row
+    faces = [sorted({same[v] for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
     corners, triangles, owners, normals = list(points), list[Ints](), list[int](), list[Array]()
     sides = {pair for face in given or () for pair in zip(face, [*face[1:], face[0]], strict=True)}
     seen = [(k, piece[[0, j, j + 1]]) for k in shown if given for piece in exposed[k] for j in range(1, len(piece) - 1)]
