@@ -360,7 +360,8 @@ class _PosedPart:
             along = (part.part.vertices[drawn[:, 1]] - part.part.vertices[drawn[:, 0]]) @ R.T  # has the digits of n
         else:
             each = np.sort(triples[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2), axis=1)
-            pairs, first = np.unique(each, axis=0, return_index=True)
+            codes, first = np.unique(each @ [facets, 1], return_index=True)
+            pairs = np.column_stack(np.divmod(codes, facets))
             ends = first // 3
             known = {tuple(sorted(row)): k for k, row in enumerate(part.part.edges[:, 2:].tolist())}
             along = np.cross(normals[pairs[:, 0]], normals[pairs[:, 1]])
@@ -515,7 +516,8 @@ def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Ar
     """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides.
 
     A game of a few rows and corners: to the mixture of rows the box answers with the corner that makes it least, to the
-    mixture of corners with the row that is largest there, until both are worth the same, which proves it. With `sign` only so far as to tell which side of zero it is on.
+    mixture of corners with the row that is largest there, until both are worth the same, which proves it. With `sign`
+    only so far as to tell which side of zero it is on.
     """
     middle, half = _centred(box)
     ends = np.where(rows[:, 1:] > 0.0, box[:, 0], np.where(rows[:, 1:] < 0.0, box[:, 1], middle))
