@@ -222,6 +222,12 @@ REFUSED = {
 }
 
 
+def test_a_face_that_is_not_there_is_refused_whatever_is_made() -> None:
+    size = fo.Size("odd", "static", faces="F99")
+    with pytest.raises(fo.InputError, match="F1 to F10"):
+        fo.Problem(box((-5, 13, 2), (5, 20, 28)), slot(), sizes=[size], motion=X, goal="touch")
+
+
 @pytest.mark.parametrize("key", REFUSED)
 def test_what_no_size_is_is_refused_with_what_is_allowed(key: str) -> None:
     arguments, said = REFUSED[key]

@@ -278,7 +278,7 @@ def test_cheapest_tolerances_are_those_of_brute_force(name: str) -> None:
     found = stack.allocate({"s0": 1.0, "s1": ("1/t^2", 0.02), "s2": 0.5}, limits=(low, np.inf))
     cost = {"s0": lambda t: 1.0 / t, "s1": lambda t: 0.02 / t**2, "s2": lambda t: 0.5 / t}
     least = brute(wide(stack, one, two), cost, [0.02] * 3, low)
-    assert found.least >= low - 1e-7
+    assert found.least >= low - 1e-14
     assert found.cost <= least * (1 + 1e-9)  # no grid is cheaper
     assert found.cost >= 0.98 * least  # and it comes near
 
@@ -299,8 +299,16 @@ def test_cheapest_tolerances_have_their_closed_form() -> None:
         3 * 0.06 / ndtri(0.9973), rel=1e-5
     )
     assert share.cost < found.cost
+    for limits in ((0.04, 0.16), (0.04, 0.13), (0.07, 0.2), (-1.0, 0.15)):  # both limits together, not each
+        told = stack.allocate(cost, share=0.9973, limits=limits).tolerances
+        made = [replace(size, tolerance=told[size.name]) for size in sizes]
+        again = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *made, limits=limits)
+        assert again.root_sum_square().share == pytest.approx(0.9973, abs=1e-9)
     with pytest.raises(fo.InputError, match="no tolerances keep the gap"):
         stack.allocate(cost, limits=(0.2, np.inf))
+    for table in ([("a", 1.0), (0.05, 2.0)], [(0.1, 1.0), (0.05,)], [(0.01, np.nan), (0.05, 2.0)], [(1, 2, 3)] * 2):
+        with pytest.raises(fo.InputError, match="cost"):
+            stack.allocate({"a": table})
     with pytest.raises(fo.InputError, match="unusable table of costs"):
         stack.allocate({"a": [(0.01, 1.0), (0.02, 2.0)]})
 

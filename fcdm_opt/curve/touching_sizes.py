@@ -371,7 +371,8 @@ class _PosedPart:
             along = (part.part.vertices[drawn[:, 1]] - part.part.vertices[drawn[:, 0]]) @ R.T  # has the digits of n
         else:
             each = np.sort(triples[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2), axis=1)
-            pairs, first = np.unique(each, axis=0, return_index=True)
+            codes, first = np.unique(each @ [facets, 1], return_index=True)
+            pairs = np.column_stack(np.divmod(codes, facets))
             ends = first // 3
             known = {tuple(sorted(row)): k for k, row in enumerate(part.part.edges[:, 2:].tolist())}
             along = np.cross(normals[pairs[:, 0]], normals[pairs[:, 1]])
@@ -525,8 +526,9 @@ def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
 def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:
     """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides.
 
-    A game: one side mixes rows, the other answers with the corner that makes the mixture least; what it answers last
-    proves the value. With `sign` only so far as to tell which side of zero it is on.
+    A game of a few rows and corners: to the mixture of rows the box answers with the corner that makes it least, to the
+    mixture of corners with the row that is largest there, until both are worth the same, which proves it. With `sign`
+    only so far as to tell which side of zero it is on.
     """
     middle, half = _centred(box)
     ends = np.where(rows[:, 1:] > 0.0, box[:, 0], np.where(rows[:, 1:] < 0.0, box[:, 1], middle))
@@ -534,21 +536,25 @@ def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Ar
     top = int(heights.argmax())  # no row goes lower than this; where no other is higher at its corner, that is all
     if (sign and heights[top] >= 0.0) or (rows[:, 0] + rows[:, 1:] @ ends[top] <= heights[top]).all():
         return float(heights[top]), ends[top]
-    corners = ends
     near = DEFAULT.planarity * float(
         np.abs(rows[:, 0] + rows[:, 1:] @ middle).max() + (np.abs(rows[:, 1:]) @ half).max()
     )
+    held, corners = np.unique([top, int((rows[:, 0] + rows[:, 1:] @ ends[top]).argmax())]), ends[[top]]
     for _ in range(ANSWERS):
-        table = rows[:, :1] + rows[:, 1:] @ corners.T
-        mixture = game(table) @ rows
+        own = rows[held]
+        table = own[:, :1] + own[:, 1:] @ corners.T
+        mixture, place = game(table) @ own, game(-table.T) @ corners
         answer = np.where(mixture[1:] > 0.0, box[:, 0], np.where(mixture[1:] < 0.0, box[:, 1], middle))
         lower = float(mixture[0] + mixture[1:] @ answer)
-        place = game(-table.T) @ corners
-        upper = float((rows[:, 0] + rows[:, 1:] @ place).max())
+        reached = rows[:, 0] + rows[:, 1:] @ place
+        highest = int(reached.argmax())
+        upper = float(reached[highest])
         if upper - lower <= near or (sign and (upper < 0.0 or lower >= 0.0)):
             return upper, np.clip(place, box[:, 0], box[:, 1])
-        if (corners == answer).all(axis=1).any():
+        known = highest in held
+        if known and (corners == answer).all(axis=1).any():
             break
+        held = held if known else np.append(held, highest)
         corners = np.vstack([corners, answer])
     return _program(rows, box)
 

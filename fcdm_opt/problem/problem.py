@@ -423,6 +423,7 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
         if size.body not in ("movable", "static"):
             allowed = '"movable" or "static"'
             raise InputError("no such body", key=f"size '{size.name}'.body", found=size.body, allowed=allowed)
+        size.offsets(request[size.body])  # refused here if its faces are not there, whatever is made
     for name in names:
         if names.count(name) > 1:
             raise InputError(

@@ -11,13 +11,14 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive
 from fcdm_opt.problem.schema import known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_CHOICES = 256  # of rows that hold the least gap of each part pair: all are tried up to here
+COSTS = 'a number c > 0 (c / t), ("1/t", c), ("1/t^2", c) or [(t, cost), ...], convex and falling'
 ROUNDS = 20  # of mixing rows anew at the tolerances found
 
 
@@ -63,8 +64,6 @@ def allocated(
     InputError
         For a cost that is no such, and where the limits cannot be kept with any tolerances.
     """
-    from scipy.special import ndtri
-
     sizes = touching.sizes
     names = [size.name for size in sizes]
     known_sizes(cost, "cost", names)
@@ -87,8 +86,7 @@ def allocated(
     pairs = [
         np.column_stack([pair.values[:, 0] + pair.values[:, 1:] @ middle, pair.values[:, 1:]]) for pair in around.pairs
     ]
-    scale = None if share is None else float(ndtri(share)) / (3.0 * cp)
-    program = _Program(names, cost, most, np.array([size.half for size in sizes]), scale)
+    program = _Program(names, cost, most, np.array([size.half for size in sizes]), share, cp)
     low, high = limits
     uppers = [list(pair) for pair in pairs] if np.isfinite(high) else [[]]
     best: tuple[float, Array, list[Array]] | None = None
@@ -98,7 +96,7 @@ def allocated(
             if found is None:
                 continue
             held = lowers
-            for _ in range(ROUNDS if scale is None and lowers else 0):
+            for _ in range(ROUNDS if share is None and lowers else 0):
                 t = found[1]
                 mixed = [_mix(pair, t) for pair in pairs]
                 again = program.solved(mixed, low, upper, high)
@@ -118,7 +116,7 @@ def allocated(
     ]
     result = TouchingSizes.of(*touching.bodies, made, transform=touching.transform, least=False)
     deviation = None
-    if scale is not None:
+    if share is not None:
         held = lowers or [pair[0] for pair in pairs]
         deviation = max(float(np.linalg.norm(row[1:] * t)) for row in held) / (3.0 * cp)
     ends = {size.name: size.tolerance for size in made}
@@ -153,9 +151,10 @@ class _Program:
     """The convex program over half tolerances, in shares of the largest ones."""
 
     def __init__(
-        self, names: Sequence[str], cost: Mapping[str, Any], most: Array, given: Array, scale: float | None
+        self, names: Sequence[str], cost: Mapping[str, Any], most: Array, given: Array, share: float | None, cp: float
     ) -> None:
-        self._names, self._cost, self._most, self._given, self._scale = names, cost, most, given, scale
+        self._names, self._cost, self._most, self._given = names, cost, most, given
+        self._share, self._deviations = share, 3.0 * cp
 
     def solved(self, lowers: Sequence[Array], low: float, uppers: Any, high: float) -> tuple[float, Array] | None:
         """Return the least cost and its half tolerances; None where there are none."""
@@ -167,21 +166,16 @@ class _Program:
 
         def taken(row: Array) -> Any:
             parts = np.abs(row[1:]) * self._most
-            if self._scale is None:
+            if self._share is None:
                 return parts[free] @ x + np.abs(row[1:]) @ held
             rest = float(np.linalg.norm(row[1:] * held))
-            return self._scale * cp.norm(cp.hstack([cp.multiply(parts[free], x), rest]))
+            return cp.norm(cp.hstack([cp.multiply(parts[free], x), rest]))
 
-        rows = [np.atleast_2d(uppers)] if len(uppers) else []
-        size = (
-            max(
-                float(np.abs(own[:, 0]).max()) for own in [*rows, np.array([row.tolist() for row in lowers] or [[1.0]])]
-            )
-            or 1.0
-        )
-        limits = [x <= 1.0]
-        limits += [taken(row) / size <= (row[0] - low) / size for row in lowers]
-        limits += [taken(row) / size <= (high - row[0]) / size for own in rows for row in own]
+        rows = [(row, row[0] - low) for row in lowers] + [(row, high - row[0]) for row in uppers]
+        if self._share is not None:
+            rows = self._spread(lowers, low, uppers, high)
+        size = max([abs(float(row[0])) for row, _ in rows], default=1.0) or 1.0
+        limits = [x <= 1.0, *(taken(row) / size <= room / size for row, room in rows)]
         prices = [_price(cp, self._cost[self._names[k]], x[j], float(self._most[k])) for j, k in enumerate(free)]
         problem = cp.Problem(cp.Minimize(sum(prices)), limits)
         try:
@@ -190,35 +184,82 @@ class _Program:
             return None
         if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             return None
+        x.value = np.clip(np.asarray(x.value), 0.0, 1.0)
+        x.value = x.value * self._within(rows, free, x.value * self._most[free], held)
         t = held + 0.0
-        t[free] = np.clip(np.asarray(x.value), 0.0, 1.0) * self._most[free]
-        return float(problem.value), t
+        t[free] = x.value * self._most[free]
+        return float(problem.objective.value), t
+
+    def _spread(self, lowers: Sequence[Array], low: float, uppers: Any, high: float) -> list[tuple[Array, float]]:
+        """Return rows, and what the root sum square of their half tolerances may be for a share to be within.
+
+        A row that holds both limits has all that is outside; where different rows do, each has half of it.
+        """
+        from scipy.optimize import brentq
+        from scipy.special import ndtr, ndtri
+
+        assert self._share is not None
+        share = self._share if high == np.inf or low == -np.inf else (1.0 + self._share) / 2.0
+        rows = [(row, row[0] - low, high) for row in lowers] + [(row, high - row[0], low) for row in uppers]
+        found = []
+        for row, room, other in rows:
+            deviation = room / float(ndtri(share))
+            both = np.isfinite(other) and all(any((row == own).all() for own in side) for side in (lowers, uppers))
+            if both and min(row[0] - low, high - row[0]) > 0.0:
+                ends = np.array([low, high]) - row[0]
+                least, most = (np.sort(np.abs(ends)) / ndtri((1.0 + self._share) / 2.0)).tolist()
+                deviation = least if most == least else brentq(
+                    lambda own, ends=ends: np.diff(ndtr(ends / own))[0] - self._share, least, most
+                )  # fmt: skip
+            found.append((row, deviation * self._deviations))
+        return found
+
+    def _within(self, rows: Sequence[tuple[Array, float]], free: Sequence[int], t: Array, held: Array) -> float:
+        """Return the share of some half tolerances, 1 but for the solver's slack, with which all limits are kept."""
+        share = 1.0
+        for row, room in rows:
+            moving, fixed = row[1:][free] * t, row[1:] * held
+            if self._share is None:
+                own, left = float(np.abs(moving).sum()), room - float(np.abs(fixed).sum())
+            else:
+                own, rest = float(np.linalg.norm(moving)), float(np.linalg.norm(fixed))
+                left = float(np.sqrt(max(room**2 - rest**2, 0.0)))
+            if own > left:
+                share = min(share, max(left, 0.0) / own)
+        return share
 
 
 def _most(cost: Any) -> float:
     """Return the largest half tolerance that a cost is told for."""
-    return float(np.asarray(cost, float)[:, 0].max()) if _is_table(cost) else np.inf
+    return float(_table(cost)[-1, 0]) if _is_table(cost) else np.inf
 
 
 def _is_table(cost: Any) -> bool:
-    return not isinstance(cost, str) and np.ndim(cost) == 2 if not _is_law(cost) else False
+    return isinstance(cost, tuple | list | np.ndarray) and not _is_law(cost)
 
 
 def _is_law(cost: Any) -> bool:
     return isinstance(cost, tuple | list) and len(cost) == 2 and isinstance(cost[0], str)
 
 
+def _table(cost: Any) -> Array:
+    """Return a table of half tolerances and costs, (n, 2), checked."""
+    table = numbers(cost, "cost")
+    if table.ndim == 2 and table.shape[1] == 2 and len(table) > 1 and np.isfinite(table).all():
+        steps, falls = np.diff(table, axis=0).T
+        if table[0, 0] >= 0.0 and (steps > 0).all() and (falls < 0).all() and (np.diff(falls / steps) >= 0).all():
+            return table
+    raise InputError("unusable table of costs", key="cost", found=cost, allowed=COSTS)
+
+
 def _price(cp: Any, cost: Any, x: Any, most: float) -> Any:
     """Return the cost of a half tolerance x * most as an expression."""
-    allowed = 'a number c > 0 (c / t), ("1/t", c), ("1/t^2", c) or [(t, cost), ...], convex and falling'
     law, factor = cost if _is_law(cost) else ("1/t", cost)
     if _is_table(cost):
-        t, c = np.asarray(cost, float).T
+        t, c = _table(cost).T
         slopes = np.diff(c) / np.diff(t)
-        if len(t) < 2 or not ((np.diff(t) > 0).all() and (slopes < 0).all() and (np.diff(slopes) >= 0).all()):
-            raise InputError("unusable table of costs", key="cost", found=cost, allowed=allowed)
         return cp.max(cp.hstack([c[k] + slope * (x * most - t[k]) for k, slope in enumerate(slopes)]))
     if law not in ("1/t", "1/t^2") or np.ndim(factor):
-        raise InputError("unusable cost", key="cost", found=cost, allowed=allowed)
+        raise InputError("unusable cost", key="cost", found=cost, allowed=COSTS)
     c = positive(factor, "cost")
     return c / most * cp.inv_pos(x) if law == "1/t" else c / most**2 * cp.power(x, -2)

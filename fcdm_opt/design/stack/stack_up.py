@@ -252,8 +252,8 @@ class StackUp:
             Of a half tolerance t: a number c (c / t), ("1/t", c), ("1/t^2", c), or a table [(t, cost), ...], convex and
             falling, straight between its entries. Sizes without a cost keep their tolerance. Middles are kept.
         share : float, optional
-            At least this share of the pairs is to be within, by root-sum-square with t = 3 cp deviations and per limit;
-            default all of them, in the worst case.
+            At least this share of the pairs is to be within, by root-sum-square with t = 3 cp deviations; default all
+            of them, in the worst case.
         limits : (float, float), optional
             Default `limits`.
         widest : float
