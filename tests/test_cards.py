@@ -108,7 +108,7 @@ def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solutio
     words = read(solution).words
     for text in (
         "SOLVED",
-        "Move probe 0.01 along +z: then its corner 1 touches the top (+z) face of probe; smallest possible (proved)",
+        "Move probe 0.01 along +z: then its corner 1 touches the top face (facing +z) of probe; smallest possible",
         "0.01",
         "exact",
         "touching",

@@ -294,7 +294,7 @@ def test_stars_are_covered_by_parts_that_all_hold_the_seed(sides, inner):
     vertices, triangles = extruded(radius * ring(2 * sides, 1.0))
     seed = np.array([0.1, -0.05, 0.4])
     body, mesh = Body.from_mesh(vertices, triangles, seed=seed), checked_mesh(vertices, triangles)
-    assert "cover" in body.notes[0]
+    assert "parts that overlap" in body.notes[0]
     assert (held_by_parts(body, seed[None]) == len(body.parts)).all()
     assert len(body.parts) <= sides
     points = np.random.default_rng(sides).uniform([-3, -3, 0], [3, 3, 1], (2000, 3))
@@ -306,7 +306,7 @@ def test_no_part_of_a_cover_is_needless():
     radius = np.tile([2.0, 3.0], 7)[:, None] * rng.uniform(0.9, 1.1, (14, 1))
     vertices, triangles = extruded(radius * ring(14, 1.0))
     body = Body.from_mesh(vertices, triangles, seed=(0, 0, 0.5))
-    assert "cover" in body.notes[0]
+    assert "parts that overlap" in body.notes[0]
     points = rng.uniform([-3.3, -3.3, 0], [3.3, 3.3, 1], (20000, 3))
     for k in range(len(body.parts)):
         one = Body.from_parts([body.parts[k].vertices], seed=body.seed)
