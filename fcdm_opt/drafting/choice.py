@@ -90,18 +90,10 @@ def chosen(situation: Situation) -> Choice:
     Parts that touch at several places are to do so again, if shifts can bring that about in all cases. Parts that touch
     flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where that cannot be
     asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations along one axis
-    come before those along three wherever they are as small, and rotations after both. Of large meshes one axis is
-    taken, that nearest to the normal along which most cases are solved.
+    come before those along three wherever they are as small, and rotations after both.
     """
     if situation.large:
-        goal, axes = "touch", np.argsort(-np.abs(situation.normal), kind="stable")
-        tries = []
-        for axis in (AXES[k] for k in axes.tolist()):
-            pacing.at(f'trying goal "{goal}" along {axis}')
-            tries.append(_tried(situation, goal, Translation(axis)))
-            if tries[-1] is not None and len(tries[-1].usable) == len(SIGNS):
-                break
-        return max((own for own in tries if own is not None), key=lambda own: len(own.usable))
+        return _of_one_axis(situation)
     for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         if (every := _tried(situation, goal, ANY_SHIFT, together=True)) is not None:
@@ -130,6 +122,25 @@ def chosen(situation: Situation) -> Choice:
             break
     assert found is not None  # "touch" and "clear" can be asked of any parts
     return found
+
+
+def _of_one_axis(situation: Situation) -> Choice:
+    """Return the same of large meshes, with a shift along the normal or one axis, which are asked about shortly."""
+    axes = [AXES[k] for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist()]
+    asked: list[tuple[str, str | tuple[float, float, float]]] = [("touch", axis) for axis in axes]
+    if situation.state == "touching":
+        asked.insert(0, ("seat", named(situation.normal)))
+    tries = list[Choice]()
+    for goal, axis in asked:
+        if tries and pacing.over():
+            break
+        pacing.at(f'trying goal "{goal}" along {axis}')
+        tried = _tried(situation, goal, Translation(axis))
+        if tried is not None:
+            tries.append(tried)
+            if len(tried.usable) == len(SIGNS) or tried.settled:
+                break
+    return max(tries, key=lambda own: len(own.usable))
 
 
 def named(axis: Array) -> str | tuple[float, float, float]:

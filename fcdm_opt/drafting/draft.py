@@ -223,6 +223,8 @@ def state_text(situation: Situation, unit: str) -> str:
         listed = " and ".join([*labels[:MOST_CONTACTS], *more])
         at = f", at {len(labels)} places" if len(labels) > 1 else ""
         return f"{text}{at}: {listed}" if labels else text
+    if situation.large:
+        return text  # what else would touch before is not looked at
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
             return text  # as from a hole that opens: true, and of no use

@@ -24,16 +24,10 @@ def _walls(problem: Problem) -> tuple[Array, Array]:
     Of each pair the facet direction of its largest separation at the nominal sizes. Of pairs that overlap there, none.
     """
     pose, slack = relative_pose(problem.movable, problem.static, REST), DEFAULT.snap * problem.size
-    normals, lines = [], []
-    for one in problem.movable.parts:
-        for two in problem.static.parts:
-            _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
-            gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
-            best = int(gaps.argmax())
-            if gaps[best] >= -slack:
-                normals.append(rows[best, :3])
-                lines.append(rows[best, 3:])
-    return np.reshape(normals, (-1, 3)), np.reshape(lines, (-1, 3))
+    rho = problem.nominal_pair
+    rows = kernels.widest_rows(*problem.movable.packed, *problem.static.packed, pose, rho)
+    rows = rows[rows[:, 5] - rows[:, 3:5] @ rho >= -slack]
+    return rows[:, :3], rows[:, 3:]
 
 
 def holds(problem: Problem) -> bool:
