@@ -7,6 +7,7 @@ import pytest
 from test_decomposition import VOXELS, surface_of
 
 import fcdm_opt as fo
+from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.whole import WholeSurfaces
 from fcdm_opt.motion.motions import Free, Translation
@@ -125,3 +126,14 @@ def test_a_free_motion_of_a_part_with_thousands_of_faces_is_bounded(bored: fo.Bo
     assert solution.usable
     assert solution.amount <= HOLE - 8.5
     assert solution.lower_bound <= solution.amount
+
+
+def test_the_distance_of_large_meshes_as_drawn_is_that_of_their_nearest_corners(bored: fo.Body) -> None:
+    # facets of the hole are nearer to the tip by their boxes than the one it stands over, across their planes
+    tip = np.array([(0.0, 0.0, 0.0), (-0.4, 0.3, 3.0), (0.4, 0.3, 3.0), (0.0, -0.5, 3.0)])
+    for x, y, gap in ((12.0, 0.0, 0.05), (10.5, 3.0, 0.2), (9.2, 0.0, 0.01)):
+        situation = Situation(fo.Body.convex(tip + np.array([x, y, DEEP + gap]), name="tip"), bored)
+        assert situation.large
+        assert situation.state == "apart"
+        assert situation.gap == pytest.approx(gap, rel=1e-9)
+        assert abs(situation.normal[2]) > 0.9

@@ -206,8 +206,13 @@ def _covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
 
     Parts that are cut where a larger contact goes on have such contacts of their own.
     """
+    low, high = (np.array([end(region, axis=0) for region in regions]) for end in (np.min, np.max))
     points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
-    return all(any(_holds(region, point, slack) for region in regions) for point in points)
+    for point in points:
+        near = np.flatnonzero(((low - slack <= point) & (point <= high + slack)).all(axis=1)).tolist()
+        if not any(_holds(regions[k], point, slack) for k in near):
+            return False
+    return True
 
 
 def _holds(region: Array, point: Array, slack: float) -> bool:

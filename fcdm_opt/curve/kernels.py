@@ -1990,6 +1990,19 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
     return gaps
 
 
+@light
+@kernel
+def widest_rows(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
+    """Return of every part pair, i n_2 + j, the row of the facet direction of its largest separation, (pairs, 6)."""
+    n2 = len(places2) - 1
+    widest = np.empty(((len(places1) - 1) * n2, 6))
+    for code in range(len(widest)):
+        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, code // n2, code % n2)
+        _, rows = facet_rows(own1, table1, own2, table2, pose)
+        widest[code] = rows[np.argmax(rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1])]
+    return widest
+
+
 _WAYS = 15  # directions of the quick test: both ways along the axes and along the diagonals of a cube, and another
 _DIAGONAL = 1.0 / np.sqrt(3.0)
 

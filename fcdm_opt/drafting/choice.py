@@ -93,18 +93,10 @@ def chosen(situation: Situation) -> Choice:
     them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
     others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
     is solved: a case in which the parts do not fit is an answer. Translations along one axis come before those along
-    three wherever they are as small, and rotations after both. Of large meshes one axis is taken, that nearest to the
-    normal along which most cases are solved.
+    three wherever they are as small, and rotations after both.
     """
     if situation.large:
-        goal, axes = "touch", np.argsort(-np.abs(situation.normal), kind="stable")
-        tries = []
-        for axis in (AXES[k] for k in axes.tolist()):
-            pacing.at(f'trying goal "{goal}" along {axis}')
-            tries.append(_tried(situation, goal, Translation(axis)))
-            if tries[-1] is not None and len(tries[-1].usable) == len(SIGNS):
-                break
-        return max((own for own in tries if own is not None), key=lambda own: len(own.usable))
+        return _of_one_axis(situation)
     for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
@@ -154,6 +146,25 @@ def _on_one_side(situation: Situation) -> Choice | None:
         if (best is not None and best.settled) or pacing.over():
             break
     return best
+
+
+def _of_one_axis(situation: Situation) -> Choice:
+    """Return the same of large meshes, with a shift along the normal or one axis, which are asked about shortly."""
+    axes = [AXES[k] for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist()]
+    asked: list[tuple[str, str | tuple[float, float, float]]] = [("touch", axis) for axis in axes]
+    if situation.state == "touching":
+        asked.insert(0, ("seat", named(situation.normal)))
+    tries = list[Choice]()
+    for goal, axis in asked:
+        if tries and pacing.over():
+            break
+        pacing.at(f'trying goal "{goal}" along {axis}')
+        tried = _tried(situation, goal, Translation(axis))
+        if tried is not None:
+            tries.append(tried)
+            if len(tried.usable) == len(SIGNS) or tried.settled:
+                break
+    return max(tries, key=lambda own: len(own.usable))
 
 
 def named(axis: Array) -> str | tuple[float, float, float]:

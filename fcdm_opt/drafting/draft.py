@@ -227,6 +227,8 @@ def state_text(situation: Situation, unit: str) -> str:
         listed = " and ".join([*told[:MOST_CONTACTS], *more])
         at = f", at {len(pairs)} places" if len(pairs) > 1 else ""
         return f"{text}{at}: {listed}" if told else text
+    if situation.large:
+        return text  # what else would touch before is not looked at
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
             return text  # as from a hole that opens: true, and of no use

@@ -214,7 +214,8 @@ class Situation:
 
     @cached_property
     def _wide(self) -> DecisionCurve:
-        return self._usual if self._modelled else replace(self._usual, box=WIDE)
+        """That of the parts that are nearest, of large bodies: where others do not take over."""
+        return self._usual if self.large and self.state != "apart" else replace(self._usual, box=WIDE)
 
 
 def _on_diagonal(segment: Segment) -> list[float]:

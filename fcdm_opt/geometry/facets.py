@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -154,3 +155,36 @@ def near_facets(
         both = np.stack([corners[0][i], corners[1][j]], axis=1)
         found.append(NearFacets(np.column_stack([one.owners[i], two.owners[j]]), heights.T, both))
     return NearFacets(*(np.concatenate(own) for own in zip(*found, strict=True)))
+
+
+def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints) -> float:
+    """Return the distance of two surfaces by the collision library; 0 where they meet, infinite where one has no facet.
+
+    Parameters
+    ----------
+    points, others : (n, 3) arrays
+    triangles, facing : (t, 3) int arrays
+        Rows of the first, and of the second.
+    """
+    import coal
+
+    if not (len(triangles) and len(facing)):
+        return math.inf
+    here, result = coal.Transform3s(), coal.DistanceResult()
+    one, two = _tree(points, triangles), _tree(others, facing)
+    return max(0.0, float(coal.distance(one, here, two, here, coal.DistanceRequest(), result)))
+
+
+def _tree(points: Array, triangles: Ints) -> Any:
+    """Return the bounding volumes of triangles, as the collision library takes them."""
+    import coal
+
+    used, rows = np.unique(triangles, return_inverse=True)
+    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    corners.extend(list(points[used]))
+    faces.extend([coal.Triangle(*three) for three in rows.reshape(-1, 3).tolist()])
+    tree = coal.BVHModelOBBRSS()
+    tree.beginModel(len(faces), len(corners))
+    tree.addSubModel(corners, faces)
+    tree.endModel()
+    return tree

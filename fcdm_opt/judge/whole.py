@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facets import facets_of, near_facets
+from fcdm_opt.geometry.facets import facets_of, near_facets, surface_distance
 from fcdm_opt.geometry.measures import winding_numbers
 
 FIRST, WIDER = 2e-6, 8.0  # of the size: how near surfaces are to be looked at in detail, and times as much if none are
@@ -68,34 +68,12 @@ class WholeSurfaces:
 
     def _distance(self, one: Any, two: Any) -> float:
         """Return the least distance of the surfaces of some parts; infinite without any."""
-        import coal
-
-        models = [self._model(0, one), self._model(1, two)]
-        if None in models:
-            return float("inf")
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
-        here = coal.Transform3s()
-        return float(coal.distance(models[0], here, models[1], here, request, result))
-
-    def _model(self, body: int, parts: Any) -> Any:
-        import coal
-
-        chosen = np.zeros(len(self._bodies[body].parts), bool)
-        chosen[parts] = True
-        own = self._own[body]
-        corners = own.triangles[chosen[own.owners]]
-        if not len(corners):
-            return None
-        used, rows = np.unique(corners, return_inverse=True)
-        points = coal.StdVec_Vec3s()
-        points.extend(list(self._points[body][used]))
-        triangles = coal.StdVec_Triangle()
-        triangles.extend([coal.Triangle(*three) for three in rows.reshape(-1, 3).tolist()])
-        model = coal.BVHModelOBBRSS()
-        model.beginModel(len(triangles), len(points))
-        model.addSubModel(points, triangles)
-        model.endModel()
-        return model
+        chosen = []
+        for body, own, parts in zip(self._bodies, self._own, (one, two), strict=True):
+            flags = np.zeros(len(body.parts), bool)
+            flags[parts] = True
+            chosen.append(own.triangles[flags[own.owners]])
+        return surface_distance(self._points[0], chosen[0], self._points[1], chosen[1])
 
     def _inside(self) -> int:
         """Return how many closed surfaces of either body lie inside the other."""

@@ -38,22 +38,17 @@ def _walls(problem: Problem) -> tuple[Array, Array, list[tuple[ConvexPart, Conve
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
         return np.empty((0, 3)), np.empty((0, 2)), []
     pose, slack = relative_pose(movable, static, REST), DEFAULT.snap * problem.size
-    placed = [
+    rows = kernels.widest_rows(*movable.packed, *static.packed, pose, problem.nominal_pair)
+    apart = np.flatnonzero(rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -slack)
+    places = [divmod(code, len(static.parts)) for code in apart.tolist()]
+    inner, outer = (
         [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
         for body, rho in zip(made, problem.target, strict=True)
-    ]
-    normals, reaches, pairs = [], [], []
-    for one, inner in zip(movable.parts, placed[0], strict=True):
-        for two, outer in zip(static.parts, placed[1], strict=True):
-            _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
-            gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
-            best = int(gaps.argmax())
-            if gaps[best] >= -slack:
-                n = rows[best, :3]
-                normals.append(n)
-                reaches.append(((inner @ n).max(), -(outer @ n).min()))
-                pairs.append((one, two))
-    return np.reshape(normals, (-1, 3)), np.reshape(reaches, (-1, 2)), pairs
+    )
+    normals = rows[apart, :3]
+    reaches = [((inner[i] @ n).max(), -(outer[j] @ n).min()) for (i, j), n in zip(places, normals, strict=True)]
+    pairs = [(movable.parts[i], static.parts[j]) for i, j in places]
+    return normals, np.reshape(reaches, (-1, 2)), pairs
 
 
 def holds(problem: Problem) -> bool:

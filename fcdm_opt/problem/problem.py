@@ -49,6 +49,7 @@ SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C":
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
+_NOMINAL = ("nominal_contact", "nominal_pair", "_closed")  # what the nominal contact is: found on the curve
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -261,7 +262,7 @@ class Problem(NominalContact, Shown):
     def with_parts(self, rows: Rows) -> Problem:
         """Return the same question with other parts of large bodies modelled, by number; see `problem.reach`."""
         other = object.__new__(Problem)
-        other.__dict__.update(_resolved(self.request, rows))
+        other.__dict__.update(_resolved(self.request, rows, self))
         other._check_goal()
         return other
 
@@ -344,8 +345,11 @@ def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any
 # -------------------------------------------------------------------------------------------------- from asked to meant
 
 
-def _resolved(given: Mapping[str, Any], rows: Rows | None = None) -> dict[str, Any]:
-    """Return what arguments of a problem mean: its attributes, see `Problem`."""
+def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Problem | None = None) -> dict[str, Any]:
+    """Return what arguments of a problem mean: its attributes, see `Problem`.
+
+    `before` is the same question with the first of the parts of `rows` alone: its nominal contact stays.
+    """
     asked = _asked(given)
     names = [name for name, _ in asked.motion.parameters]
     request = {
@@ -358,6 +362,9 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None) -> dict[str, A
         parts |= _contacts_made(request, parts)
     whole = {**request, **parts}
     parts |= modelled_parts(request, whole["movable"], whole["static"], rows)
+    if before is not None:
+        names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
+        parts |= {name: getattr(before, name) for name in names_known}
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:
@@ -447,7 +454,7 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict
         raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
     drawn = NominalContact(**{**request, "goal": request["goal"] or "at"})
     over = CarriedOver((drawn.movable, drawn.static), (parts["movable"], parts["static"]))
-    known = {name: getattr(drawn, name) for name in ("nominal_contact", "nominal_pair", "_closed")}
+    known = {name: getattr(drawn, name) for name in _NOMINAL}
     return {
         **known,
         "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),

@@ -18,7 +18,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets
+from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets, surface_distance
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ FEW = 10_000  # part pairs that are all modelled
 AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
-WIDER = 8.0  # times as far is looked where nothing is near
 
 Rows = tuple[Ints, Ints]
 _FIRST: WeakKeyDictionary[Body, dict[tuple[Any, ...], tuple[Body, Body]]] = WeakKeyDictionary()
@@ -58,11 +57,7 @@ def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows
         return {"movable": movable.only(rows[0].tolist()), "static": static.only(rows[1].tolist()), "box": tuple(box)}
     known, key = _FIRST.setdefault(movable, {}), (id(static), *nominal.tolist())
     if key not in known:
-        size = max(movable.size, static.size)
-        band, near = DEFAULT.snap * size, None
-        while near is None or (not len(near.parts) and band < size):
-            near = _near(movable, static, nominal, np.eye(4), band)
-            band *= WIDER
+        near = _nearest(movable, static, nominal)
         order = np.argsort(near.heights.max(axis=1), kind="stable")[:MOST_TOUCHING]
         own, others = (np.unique(near.parts[order, k]).tolist() or [0] for k in (0, 1))
         known[key] = movable.only(own), static.only(others)
@@ -76,6 +71,16 @@ def need_all_parts(movable: Body, static: Body, what: str) -> None:
         found = f"{len(movable.whole.parts)} and {len(static.whole.parts)}"
         wrong = f"{what} looks at all parts of the bodies, and these have too many"
         raise InputError(wrong, key="bodies", found=found, allowed=f"solve and verify, or at most {FEW} pairs of parts")
+
+
+def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:
+    """Return the pairs of facets that are as near each other as any as drawn, or touch, or overlap."""
+    one, two = facets_of(movable), facets_of(static)
+    points = nominal[0] * one.points + (movable.seed - static.seed), nominal[1] * two.points
+    band = surface_distance(points[0], one.triangles, points[1], two.triangles)
+    band += DEFAULT.snap * max(movable.size, static.size)
+    near = near_facets(one, points[0], two, points[1], band)
+    return near.some(near.furthest(lambda ways: np.ones((len(ways), 1)), 0.0) <= band)
 
 
 def _near(
@@ -131,9 +136,9 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     new = np.concatenate(found)
     if not len(new):
         return None
-    for flags, own in zip(kept, new.T, strict=True):
-        flags[own[own >= 0]] = True
-    return problem.with_parts((np.flatnonzero(kept[0]), np.flatnonzero(kept[1])))
+    known = problem.movable.rows, problem.static.rows  # these keep their numbers, see `Problem.with_parts`
+    more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
+    return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
 
 
 def _bodies(problem: Problem) -> tuple[tuple[Body, Body], tuple[Body, Body]]:

@@ -43,6 +43,7 @@ LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
 
+MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays at parts that tell what is hidden
 VEIL = 0.25
 """How much of its colour a contact area has, which a body in front may hide."""
 
@@ -454,7 +455,11 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 
 
 def _best_view(points: Array, offset: Array) -> tuple[float, float]:
-    """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet."""
+    """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet.
+
+    Of many vertices some are looked at: all their distances are compared.
+    """
+    points = points[:: -(-len(points) // MOST_APART)]
 
     def merit(view: tuple[float, float]) -> float:
         page = page_directions(*view)
@@ -500,6 +505,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     middle = (one.vertices.mean(axis=0) - two.vertices.mean(axis=0)) if len(spots) < 3 else _normal(spots)
     normal = middle / max(float(np.linalg.norm(middle)), 1e-300)
     parts = [*one.parts, *two.parts]
+    spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
     size = float(np.ptp(points, axis=0).max())
 
     def merit(view: tuple[float, float]) -> float:

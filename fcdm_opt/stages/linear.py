@@ -37,6 +37,7 @@ MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 MOST_NODES, MOST_WAYS = 2000, 200
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
+ACROSS = 16  # directions across one translation, in which part pairs that it leads past each other are told
 LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -224,22 +225,28 @@ def straight(task: Task) -> Answer | None:
 
 
 def _meeting(task: Task, along: Array) -> Bools:
-    """Tell which part pairs come within their clearance somewhere along a shift, as far as spheres about them tell."""
+    """Tell which part pairs may come within their clearance somewhere along a shift: by their extents across it."""
     seed, T = task.static.seed, task.transform(task.rest)
-    own, others = np.empty((len(task.movable.parts), 4)), np.empty((len(task.opponents), 4))
-    scaled = [(own, part, task.target[0]) for part in task.movable.parts]
-    scaled += [(others, opponent.part, opponent.scale) for opponent in task.opponents]
-    for k, (balls, part, scale) in enumerate(scaled):
-        middle = part.vertices.mean(axis=0)
-        radius = scale * np.sqrt(((part.vertices - middle) ** 2).sum(axis=1).max())
-        middle = part.seed + scale * (middle - part.seed)
-        middle = T[:3, :3] @ middle + T[:3, 3] if balls is own else middle
-        balls[k if balls is own else k - len(own)] = *(middle - seed), radius
     n = along / np.linalg.norm(along)
-    across = [balls[:, :3] - np.outer(balls[:, :3] @ n, n) for balls in (own, others)]
-    apart = np.linalg.norm(across[0][:, None] - across[1], axis=2)
-    reach = own[:, None, 3] + others[:, 3] + np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
-    return np.asarray(apart <= reach)
+    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+    angles = np.arange(ACROSS) * np.pi / ACROSS
+    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
+    ways /= np.linalg.norm(first)
+    scaled = [[(part, task.target[0]) for part in task.movable.parts]]
+    scaled.append([(opponent.part, opponent.scale) for opponent in task.opponents])
+    low, high = [], []
+    for moved, own in zip((True, False), scaled, strict=True):
+        points = np.concatenate([part.seed + scale * (part.vertices - part.seed) for part, scale in own])
+        points = points @ T[:3, :3].T + T[:3, 3] if moved else points
+        starts, heights = np.cumsum([0, *(len(part.vertices) for part, _ in own[:-1])]), (points - seed) @ ways.T
+        low.append(np.minimum.reduceat(heights, starts, axis=0))
+        high.append(np.maximum.reduceat(heights, starts, axis=0))
+    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    near: Bools = np.ones((len(low[0]), len(low[1])), bool)
+    for k in range(ACROSS):
+        near &= low[0][:, None, k] <= high[1][:, k] + room
+        near &= low[1][:, k] <= high[0][:, None, k] + room
+    return near
 
 
 # ------------------------------------------------------------------------------------------------- several translations
