@@ -498,6 +498,24 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
         assert "assembly" in refused.output
 
 
+def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
+    out = tmp_path / "loop.html"
+    assert run("report", FILE, "--out", out).exit_code == 0
+    text = out.read_text("utf-8")
+    rows, gaps = levels()
+    amount = np.linalg.norm(np.linalg.pinv(rows) @ gaps)
+    assert "<script" not in text
+    assert text.count("<svg") == 2  # a picture of each case
+    assert f"<dd>{amount:.4g} mm</dd>" in text
+    assert "left wedge by TX 0.0125 + TZ 0.055" in text
+    assert "then every contact is closed; smallest possible together (proved)" in text
+    assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
+    for parts in ("key - left wedge", "key - right wedge"):
+        assert f'<th scope="row">{parts}</th>' in text
+    two = run("report", FILE, FILE.parent.parent / "nut.toml", "--case", "shifted against a flat", "--out", out)
+    assert "where all files are of assemblies" in two.output
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [

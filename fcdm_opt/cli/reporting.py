@@ -14,7 +14,7 @@ from fcdm_opt.errors import InputError
 STUDY = "study.sqlite"  # what makes a folder that of a study
 MEGABYTE = 1e6
 
-FILES = "Problem files (TOML), folders of them, or the folder that a study was run into."
+FILES = "Problem files (TOML), files of assemblies, folders of them, or the folder that a study was run into."
 
 
 def report_command(
@@ -24,15 +24,18 @@ def report_command(
     time: Time = None,
     case: Cases = None,
 ) -> None:
-    """Write problems and their solutions, or a study, as one HTML file to look at; it needs no network."""
+    """Write problems or assemblies and their solutions, or a study, as one HTML file; it needs no network."""
     from fcdm_opt.design.moved_files import write
+    from fcdm_opt.problem.assembly_file import is_assembly
 
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError("not the name of a report", key="--out", found=str(out), allowed="a name in .html")
     if any((source / STUDY).is_file() for source in sources):
         text, codes = _study(sources, case or ()), list[int]()
     else:
-        text, codes = _problems(list(_files(sources)), certify, case or ())
+        paths = list(_files(sources))
+        asked = _assemblies if paths and all(map(is_assembly, paths)) else _problems
+        text, codes = asked(paths, certify, case or ())
     if text:
         with suppress(OSError):  # what is wrong with it is said when the file is written
             out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,6 +69,22 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
     payload = gather(opened, certify=certify, say=say)
     codes = [BAD_INPUT for file in payload["files"] if file.get("error")]
     return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
+
+
+def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
+    """Return the same of files of assemblies."""
+    from fcdm_opt.assembling import solve_assembly
+    from fcdm_opt.show.report.gather import head
+    from fcdm_opt.show.report.page import assembly_page
+
+    opened = opened_files(paths, cases, assemblies=True)
+    solutions, codes = [], [BAD_INPUT for file in opened if file.error]
+    for file in opened:
+        for assembly in file.problems:
+            say(f"{file.path.name}: case {assembly.name}")
+            solutions.append(solve_assembly(assembly, certify=certify))
+    codes += [code_of(own.usable, own.status.name) for own in solutions]
+    return assembly_page(list(map(head, opened)), solutions) if solutions else "", codes
 
 
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:

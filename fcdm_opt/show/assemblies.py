@@ -12,7 +12,7 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import parts_figure
-from fcdm_opt.show.texts import NOTHING, amount_text, bound_text
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
 
@@ -42,6 +42,27 @@ def motion_texts(solution: AssemblySolution) -> dict[str, str]:
         kept = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
         told[part] = motion.describe(kept) if kept else "-"
     return told
+
+
+def assembly_verdict(solution: AssemblySolution) -> str:
+    """Return in a sentence what to move, and whether less would do."""
+    if not solution.status.found:
+        return solution.advice
+    if not solution.usable:
+        return "not to be used: motions were found, but the judge refused them"
+    assembly = solution.assembly
+    moved = [
+        f"{part} by {told}" for part, told in motion_texts(solution).items() if solution.amounts.get(part, 0.0) > 0
+    ]
+    if not moved:
+        return "leave all parts where they are: every contact is closed"
+    least = "smallest possible together (proved)" if solution.gap < CLOSED else solution.doubt or bound_line(solution)
+    unit = f" {assembly.unit}" if assembly.unit else ""
+    return (
+        f"move {', '.join(moved)} (lengths in{unit}): then every contact is closed; {least}"
+        if unit
+        else (f"move {', '.join(moved)}: then every contact is closed; {least}")
+    )
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:

@@ -28,8 +28,8 @@ def rendered(template: str, **data: Any) -> str:
     return made
 
 
-def whole_page(template: str, *, scripts: Sequence[str], figures: Any, **data: Any) -> str:
-    """Return a page that is one file, with plotly.js, scripts and what they draw inside it.
+def whole_page(template: str, *, scripts: Sequence[str] = (), figures: Any = None, **data: Any) -> str:
+    """Return a page that is one file, with scripts, what they draw and plotly.js inside it where there are scripts.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def whole_page(template: str, *, scripts: Sequence[str], figures: Any, **data: A
         Plain data for the template.
     """
     css, *js = (environment().loader.get_source(environment(), name)[0] for name in ("page.css", "common.js", *scripts))
-    notice, script = plotly()
+    notice, script = plotly() if scripts else ("", "")
     packed = _packed(json.dumps(figures, allow_nan=False, separators=(",", ":")))
     return rendered(template, **data, css=css, js="\n".join(js), notice=notice, plotly=script, figures=packed)
 

@@ -177,7 +177,7 @@ def bound_text(solution: Solution | AssemblySolution) -> str:
     return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
 
 
-def bound_line(solution: Solution) -> str:
+def bound_line(solution: Solution | AssemblySolution) -> str:
     """Return the lower bound and how near it is, on one line."""
     return bound_text(solution).replace("\n", ", ")
 

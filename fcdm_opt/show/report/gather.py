@@ -64,7 +64,6 @@ def gather(
     count = waiting = sum(len(file.problems) for file in files)
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
-        head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
         errors = [file.error] if file.error else []
         answers = list[tuple[int, Problem, Solution]]()
         for problem in file.problems:
@@ -88,7 +87,7 @@ def gather(
             answers.append((len(cases), problem, case.solution))
             cases.append({"file": number, **data})
         tables += [{"file": number, **table} for table in matrices(answers)]
-        listed.append({**head, "meshes": meshes, "cases": [number for number, *_ in answers]})
+        listed.append({**head(file), "meshes": meshes, "cases": [number for number, *_ in answers]})
         if errors:
             listed[-1]["error"] = "; ".join(errors)
     return {
@@ -171,6 +170,12 @@ def _meshes(path: Path) -> list[str]:
     tables = [*(bodies.values() if isinstance(bodies, dict) else ()), *contents.get("keep_out", ())]
     named = [table["file"] for table in tables if isinstance(table, dict) and isinstance(table.get("file"), str)]
     return list(dict.fromkeys(named))
+
+
+def head(file: Any) -> dict[str, Any]:
+    """Return what a report says of a file as read: name, title, note, SHA-256, and what is wrong with it."""
+    told = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+    return {**told, "error": file.error} if file.error else told
 
 
 def made() -> dict[str, str]:

@@ -7,17 +7,22 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
-from fcdm_opt.show import write_svg
+from fcdm_opt.show import Figure, write_svg
+from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.studies import study_figure
-from fcdm_opt.show.texts import shown, study_facts
+from fcdm_opt.show.texts import amount_text, bound_line, shown, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.problem.assembled import AssemblySolution
+    from fcdm_opt.problem.solution import Solution
 
 Data = Mapping[str, Any]
 
@@ -67,6 +72,69 @@ def page(payload: Data) -> str:
     )
 
 
+# ----------------------------------------------------------------------------------------------------------- assemblies
+
+
+def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
+    """Return the report on assemblies as one self-contained HTML text, without scripts.
+
+    Parameters
+    ----------
+    files : sequence of mappings
+        Of each file "file", "title", "note", "sha256", and an "error" or None.
+    solutions : sequence of AssemblySolution
+    """
+    titles = [file["title"] or file["file"] for file in files]
+    return whole_page(
+        "assembly.html",
+        title="; ".join(titles),
+        files=[{"note": file["note"], "error": file.get("error")} for file in files],
+        cases=list(map(_assembly_case, solutions)),
+        inputs=[(file["file"], file["sha256"]) for file in files],
+        versions=made().items(),
+    )
+
+
+def _assembly_case(solution: AssemblySolution) -> dict[str, Any]:
+    assembly, unit = solution.assembly, solution.assembly.unit
+    certificate = solution.certificate
+    told = [*(() if solution.usable else solution.active), *filter(None, [solution.doubt])]
+    bodies = assembly.bodies_made
+    solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
+    return {
+        "name": assembly.name,
+        "usable": solution.usable,
+        "verdict": assembly_verdict(solution),
+        "picture": _as_svg(assembly_figure(solution)),
+        "amount": amount_text(solution.amount, unit),
+        "bound": bound_line(solution),
+        "passed": certificate.passed if certificate is not None and solution.status.found else None,
+        "told": told,
+        "motions": [
+            (
+                part,
+                assembly.follows[part],
+                f"{assembly.scales[part]:g}",
+                motion,
+                amount_text(solution.amounts.get(part)),
+            )
+            for part, motion in motion_texts(solution).items()
+        ],
+        "contacts": [
+            (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")
+            for pair, own in solved
+        ],
+        "stages": solution.stages,
+        "checks": certificate.checks if certificate is not None else (),
+    }
+
+
+def _touching(one: Body, two: Body, solution: Solution) -> str:
+    """Return what touches, in words."""
+    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
+    return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
+
+
 # -------------------------------------------------------------------------------------------------------------- studies
 
 
@@ -104,7 +172,7 @@ def study_page(result: StudyResult) -> str:
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
         summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
-        picture=_picture(result),
+        picture=_as_svg(study_figure(result)),
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
         heads=("number", *columns),
@@ -132,10 +200,10 @@ def _evenly(count: int, most: int) -> Sequence[int]:
     return range(count) if count <= most else [k * count // most for k in range(most)]
 
 
-def _picture(result: StudyResult) -> str:
-    """Return the study's picture as SVG."""
+def _as_svg(figure: Figure) -> str:
+    """Return a picture as SVG, to stand in a page."""
     text = io.StringIO()
-    write_svg(study_figure(result), text)
+    write_svg(figure, text)
     return text.getvalue()[text.getvalue().index("<svg") :]
 
 
