@@ -119,6 +119,18 @@ def test_a_slot_gets_wider_and_deeper_with_its_cuts() -> None:
     assert left[:, 0].tolist() == [-5.0625 - 0.25 + 0.25] * 4
 
 
+@pytest.mark.parametrize("goal", ["at", "seat"])
+def test_what_stands_on_a_table_made_higher_was_refused_for_want_of_a_contact(goal: str) -> None:
+    """The parts made lie on no contact of the curve: those that are drawn are restored."""
+    cube, table = box((-1, -1, 0), (1, 1, 2), "cube"), box((-3, -3, -1), (3, 3, 0), "table")
+    feet = fo.Size("feet", "movable", faces="-z", tolerance=0.1)
+    problem = fo.Problem(cube, table, sizes=[feet], made={"feet": 0.0625}, goal=goal, motion=fo.Translation("z"))
+    solution = fo.solve(problem)
+    assert solution.usable
+    assert solution.parameters["TZ"] == pytest.approx(0.0625, abs=1e-15)
+    assert [feature.kind for feature in solution.features] == ["F1F2"]
+
+
 def bored(radius: float, sections: int) -> fo.Body:
     """A plate with a round hole, partitioned by the planes of its own facets."""
     plate, pin = trimesh.creation.box((60, 40, 10)), trimesh.creation.cylinder(radius, 30, sections=sections)

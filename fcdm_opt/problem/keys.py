@@ -167,7 +167,7 @@ class Defaults(SizeKeys):
     contacts: Literal["all"] | list[str] | None = declared(
         None,
         '"all", or labels of nominal contacts that goal "at", "seat" or "fit" restores together: ["V1F2(P1V6; '
-        'P2V2,V3,V5)", ...]; without it the one tracked',
+        'P2V2,V3,V5)", ...]; without it the one tracked, all of them with "made"',
         "all",
         ["V1F2(P1V6; P2V2,V3,V5)", "V1F2(P1V1; P2V2,V3,V5)"],
     )

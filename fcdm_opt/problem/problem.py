@@ -112,8 +112,8 @@ class Problem(NominalContact, Shown):
     contacts : "all" or sequence of labels, optional
         Contacts of the nominal position that goal "at" or "seat" restores together, at the end of the motion, with
         nothing overlapping; flush ones stay flush. Goal "fit" leaves none of them overlapping and makes the largest of
-        their gaps least. Attribute: tuple of `Feature`, empty where the goal tracks one contact, or none; with some,
-        `path` is "free", and `pair` is "touch", of "fit" "clear".
+        their gaps least. Default "all" for "at" and "seat" of sizes made. Attribute: tuple of `Feature`, empty where
+        the goal tracks one contact, or none; with some, `path` is "free", and `pair` is "touch", of "fit" "clear".
     snap : float
         For goals that need a nominal contact: a nominal pair off the curve is closed to the nearest point of the curve
         in the (rho_1, rho_2) plane, or to a switching point, where its gap is at most `snap` times the size of the
@@ -350,6 +350,9 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
 
     `before` is the same question with the first of the parts of `rows` alone: its nominal contact stays.
     """
+    if given.get("made") and given.get("nominal", "drawn") == "drawn" and given.get("goal") in ("at", "seat"):
+        # the curve of the parts made has no contact where they are: those drawn are to be restored
+        given = {**given, "contacts": given.get("contacts") or "all"}
     asked = _asked(given)
     names = [name for name, _ in asked.motion.parameters]
     request = {
