@@ -302,7 +302,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"| {' | '.join(HEAD)} |", f"|{' --- |' * 2}{' ---: |' * (len(HEAD) - 2)}", sep="\n")
     wrong, told = 0, []
     for path in given.answers:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))
+            said = {"tool": str(said["tool"]), "answers": dict(said["answers"])}
+        except (OSError, ValueError, KeyError, TypeError) as reason:
+            asked.error(f"{path}: no answers as README.md describes them: {type(reason).__name__}: {reason}")
         verdicts = {scene["name"]: verdict(scene, said["answers"].get(scene["name"])) for scene in scenes}
         for row in table(scenes, verdicts):
             print(f"| {' | '.join([said['tool'], *row])} |")

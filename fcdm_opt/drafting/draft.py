@@ -18,7 +18,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fcdm_opt import pacing
-from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, SECONDS, TOLERANCE, Choice, chosen, named
+from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -150,7 +150,6 @@ def draft(
         because=_because(situation, choice),
         motions=_motions(situation, choice),
         words=WORDS,
-        patience=SECONDS,
         tie=TIE,
     )
     contacts = f", contacts = {toml(choice.contacts)}" if choice.contacts else ""
