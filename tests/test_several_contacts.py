@@ -71,6 +71,22 @@ def test_ball_in_a_corner_closes_three_walls_in_closed_form(ball, corner, requir
     assert not solution.open_contacts
 
 
+def test_what_leaves_a_freedom_is_said_to() -> None:
+    """It was said that whether other motions do is not known."""
+    from fcdm_opt.show.remarks import _contacts
+
+    cube, table = (fo.Body.convex(block(*ends)) for ends in (((-1, -1, 0.0), (1, 1, 2)), ((-5, -5, -1), (5, 5, 0.0))))
+    shifts = fo.Translation("x") >> fo.Translation("z")
+    told = _contacts(
+        fo.solve(fo.Problem(cube, table, tolerance=0.02, requirement="A", goal="seat", contacts="all", motion=shifts))
+    )
+    assert told == ["the contact is closed", "other motions close it too: this is the smallest"]
+    alone = fo.Problem(
+        cube, table, tolerance=0.02, requirement="A", goal="seat", contacts="all", motion=fo.Translation("z")
+    )
+    assert _contacts(fo.solve(alone))[1] == "no other motion closes it: proved"
+
+
 def test_touch_says_how_many_nominal_contacts_are_open(ball, corner) -> None:
     problem = fo.Problem(ball, corner, tolerance=0.02, requirement="C", motion=SHIFTS, goal="touch")
     solution = fo.solve(problem)

@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
-from fcdm_opt.problem.problem import TRACKING
+from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, bound_text, number, numbers
@@ -82,12 +82,23 @@ def _contacts(solution: Solution) -> list[str]:
         within = solution.unique_within
         box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
         what = "it" if len(problem.contacts) == 1 else "them"
-        told.append(
-            f"no other motion{box} closes {what}: proved"
-            if within
-            else f"whether another motion closes {what} too is not known"
-        )
+        if within:
+            told.append(f"no other motion{box} closes {what}: proved")
+        elif _leaves_freedom(problem):
+            told.append(f"other motions close {what} too" + ": this is the smallest" * (solution.gap < CLOSED))
+        else:
+            told.append(f"whether another motion closes {what} too is not known")
     return told
+
+
+def _leaves_freedom(problem: Problem) -> bool:
+    """Tell whether there are shifts along all contacts: their normals span less than the motion does."""
+    if not problem.motion.shifts:
+        return False
+    seeds = problem.movable.seed, problem.static.seed
+    ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
+    normals = np.vstack([joint.normals for joint in problem.chosen_joints])
+    return bool(np.linalg.matrix_rank(normals @ ways.T, tol=DEFAULT.nominal) < len(ways))
 
 
 def _large(solution: Solution) -> list[str]:
