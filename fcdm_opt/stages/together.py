@@ -26,7 +26,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.uniqueness import equations_at, least_about, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
-from fcdm_opt.stages.ways_apart import Scene
+from fcdm_opt.stages.ways_apart import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
@@ -283,7 +283,7 @@ class System:
             levels = rows.levels + need / task.size
             return [Rows(rows.normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
         y = task.weights * q
-        scene = Scene.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit))
+        scene = Linearised.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit))
         ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
         rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
         return [Rows(J, (need - gaps + J @ y) / task.size) for J, gaps in rates]

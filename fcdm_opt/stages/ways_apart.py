@@ -87,7 +87,7 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
 
     A pair is linearised once a motion is found at which it is not apart: of many pairs that are near, few matter.
     """
-    scene = Scene.of(task, y, radius)
+    scene = Linearised.of(task, y, radius)
     if scene is None:
         return None
     low, high = (np.maximum(y - radius, task.limits[:, 0] * task.weights), y + radius)
@@ -146,7 +146,7 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
 # ------------------------------------------------------------------------------------------------------- linear rows
 
 
-class Scene(NamedTuple):
+class Linearised(NamedTuple):
     """A motion y and its rates: R and seed of body 1 about s_2, derivatives by y; gaps within `band` matter."""
 
     task: Task
@@ -159,7 +159,7 @@ class Scene(NamedTuple):
     known: dict[Parts, list[tuple[Array, Array]]]
 
     @classmethod
-    def of(cls, task: Task, y: Array, radius: float) -> Scene | None:
+    def of(cls, task: Task, y: Array, radius: float) -> Linearised | None:
         """Return a motion with its rates and what may change within a radius; None where they are not finite."""
         pose, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(y / task.weights)
         if not (np.isfinite(pose).all() and np.isfinite(rates).all()):
