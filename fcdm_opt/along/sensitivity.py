@@ -138,21 +138,25 @@ def _gradient(amount: OwnAmount) -> Compiled:
 
 def _balances(task: Task, pieces: Sequence[Rate], groups: Sequence[Sequence[tuple[Rate, ...]]]) -> list[_Balance]:
     """Return the balance for each choice of alternatives."""
+    alike = list({id(rate): rate for group in groups for rates in group for rate in rates}.values())
+    told = np.any([(rate.data != 0.0) | rate.broken for rate in (*pieces, *alike)], axis=0)  # few of a large body's
+    short = {id(rate): replace(rate, data=rate.data[told], broken=rate.broken[told]) for rate in (*pieces, *alike)}
+    own = [short[id(piece)] for piece in pieces]
     choices = islice(product(*groups), MOST_CHOICES)
-    return [_balance(task, pieces, [rate for rates in choice for rate in rates]) for choice in choices]
+    return [_balance(task, own, [short[id(one)] for rates in choice for one in rates], told) for choice in choices]
 
 
-def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate]) -> _Balance:
+def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], told: Bools) -> _Balance:
     """Return the balance: multipliers by non-negative least squares (Lawson and Hanson), of the amount's pieces too.
 
     The pieces' multipliers add up to one. Where a constraint without multiplier is made of those that have one, other
-    multipliers do as well: the derivatives that they change are open.
+    multipliers do as well: the derivatives that they change are open. The rates have the data that are `told`.
     """
     from scipy.optimize import nnls
 
     unit = max(float(np.linalg.norm(piece.slope / task.weights)) for piece in pieces)
     columns = [np.append(-piece.slope / task.weights / unit, 1.0) for piece in pieces]
-    factors, rates = [0.0] * len(pieces), list(pieces)  # of a column's multiplier; what the column adds to the amount's
+    factors, rates = [0.0] * len(pieces), list(pieces)  # of a column's multiplier; whose it is
     owners = [-1] * len(pieces)
     for owner, rate in enumerate(constraints):
         slope = rate.slope / task.weights
@@ -160,24 +164,28 @@ def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate]) ->
         for sign in (1.0, -1.0) if rate.free else (1.0,):
             columns.append(np.append(sign * slope / length, 0.0))
             factors.append(sign * unit / length)
-            rates.append(rate.times(-factors[-1]))
+            rates.append(rate)
             owners.append(owner)
-    matrix, data = np.array(columns).T, np.array([rate.data for rate in rates])
+    matrix, breaks = np.array(columns).T, np.array([rate.broken for rate in rates])
+    adds = np.where(np.array(owners) < 0, 1.0, -np.array(factors))  # what a column adds to the amount's rate
+    data = adds[:, None] * [rate.data for rate in rates]
     shares, residual = nnls(matrix, np.append(np.zeros(len(task.weights)), 1.0))
     used = shares > DEFAULT.stationary
-    broken = np.any([rate.broken for rate, own in zip(rates, used, strict=True) if own], axis=0)
-    undetermined = np.zeros(data.shape[1], dtype=bool)
-    for k in np.flatnonzero(~used):
-        mix = np.linalg.lstsq(matrix[:, used], matrix[:, k])[0]
-        if np.abs(matrix[:, used] @ mix - matrix[:, k]).max() <= DEFAULT.stationary:
-            undetermined |= np.abs(data[k] - mix @ data[used]) > _near(data[k])
-            broken |= rates[k].broken
+    mixes = np.linalg.lstsq(matrix[:, used], matrix[:, ~used])[0]
+    made = (np.abs(matrix[:, used] @ mixes - matrix[:, ~used]) <= DEFAULT.stationary).all(axis=0)
+    spare = data[~used][made]
+    near = DEFAULT.stationary * np.abs(spare).max(axis=1, initial=1.0)
+    undetermined = (np.abs(spare - mixes[:, made].T @ data[used]) > near[:, None]).any(axis=0)
+    broken = breaks[used].any(axis=0) | breaks[~used][made].any(axis=0)
     multipliers: dict[str, float] = {}
     for owner, factor, share in zip(owners, factors, shares.tolist(), strict=True):
         if owner >= 0:
             name = _named(constraints, owner)
             multipliers[name] = multipliers.get(name, 0.0) + factor * share
-    return _Balance(shares @ data, broken, undetermined & ~broken, multipliers, float(residual))
+    whole = np.zeros(len(told)), np.zeros(len(told), bool), np.zeros(len(told), bool)
+    for values, some in zip(whole, (shares @ data, broken, undetermined & ~broken), strict=True):
+        values[told] = some
+    return _Balance(*whole, multipliers, float(residual))
 
 
 def _named(constraints: Sequence[Rate], place: int) -> str:

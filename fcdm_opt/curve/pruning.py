@@ -112,7 +112,8 @@ class _Pairs:
         middle = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
         lines, most1, most2 = kernels.quick_lines(*movable.packed, *static.packed, pose, *middle)
         count = len(movable.parts) * len(static.parts)
-        self._lines = lines  # of all pairs, and of each walked one anew behind them: (a, b, c), (n, 3)
+        self._lines = lines  # of all pairs, and of each walked one anew behind them: (a, b, c), (n, 3), then room
+        self._known = len(lines)
         self._firsts = np.arange(count) * (len(lines) // count)
         self._lasts = self._firsts + len(lines) // count
         self._R = pose[:9].reshape(3, 3)
@@ -131,9 +132,11 @@ class _Pairs:
         if code not in self.walked:
             parts = divmod(code, self._count)
             self.walked[code] = made = region_between(*self._bodies, self._transform, parts)
-            self._firsts[code] = len(self._lines)
-            self._lines = np.concatenate([self._lines, made.rows[:, 3:]])
-            self._lasts[code] = len(self._lines)
+            first, last = self._known, self._known + len(made.rows)
+            if last > len(self._lines):
+                self._lines = np.concatenate([self._lines, np.empty((last, 3))])
+            self._lines[first:last] = made.rows[:, 3:]
+            self._firsts[code], self._lasts[code], self._known = first, last, last
         return self.walked[code]
 
     def depths(self, codes: Ints, cell: Cell) -> Array:

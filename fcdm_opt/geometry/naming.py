@@ -111,7 +111,7 @@ def normals_of_faces(body: Body) -> dict[Label, Array]:
 
 def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, str]:
     """Return the names of plane faces with so many corners at least."""
-    named: dict[Label, str] = {}
+    named, taken = dict[Label, str](), set[str]()
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     slack = DEFAULT.side * float((high - low).max())
     for number, face in enumerate(body.faces, 1):
@@ -121,8 +121,8 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
         k = int(np.abs(normal).argmax())
         up = bool(normal[k] > 0.0)
         ends = abs(normal[k]) >= 1.0 - DEFAULT.side and abs((high if up else low)[k] - corner[k]) <= slack
-        name = ENDS[k][up] if ends else f"face {number}"
-        named[face] = name if name not in named.values() else f"face {number}"
+        named[face] = ENDS[k][up] if ends and ENDS[k][up] not in taken else f"face {number}"
+        taken.add(named[face])
     return named
 
 
@@ -149,11 +149,13 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
         axis = np.array(key, dtype=np.float64)
         rounds += [(_radius(body, own, normals, axis), own) for own in _side_by_side(pairs, FEWEST)]
     alike = Counter(name for name, _ in rounds)
-    order = {k: place for place, k in enumerate(sorted(range(len(rounds)), key=lambda k: rounds[k][1]))}
-    named: dict[Label, str] = {}
+    numbers, named = dict[int, int](), dict[Label, str]()
+    counted = Counter[str]()
+    for k in sorted(range(len(rounds)), key=lambda k: rounds[k][1]):
+        counted[rounds[k][0]] += 1
+        numbers[k] = counted[rounds[k][0]]
     for k, (name, own) in enumerate(rounds):
-        earlier = sum(order[j] < order[k] for j, (other, _) in enumerate(rounds) if other == name)
-        numbered = f"{name} no. {earlier + 1}" if alike[name] > 1 else name
+        numbered = f"{name} no. {numbers[k]}" if alike[name] > 1 else name
         named |= dict.fromkeys(own, numbered) if name else {}
     return named
 

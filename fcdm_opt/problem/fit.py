@@ -8,7 +8,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem.problem import Problem
@@ -26,8 +26,8 @@ def _drawn(problem: Problem) -> tuple[Body, Body]:
     return own["movable"], own["static"]
 
 
-def _walls(problem: Problem) -> tuple[Array, Array, list[tuple[ConvexPart, ConvexPart]]]:
-    """Return how part pairs keep apart as drawn: normals, (k, 3), how far the parts made reach, (k, 2), and the parts.
+def _walls(problem: Problem) -> tuple[Array, Array, Ints]:
+    """Return how part pairs keep apart as drawn: normals, (k, 3), how far the parts made reach, and which, (k, 2).
 
     Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none.
     The reaches, (k, 2), are those of body 1 along the normal and of body 2 against it, from the origin: the parts made
@@ -36,19 +36,19 @@ def _walls(problem: Problem) -> tuple[Array, Array, list[tuple[ConvexPart, Conve
     made = problem.movable, problem.static
     movable, static = drawn = _drawn(problem)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
-        return np.empty((0, 3)), np.empty((0, 2)), []
+        return np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 2), np.int64)
     pose, slack = relative_pose(movable, static, REST), DEFAULT.snap * problem.size
     rows = kernels.widest_rows(*movable.packed, *static.packed, pose, problem.nominal_pair)
     apart = np.flatnonzero(rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -slack)
-    places = [divmod(code, len(static.parts)) for code in apart.tolist()]
-    inner, outer = (
-        [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
-        for body, rho in zip(made, problem.target, strict=True)
-    )
-    normals = rows[apart, :3]
-    reaches = [((inner[i] @ n).max(), -(outer[j] @ n).min()) for (i, j), n in zip(places, normals, strict=True)]
-    pairs = [(movable.parts[i], static.parts[j]) for i, j in places]
-    return normals, np.reshape(reaches, (-1, 2)), pairs
+    normals, places = rows[apart, :3], np.column_stack(np.divmod(apart, len(static.parts)))
+    reaches = np.empty((len(apart), 2))
+    for own, (body, rho, side) in enumerate(zip(made, problem.target, (1.0, -1.0), strict=True)):
+        order = np.argsort(places[:, own], kind="stable")
+        for met in np.split(order, np.flatnonzero(np.diff(places[order, own])) + 1) if len(order) else ():
+            part = body.parts[places[met[0], own]]
+            corners = part.seed + rho * (part.vertices - part.seed)
+            reaches[met, own] = (side * normals[met] @ corners.T).max(axis=1)
+    return normals, reaches, places
 
 
 def holds(problem: Problem) -> bool:
@@ -85,14 +85,14 @@ def misfit(problem: Problem) -> Misfit | None:
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
     all that are closed at the target sizes, and were not as drawn, those that lack most.
     """
-    normals, reaches, pairs = _walls(problem)
+    normals, reaches, places = _walls(problem)
     if not len(normals):
         return None
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
     gaps = -reaches.sum(axis=1)
-    tightest: dict[tuple[int, ...], int] = {}
-    for k in np.argsort(-gaps).tolist():
-        tightest[tuple(keys[k].tolist())] = k
+    order = np.argsort(gaps, kind="stable")
+    first = order[np.unique(keys[order], axis=0, return_index=True)[1]]
+    tightest = {tuple(keys[k].tolist()): k for k in first.tolist()}
     found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
     for k, key in sorted((k, key) for key, k in tightest.items()):  # of equals the first
         j = tightest.get(tuple(-x for x in key))
@@ -104,8 +104,8 @@ def misfit(problem: Problem) -> Misfit | None:
             continue  # walls that are a little aslant, seen from far away
         least = float(gaps[k] + gaps[j])
         outer = 1 - inside
-        body, side = _drawn(problem)[outer], (1.0, -1.0)[outer]
-        walls = (_wall(body, pairs[each][outer], side * normals[each]) for each in (k, j))
+        drawn, side = _drawn(problem)[outer], (1.0, -1.0)[outer]
+        walls = (_wall(drawn, drawn.parts[places[each, outer]], side * normals[each]) for each in (k, j))
         found = Misfit(inside, float(width[inside]), float(-width[outer]), tuple(dict.fromkeys(filter(None, walls))))
     return found
 

@@ -44,8 +44,9 @@ def remarks(solution: Solution) -> list[str]:
 def _frames(solution: Solution) -> list[str]:
     """Return a warning where the parts are drawn farther from one another than the larger is long."""
     problem = solution.problem
-    apart = float(problem.curve.distance((1.0, 1.0)))
-    if apart <= FAR * max(problem.movable.size, problem.static.size):
+    far = FAR * max(problem.movable.size, problem.static.size)
+    corners = problem.movable.vertices - problem.static.vertices[0]
+    if np.linalg.norm(corners, axis=1).min() <= far or (apart := float(problem.curve.distance((1.0, 1.0)))) <= far:
         return []
     return [f"as drawn the parts are {measured(number(apart), problem.unit)} apart: are both drawn in one frame?"]
 

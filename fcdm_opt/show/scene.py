@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.curve.segments import SwitchingPoint
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import normals_of_faces
@@ -505,13 +505,18 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     middle = (one.vertices.mean(axis=0) - two.vertices.mean(axis=0)) if len(spots) < 3 else _normal(spots)
     normal = middle / max(float(np.linalg.norm(middle)), 1e-300)
     parts = [*one.parts, *two.parts]
+    normals = np.concatenate([part.normals for part in parts])
+    tops = np.concatenate([part.vertices[[loop[0] for loop in part.loops]] for part in parts])
+    levels = (tops * normals).sum(axis=1)
+    firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
     spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
     size = float(np.ptp(points, axis=0).max())
 
     def merit(view: tuple[float, float]) -> float:
         page = page_directions(*view)
         toward = np.cross(page[:, 0], page[:, 1])
-        hidden = np.array([any(_hides(part, spot + 1e-3 * size * toward, toward) for part in parts) for spot in spots])
+        starts, speeds = spots + 1e-3 * size * toward, normals @ toward
+        hidden = np.array([_hidden(levels - normals @ start, speeds, firsts) for start in starts])
         flat = points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
         flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
@@ -525,19 +530,17 @@ def _normal(points: Array) -> Array:
     return np.asarray(np.linalg.svd(points - points.mean(axis=0))[2][2])
 
 
-def _hides(part: Any, start: Array, way: Array) -> bool:
-    """Tell whether a ray goes through the inside of a convex part."""
-    tops = np.array([part.vertices[loop[0]] for loop in part.loops])
-    level = ((tops - start) * part.normals).sum(axis=1)  # inside: t * speed <= level
-    speed = part.normals @ way
-    flat = np.abs(speed) < 1e-12
-    if (level[flat] <= 0.0).any():
-        return False
-    with np.errstate(divide="ignore"):
-        times = level[~flat] / speed[~flat]
-    enter = max(times[speed[~flat] < 0.0], default=0.0)
-    leave = min(times[speed[~flat] > 0.0], default=np.inf)
-    return bool(leave > max(enter, 0.0) + 1e-9)
+def _hidden(levels: Array, speeds: Array, firsts: Ints) -> bool:
+    """Tell whether a ray goes through the inside of one of some convex parts.
+
+    Inside a part, time times speed is at most the level for each of its faces, which begin at `firsts`.
+    """
+    flat = np.abs(speeds) < 1e-12
+    times = levels / np.where(flat, 1.0, speeds)
+    enter = np.maximum.reduceat(np.where(flat | (speeds > 0.0), 0.0, times), firsts)
+    leave = np.minimum.reduceat(np.where(flat | (speeds < 0.0), np.inf, times), firsts)
+    clear = np.logical_or.reduceat(flat & (levels <= 0.0), firsts)
+    return bool((~clear & (leave > np.maximum(enter, 0.0) + 1e-9)).any())
 
 
 def _turned(axis: Array, angle: float, centre: Array, shift: Array) -> Array:
