@@ -99,9 +99,21 @@ class Surface:
         rows = list(map(tuple, self.triangles[order].tolist()))
         return tuple(tuple(rows[first:last]) for first, last in pairwise(ends))
 
+    @cached_property
+    def _polygons(self) -> list[Array]:
+        order = np.argsort(self.owners, kind="stable")
+        ends = np.searchsorted(self.owners[order], np.arange(1, len(self.faces)))
+        return np.split(self.points[self.triangles[order]], ends)
+
     def polygons(self, face: int) -> Array:
         """Return a face's triangles, (k, 3, 3)."""
-        return self.points[self.triangles[self.owners == face]]
+        return self._polygons[face]
+
+    def _polygons_near(self, face: int, points: Array) -> Array:
+        """Return those of a face's triangles whose boxes meet that of points, (m, 3)."""
+        triangles, slack = self.polygons(face), DEFAULT.nominal * self.size
+        low, high = points.min(axis=0) - slack, points.max(axis=0) + slack
+        return triangles[((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)]
 
     def flat(self, points: Array) -> Flags:
         """Tell which points lie in the planes of which faces, (m, faces)."""
@@ -112,15 +124,17 @@ class Surface:
 
     def lies_on(self, face: int, points: Array) -> Flags:
         """Tell which points of a face's plane, (m, 3), lie on the face, its border included."""
-        held = hold(self.polygons(face), self.planes[0][[face]], points, DEFAULT.nominal * self.size)
+        if not len(points):
+            return np.zeros(0, bool)
+        near = self._polygons_near(face, points)
+        held = hold(near, self.planes[0][[face]], points, DEFAULT.nominal * self.size)
         return np.asarray(held.any(axis=1))
 
     def area_within(self, face: int, outline: Array) -> float:
         """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""
-        triangles, normal = self.polygons(face), self.planes[0][face]
-        low, high = outline.min(axis=0) - DEFAULT.nominal * self.size, outline.max(axis=0) + DEFAULT.nominal * self.size
-        near = ((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)
-        return sum(area(inside(outline, triangle, normal)) for triangle in triangles[near]) / self.size**2
+        normal = self.planes[0][face]
+        near = self._polygons_near(face, outline)
+        return sum(area(inside(outline, triangle, normal)) for triangle in near) / self.size**2
 
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags
 
 LIGHT = np.array([-0.45, 0.6, 0.66])
 """Where the light comes from: right, up and towards the reader, a unit vector nearly."""
@@ -110,6 +110,11 @@ class Raster:
         height, width = self._depth.shape
         inside = ((pixel >= 0) & (pixel < (width, height))).all(axis=1)
         return bool(inside.all()) and bool((self._owner[pixel[:, 1], pixel[:, 0]] < 0).all())
+
+    @property
+    def covered(self) -> Flags:
+        """Which pixels have a surface, (height, width), from the lowest row up."""
+        return self._owner >= 0
 
     @property
     def image(self) -> Array:

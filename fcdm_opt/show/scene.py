@@ -44,8 +44,8 @@ LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 world shorter than this on the page gets no name."""
 
 MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays at parts that tell what is hidden
-VEIL = 0.25
-"""How much of its colour a contact area has, which a body in front may hide."""
+VEIL, EDGE_ON = 0.3, 0.01
+"""How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
@@ -265,8 +265,8 @@ def draw_scene(
     if old is not None:
         _draw_old(axes, raster, shown, old, times)
         _draw_arrow(axes, raster, shown, old, said)
-    for k, contact in enumerate(contacts):
-        _draw_contact(axes, page, contact, "" if k else "in contact" if moved is not None else "contact meant")
+    if contacts:
+        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "contact meant")
     if numbered:
         _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
@@ -350,20 +350,33 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
     return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
 
 
-def _draw_contact(axes: Any, page: Array, contact: Touching, label: str) -> None:
-    """Draw where two bodies touch, not all of the faces that do: an area, a line or a point."""
-    from matplotlib.colors import to_rgba
+def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: str) -> None:
+    """Draw where two bodies touch, not all of the faces that do: points, lines, and areas as one."""
+    from scipy.ndimage import gaussian_filter
 
-    flat = contact.corners @ page
-    if len(flat) > 2:
-        middle = flat.mean(axis=0)
-        order = np.argsort(np.arctan2(*(flat - middle).T[::-1]))
-        look = {"facecolor": to_rgba(GREEN, VEIL), "edgecolor": GREEN, "linewidth": 1.2, "zorder": 4}
-        axes.fill(*flat[order].T, **look, label=label or None)
-    elif len(flat) == 2:
-        axes.plot(*flat.T, color=GREEN, linewidth=2.6, zorder=4, label=label or None)
-    else:
-        axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5, label=label or None)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    inches = axes.get_position().width * axes.figure.get_figwidth()
+    areas = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
+    toward, solid = np.cross(page[:, 0], page[:, 1]), []
+    for contact in contacts:
+        flat = contact.corners @ page
+        if len(flat) > 2 and abs(float(contact.normal @ toward)) > EDGE_ON:
+            middle = flat.mean(axis=0)
+            solid.append(contact.corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
+        elif len(flat) > 1:
+            way = np.ptp(flat, axis=0).argmax()
+            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
+        else:
+            axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
+    areas.fill(solid, GREEN, 0)
+    if areas.covered.any():
+        rows, columns = areas.covered.shape
+        x = left + (np.arange(columns) + 0.5) * (right - left) / columns
+        y = bottom + (np.arange(rows) + 0.5) * (top - bottom) / rows
+        soft = gaussian_filter(areas.covered.astype(float), 1.0)
+        axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[GREEN], alpha=VEIL, zorder=4)
+        axes.contour(x, y, soft, levels=[0.3], colors=[GREEN], linewidths=1.2, zorder=4)
+    axes.scatter([], [], s=40, marker="s", color=GREEN, label=label)
 
 
 def sharp_edges(body: Body) -> Array:

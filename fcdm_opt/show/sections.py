@@ -86,7 +86,8 @@ def draw_section(
     """
     movable, static = bodies
     middle, normal = contact.corners.mean(axis=0), contact.normal
-    normal = normal if normal @ (movable.vertices.mean(axis=0) - middle) >= 0.0 else -normal
+    upright = normal[2] if abs(normal[2]) > 1e-9 else normal @ (movable.vertices.mean(axis=0) - middle)
+    normal = normal if upright >= 0.0 else -normal  # the same way up as the scene
     facing = toward - (toward @ normal) * normal
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
