@@ -119,6 +119,20 @@ def test_a_slot_gets_wider_and_deeper_with_its_cuts() -> None:
     assert left[:, 0].tolist() == [-5.0625 - 0.25 + 0.25] * 4
 
 
+def test_the_tolerance_that_init_writes_for_all_cases_kept_sizes_from_being_asked_about(tmp_path: Path) -> None:
+    cube, table = (str([list(map(float, p)) for p in product((-1, 1), (-1, 1), z)]) for z in ((0, 2), (-2, 0)))
+    path = tmp_path / "p.toml"
+    path.write_text(
+        f"[bodies.movable]\nvertices = {cube}\n[bodies.static]\nvertices = {table}\n"
+        '[[size]]\nname = "feet"\nbody = "movable"\nfaces = "-z"\ntolerance = 0.1\n'
+        '[defaults]\ntolerance = 0.02\ngoal = "touch"\nmotion = [{ translation = "z" }]\n'
+        '[[case]]\nname = "A"\nrequirement = "A"\n[[case]]\nname = "feet"\nmade = "worst"\n'
+    )
+    scaled, sized = fo.load_problems(path)
+    assert scaled.requirement == "A"
+    assert (sized.requirement, sized.target.tolist(), sized.made) == (None, [1.0, 1.0], {"feet": 0.1})
+
+
 @pytest.mark.parametrize("goal", ["at", "seat"])
 def test_what_stands_on_a_table_made_higher_was_refused_for_want_of_a_contact(goal: str) -> None:
     """The parts made lie on no contact of the curve: those that are drawn are restored."""

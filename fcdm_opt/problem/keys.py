@@ -229,6 +229,12 @@ class Case(Defaults):
     def arguments(self, defaults: Defaults) -> dict[str, Any]:
         """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
         given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
+        if (
+            "made" in given
+            and not {"requirement", "target"} & given.keys()
+            and "tolerance" not in self.model_fields_set
+        ):
+            given.pop("tolerance", None)  # of the defaults: it goes with a requirement
         if "motion" not in given:
             raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
         steps = each("motion", [entry.step for entry in given["motion"]])
