@@ -57,12 +57,8 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if not moved:
         return "leave all parts where they are: every contact is closed"
     least = "smallest possible together (proved)" if solution.gap < CLOSED else solution.doubt or bound_line(solution)
-    unit = f" {assembly.unit}" if assembly.unit else ""
-    return (
-        f"move {', '.join(moved)} (lengths in{unit}): then every contact is closed; {least}"
-        if unit
-        else (f"move {', '.join(moved)}: then every contact is closed; {least}")
-    )
+    unit = f" (lengths in {assembly.unit})" if assembly.unit else ""
+    return f"move {', '.join(moved)}{unit}: then every contact is closed; {least}"
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
