@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -259,26 +259,40 @@ class Joint:
 
 
 def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint, ...]:
-    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`."""
+    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`.
+
+    Without those that another one holds: a corner or an edge of a face that lies flush.
+    """
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     found: dict[Feature, Joint] = {}
     for (i, j), contact in meetings(movable, static, pose, rho, slack):
         if contact.feature in found:
             continue
-        one, two = movable.parts[i], static.parts[j]
-        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
+        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
         tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
         kept: list[int] = []
         for k in tight.tolist():
             if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
                 kept.append(k)
-        carried = (
-            [k for k, part in enumerate(body.parts) if part.carriers(element)]
-            for body, element in ((movable, contact.feature.one), (static, contact.feature.two))
-        )
-        hosts = tuple((m, n) for m, n in product(*carried))
-        found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], hosts or ((i, j),))
-    return tuple(found.values())
+        found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
+    wide = [own for own in found.values() if own.feature.kind == "F1F2"]
+    least = [own for own in found.values() if not any(_holds(other, own) for other in wide)]
+    return tuple(replace(own, hosts=_hosts(movable, static, own)) for own in least)
+
+
+def _hosts(movable: Body, static: Body, joint: Joint) -> tuple[tuple[int, int], ...]:
+    """Return all part pairs that have the elements of a contact."""
+    elements = (movable, joint.feature.one), (static, joint.feature.two)
+    carried = ([k for k, part in enumerate(body.parts) if part.carriers(element)] for body, element in elements)
+    return tuple((i, j) for i, j in product(*carried)) or joint.hosts
+
+
+def _holds(joint: Joint, other: Joint) -> bool:
+    """Tell whether a contact of two faces is what another one, of corners or edges of these, is a part of."""
+    if other is joint or len(other.normals) != 1 or not other.normals[0] @ joint.normals[0] >= 1.0 - DEFAULT.side:
+        return False
+    pairs = ((other.feature.one, joint.feature.one), (other.feature.two, joint.feature.two))
+    return all(set(own.vertices) <= set(face.vertices) for own, face in pairs)
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:

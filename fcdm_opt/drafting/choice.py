@@ -95,15 +95,16 @@ def chosen(situation: Situation) -> Choice:
     is solved: a case in which the parts do not fit is an answer. Translations along one axis come before those along
     three wherever they are as small, and rotations after both.
     """
-    if situation.large:
-        return _of_one_axis(situation)
-    for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
+    together = len(situation.contacts) > 1 and not situation.large
+    for goal in ("seat", "at") if together else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
         if every is not None and len(every.usable) == len(SIGNS):
             return every
     if (side := _on_one_side(situation)) is not None:
         return side
+    if situation.large:
+        return _of_one_axis(situation)
     found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
@@ -131,13 +132,15 @@ def chosen(situation: Situation) -> Choice:
 
 
 def _on_one_side(situation: Situation) -> Choice | None:
-    """Return the choice to seat those contacts again that face one way, None where there is but one or none is solved.
+    """Return the choice to seat those contacts again that face one way, None where none is solved.
+
+    A single contact that is the nominal one needs no name, but of large bodies, whose faces are of many pieces.
 
     A way on which each case is either solved or told not to fit is taken at once.
     """
     best: Choice | None = None
     told = {feature: feature.told(situation.movable, situation.static) for feature in situation.contacts}
-    for normal, features in situation.sides[:MOST_SIDES] if len(told) > 1 else ():
+    for normal, features in situation.sides[:MOST_SIDES] if len(told) > 1 or situation.large else ():
         pacing.at(f"trying to seat what faces {named(normal)}")
         names = (told[own] if list(told.values()).count(told[own]) == 1 else own.label for own in features)
         tried = _tried(situation, "seat", Translation(named(normal)), tuple(names))
@@ -149,21 +152,17 @@ def _on_one_side(situation: Situation) -> Choice | None:
 
 
 def _of_one_axis(situation: Situation) -> Choice:
-    """Return the same of large meshes, with a shift along the normal or one axis, which are asked about shortly."""
-    axes = [AXES[k] for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist()]
-    asked: list[tuple[str, str | tuple[float, float, float]]] = [("touch", axis) for axis in axes]
-    if situation.state == "touching":
-        asked.insert(0, ("seat", named(situation.normal)))
+    """Return the choice to make large meshes touch by a shift along one axis, which is asked about shortly."""
     tries = list[Choice]()
-    for goal, axis in asked:
+    for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist():
         if tries and pacing.over():
             break
-        pacing.at(f'trying goal "{goal}" along {axis}')
-        tried = _tried(situation, goal, Translation(axis))
-        if tried is not None:
-            tries.append(tried)
-            if len(tried.usable) == len(SIGNS) or tried.settled:
-                break
+        pacing.at(f'trying goal "touch" along {AXES[k]}')
+        tried = _tried(situation, "touch", Translation(AXES[k]))
+        assert tried is not None  # "touch" can be asked of any parts
+        tries.append(tried)
+        if len(tried.usable) == len(SIGNS) or tried.settled:
+            break
     return max(tries, key=lambda own: len(own.usable))
 
 

@@ -285,8 +285,8 @@ class Body(_Sealed, Shown):
             Polygons as rows of `vertices`; seen from outside they run counter-clockwise. None with a whole mesh.
         decomposition : {"auto", "exact", "surface", "coacd"}
             How a non-convex solid is made of convex parts: cut exactly at its reflex edges; its surface alone, one
-            pyramid under each face, which "auto" takes above 500 reflex edges; or approximately by CoACD. A convex
-            solid is one part.
+            pyramid under each face, which "auto" takes where cutting would take long; or approximately by CoACD. A
+            convex solid is one part.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`.
         name : str

@@ -55,14 +55,10 @@ class Arrangement:
 
     Attributes
     ----------
-    local : (n, 3) array
-        The points relative to the first one, in units of the size.
     exact : list of tuples
         The same as drawn, as rationals.
     normals, levels : (p, 3) and (p,) arrays
         Unit normals of the planes, and their products with points of them, as in `local`.
-    signs : (p, n) array
-        The side (1, 0, -1) of each plane that each point lies on.
     """
 
     def __init__(self, vertices: Array, used: Ints) -> None:
@@ -76,19 +72,30 @@ class Arrangement:
         self._rows = {point: k for k, point in reversed(list(enumerate(self.exact)))}
         self._cuts: dict[tuple[int, int, int], int] = {}
         self._volumes: dict[bytes, float] = {}
-        self.local, self.signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
+        self._local, self._signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
+        self._points = len(vertices)
         self.normals, self.levels = np.empty((0, 3)), np.empty(0)
         self._equations: list[Point] = []
         self._near = {name: int(k) for k in used[::-1] for name in self._cells(self.local[k])}
         self.planar = True
 
-    def heights(self, points: Iterable[int] | slice, plane: int) -> Array:
+    def heights(self, points: Sequence[int] | Ints, plane: int) -> Array:
         """Return how far points are above a plane, in units of the size."""
         return self.local[points] @ self.normals[plane] - self.levels[plane]
 
     def coordinates(self, points: Iterable[int]) -> Array:
         """Return points, rounded once."""
         return np.array([[_rounded(x) for x in self.exact[k]] for k in points])
+
+    @property
+    def local(self) -> Array:
+        """The points relative to the first one, in units of the size, (n, 3)."""
+        return self._local[: self._points]
+
+    @property
+    def signs(self) -> Signs:
+        """The side (1, 0, -1) of each plane that each point lies on, (p, n)."""
+        return self._signs[:, : self._points]
 
     # --------------------------------------------------------------------------------------------------------- adding
 
@@ -126,7 +133,7 @@ class Arrangement:
         row = len(self.levels)
         self.normals, self.levels = np.vstack([self.normals, unit]), np.append(self.levels, unit @ local[first])
         self._equations.append((*n, n @ a))
-        self.signs = np.vstack([self.signs, _sides(self.heights(slice(None), row), self.slack)])
+        self._signs = np.vstack([self._signs, _sides(self._local @ unit - self.levels[row], self.slack)])
         self.lie_on(points, row)
         return row
 
@@ -168,11 +175,13 @@ class Arrangement:
             row = next((self._near[name] for name in names if name in self._near), None)
         if row is not None:
             return row
-        row = len(self.local)
+        row = self._points
         self.exact.append(point)
         self._rows[point] = row
-        self.local = np.vstack([self.local, local])
-        self.signs = np.hstack([self.signs, _sides(self.normals @ local - self.levels, self.slack)[:, None]])
+        if row == len(self._local):  # room for as many again: each point added alone would copy all of them
+            self._local, self._signs = np.pad(self._local, ((0, row), (0, 0))), np.pad(self._signs, ((0, 0), (0, row)))
+        self._points += 1
+        self._local[row], self._signs[:, row] = local, _sides(self.normals @ local - self.levels, self.slack)
         self._near.update(dict.fromkeys(names, row))
         return row
 

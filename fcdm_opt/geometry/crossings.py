@@ -14,12 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.compiling import kernel
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import Sides, clipped
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
 BLOCK = 1 << 18  # pairs looked at together
+CELLS = 1 << 16  # along each axis, of the curve that boxes are ordered along
+SEVERAL, SPARE = -1, -2  # in place of the group of a node's boxes: there are several, there is none
 
 
 class Crossing(NamedTuple):
@@ -140,35 +143,64 @@ def not_separated(one: Array, two: Array) -> Ints:
 def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield all pairs of overlapping boxes of different groups, a block at a time: down a balanced tree of boxes."""
     depth = max(1, len(low) - 1).bit_length()
-    spare = (1 << depth) - len(low)  # boxes that overlap none
-    low, high = (np.pad(side, ((0, spare), (0, 0)), constant_values=x) for side, x in ((low, np.inf), (high, -np.inf)))
-    groups = np.pad(groups, (0, spare), constant_values=-1)
-    middle = np.where(low <= high, low, 0) + np.where(low <= high, high, 0)
-    order, levels = np.arange(len(low)), []
-    for level in range(depth + 1):
-        nodes = order.reshape(1 << level, -1)
-        own, places = groups[nodes], middle[nodes]
-        alone = np.where((own == own[:, :1]).all(axis=1), own[:, 0], -1 - np.arange(len(own)))
-        levels.append((low[nodes].min(axis=1).T.copy(), high[nodes].max(axis=1).T.copy(), alone))
-        widest = (places.max(axis=1) - places.min(axis=1)).argmax(axis=1)[:, None]
-        order = np.take_along_axis(nodes, np.argsort(middle[nodes, widest], axis=1), axis=1).ravel()
-    stack = [(0, np.zeros(1, np.int64), np.zeros(1, np.int64))]
-    while stack:
-        level, one, two = stack.pop()
-        *boxes, alone = levels[level]
-        differ = (alone[one] != alone[two]) | ((one == two) & (alone[one] < 0))
-        one, two = one[differ], two[differ]
-        for lows, highs in zip(*boxes, strict=True):
-            meet = (lows[one] <= highs[two]) & (lows[two] <= highs[one])
-            one, two = one[meet], two[meet]
-        if level == depth:
-            yield order[one], order[two]
+    leaves, order = 1 << depth, _along_curve(low + high)
+    lows, highs = np.full((2 * leaves, low.shape[1]), np.inf), np.full((2 * leaves, low.shape[1]), -np.inf)
+    alone = np.full(2 * leaves, SPARE)
+    own = slice(leaves, leaves + len(low))
+    lows[own], highs[own], alone[own] = low[order], high[order], groups[order]
+    for level in reversed(range(depth)):
+        nodes = slice(1 << level, 2 << level)
+        first, second = slice(2 << level, 4 << level, 2), slice((2 << level) + 1, 4 << level, 2)
+        lows[nodes], highs[nodes] = np.minimum(lows[first], lows[second]), np.maximum(highs[first], highs[second])
+        same = (alone[first] == alone[second]) | (alone[second] == SPARE)
+        alone[nodes] = np.where(same, alone[first], SEVERAL)
+    stack, count = np.empty((4 * depth + 4, 2), np.int64), 1
+    stack[0] = 1
+    while count:
+        found = np.empty((BLOCK, 2), np.int64)
+        count, got = overlaps(lows, highs, alone, stack, count, found)
+        pairs = order[found[:got] - leaves]
+        yield pairs[:, 0], pairs[:, 1]
+
+
+def _along_curve(places: Array) -> Ints:
+    """Return the order of places along a curve that keeps near ones together (Morton's), by their first coordinates."""
+    spread = places - places.min(axis=0)
+    cells = np.minimum(spread / max(float(spread.max()), SMALLEST) * CELLS, CELLS - 1).astype(np.uint64)[:, :3]
+    code = np.zeros(len(cells), np.uint64)
+    for bit in range(CELLS.bit_length() - 1):
+        for axis, own in enumerate(cells.T):
+            code |= (own >> np.uint64(bit) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+@kernel
+def overlaps(lows, highs, alone, stack, count, found):
+    """Fill in pairs of leaves whose boxes overlap, from the pairs of nodes that are left; return how many are of each.
+
+    Node 1 is the root and node k has the halves 2 k and 2 k + 1. `alone` is the one group of a node's leaves.
+    """
+    leaves, got = len(lows) // 2, 0
+    while count > 0 and got < len(found):
+        count -= 1
+        i, j = stack[count, 0], stack[count, 1]
+        if alone[i] == alone[j] and alone[i] != SEVERAL:
             continue
-        for start in range(0, len(one), BLOCK):
-            own, other = 2 * one[start : start + BLOCK], 2 * two[start : start + BLOCK]
-            apart = own != other  # of a node with itself, three pairs of halves are enough
-            halves = (own, own, own + 1, own[apart] + 1), (other, other + 1, other + 1, other[apart])
-            stack.append((level + 1, np.concatenate(halves[0]), np.concatenate(halves[1])))
+        if i != j:
+            apart = False
+            for axis in range(lows.shape[1]):
+                apart = apart or lows[i, axis] > highs[j, axis] or lows[j, axis] > highs[i, axis]
+            if apart:
+                continue
+            if i >= leaves:
+                found[got, 0], found[got, 1] = i, j
+                got += 1
+                continue
+        for m in range(2):
+            for n in range(m if i == j else 0, 2):
+                stack[count, 0], stack[count, 1] = 2 * i + m, 2 * j + n
+                count += 1
+    return count, got
 
 
 # ---------------------------------------------------------------------------------------------- in rational numbers

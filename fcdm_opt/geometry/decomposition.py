@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
-from fcdm_opt.geometry.partition import RULES, Rule, cover, is_star_shaped, merged, partition
+from fcdm_opt.geometry.partition import RULES, cover, is_star_shaped, merged, partition
 from fcdm_opt.geometry.polygons import Sides, area, components, coplanar, fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids, pyramids
 from fcdm_opt.geometry.surface import Surface
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 Method = Literal["auto", "exact", "surface", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "surface", "coacd")
 Rows = tuple[int, ...]
-# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer all rules are tried.
-MOST_REFLEX, MOST_FOR_RULES = 500, 200
+# Reflex edges times triangles, which the time of cutting grows with: "auto" cuts up to the first, 3 s or so, and up to
+# the second all rules are tried, and parts of a cover grown around some pieces, of which the best is taken.
+MOST_WORK, MOST_FOR_RULES = 400_000, 40_000
+TARGETS = 6
 MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
 
@@ -77,7 +79,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     method : {"auto", "exact", "surface", "coacd"}
         "exact": cuts at reflex edges; the volumes of a partition add up to the mesh's. "surface": a pyramid under each
         face, which are all of the surface. "coacd": CoACD's approximate parts (extra `coacd`), with their measured
-        deviation. "auto": "exact" up to `MOST_REFLEX` reflex edges, "surface" above.
+        deviation. "auto": "exact" up to `MOST_WORK` reflex edges times triangles, "surface" above.
 
     Returns
     -------
@@ -100,10 +102,11 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     pacing.at(f"cutting {mesh.name} into convex parts: {known}")
     if method == "coacd":
         return _approximated(mesh, "asked for")
-    if method == "surface" or (method == "auto" and reflex > MOST_REFLEX):
-        asked = "asked for" if method == "surface" else f"{known}, more than {MOST_REFLEX}"
+    work = reflex * len(mesh.triangles)
+    if method == "surface" or (method == "auto" and work > MOST_WORK):
+        asked = "asked for" if method == "surface" else f"{known} and {len(mesh.triangles)} triangles"
         return _under_faces(mesh, asked)
-    return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
+    return _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES)
 
 
 def _approximated(mesh: Mesh, asked: str) -> Decomposition:
@@ -120,11 +123,11 @@ def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
     return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
-def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomposition:
+def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool) -> Decomposition:
     solid = _Solid.of(mesh)
     space = solid.space
     best: list[Cell] | None = None
-    for rule in rules:
+    for rule in RULES if thoroughly else RULES[:1]:
         cells = partition(space, solid.hull, solid.inner, rule)
         joined = merged(space, cells)
         if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
@@ -138,7 +141,8 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
     elif len(best) > MOST_COVERED:
         reason = f"more than {MOST_COVERED} parts, no cover looked for"
     else:
-        covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best))
+        targets = TARGETS if thoroughly else 1
+        covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best), targets)
         kind = "side by side" if covering is None else "that overlap"
         reason = "all hold the seed" if covering else f"a cover needs more than {LARGER * len(best)} parts"
     chosen = covering or best

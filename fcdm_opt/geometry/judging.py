@@ -25,6 +25,7 @@ TIE, PARALLEL, SIDE, TOUCH = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFAULT.to
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
+APART = 1e-3  # of the extent of two flush elements: further apart, how far is not asked; no check allows it
 
 
 # ------------------------------------------------------------------------------------------------------- whole bodies
@@ -317,7 +318,8 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
     """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
     The largest of: distance of a common point from either element, and how far either part reaches across the plane
-    through it; infinite where there is none.
+    through it; infinite where there is none. Of flush elements that are well apart at least this, the distance along
+    an axis: most parts that a wide face is cut into are.
     """
     errors, x, y = np.empty(len(poses)), np.empty((len(one), 3)), np.empty((len(two), 3))
     for k in range(len(poses)):
@@ -336,6 +338,10 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
             point = _crossing(x[first[0]], x[first[1]], y[second[0]], y[second[1]])
             error = _larger(_off(x, first, point), _off(y, second, point))
         else:
+            error, size = _apart(x, first, y, second)
+            if error > APART * size:
+                errors[k] = error
+                continue
             error, point = _shared(x, first, y, second)
         level = _dot(n, point)
         for m in range(len(x)):
@@ -497,6 +503,21 @@ def _crossing(a, b, c, d):
     u, v = _minus(b, a), _minus(d, c)
     n = _cross(u, v)
     return _plus(a, _dot(_cross(_minus(c, a), v), n) / _dot(n, n), u)
+
+
+@step
+def _apart(x, first, y, second):
+    """Return how far two elements are apart along an axis, and the extent of both together."""
+    apart, size = 0.0, 0.0
+    for axis in range(3):
+        low, high, least, most = np.inf, -np.inf, np.inf, -np.inf
+        for m in first:
+            low, high = min(low, x[m, axis]), max(high, x[m, axis])
+        for m in second:
+            least, most = min(least, y[m, axis]), max(most, y[m, axis])
+        apart = max(apart, least - high, low - most)
+        size = max(size, max(high, most) - min(low, least))
+    return apart, size
 
 
 @step

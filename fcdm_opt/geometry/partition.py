@@ -42,7 +42,6 @@ class Rule(NamedTuple):
 
 RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0.1, last=True))
 NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
-TARGETS = 6  # largest pieces still to be covered that a part is grown around, of which the best is taken
 
 
 def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule) -> list[Cell]:
@@ -244,7 +243,7 @@ def is_star_shaped(space: Arrangement, facets: Sequence[Facet], seed: int) -> bo
 
 
 def cover(
-    space: Arrangement, hull: Cell, facets: Sequence[Facet], seed: int, cells: Sequence[Cell], most: int
+    space: Arrangement, hull: Cell, facets: Sequence[Facet], seed: int, cells: Sequence[Cell], most: int, targets: int
 ) -> list[Cell] | None:
     """Return convex parts of the solid that hold the seed and together are all of it; None for more than `most`.
 
@@ -260,11 +259,13 @@ def cover(
     cells : sequence of Cell
         A partition of it.
     most : int
+    targets : int
+        Largest pieces still to be covered that a part is grown around, of which the best is taken.
     """
     left, parts = list(cells), list[Cell]()
     while left:
         options = list[tuple[float, int, Cell, list[Cell]]]()
-        for target in sorted(left, key=space.volume, reverse=True)[:TARGETS]:
+        for target in sorted(left, key=space.volume, reverse=True)[:targets]:
             if (part := _grown(space, hull, facets, seed, target, left)) is not None:
                 rest = [own for piece in left for own in _less(space, piece, part)]
                 options.append((sum(map(space.volume, rest)), len(options), part, rest))

@@ -19,6 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets, surface_distance
+from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 FEW = 10_000  # part pairs that are all modelled
 AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
+DIGITS = 6  # of directions in which facets are flush that are told apart
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
 Rows = tuple[Ints, Ints]
@@ -58,7 +60,7 @@ def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows
     known, key = _FIRST.setdefault(movable, {}), (id(static), *nominal.tolist())
     if key not in known:
         near = _nearest(movable, static, nominal)
-        order = np.argsort(near.heights.max(axis=1), kind="stable")[:MOST_TOUCHING]
+        order = _of_all_kinds(near)[:MOST_TOUCHING]
         own, others = (np.unique(near.parts[order, k]).tolist() or [0] for k in (0, 1))
         known[key] = movable.only(own), static.only(others)
     one, two = known[key]
@@ -81,6 +83,17 @@ def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:
     band += DEFAULT.snap * max(movable.size, static.size)
     near = near_facets(one, points[0], two, points[1], band)
     return near.some(near.furthest(lambda ways: np.ones((len(ways), 1)), 0.0) <= band)
+
+
+def _of_all_kinds(near: NearFacets) -> Ints:
+    """Return the order in which to take pairs of facets: the nearest of those flush in each direction, the next, ..."""
+    normals = [unit_normals(near.corners[:, own]) for own in (0, 1)]
+    flush = (normals[0] * normals[1]).sum(axis=1) <= DEFAULT.side - 1.0
+    ways = np.where(flush[:, None], normals[0].round(DIGITS), 0.0) + 0.0
+    kind = np.unique(ways, axis=0, return_inverse=True)[1].reshape(-1)
+    order = np.lexsort((near.heights.max(axis=1), kind))
+    starts = np.searchsorted(kind[order], kind[order])
+    return np.asarray(order[np.argsort(np.arange(len(order)) - starts, kind="stable")])
 
 
 def _near(

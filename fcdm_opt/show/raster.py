@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fcdm_opt.compiling import kernel
 from fcdm_opt.geometry.arrays import Array, Flags
 
 LIGHT = np.array([-0.45, 0.6, 0.66])
@@ -50,36 +51,14 @@ class Raster:
         """Draw convex polygons, (k, 3) each, where nothing is nearer."""
         from matplotlib.colors import to_rgb
 
-        tint = TINT + (1.0 - TINT) * np.array(to_rgb(colour))
-        for polygon in polygons:
-            normal = np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]).sum(axis=0)
-            long = float(np.linalg.norm(normal))
-            facing = float(normal @ self._toward)
-            if abs(facing) <= GRAZING * long:
-                continue
-            normal = normal * (np.sign(facing) / long)
-            flat = (polygon @ self._page - self._low) * self._scale
-            (left, bottom), (right, top) = np.floor(flat.min(axis=0)), np.ceil(flat.max(axis=0)) + 1
-            columns = np.arange(max(0, int(left)), min(self._depth.shape[1], int(right)))
-            rows = np.arange(max(0, int(bottom)), min(self._depth.shape[0], int(top)))
-            if not len(columns) or not len(rows):
-                continue
-            x, y = columns + 0.5, (rows + 0.5)[:, None]
-            inside = np.ones((len(rows), len(columns)), dtype=bool)
-            ahead = np.roll(flat, -1, axis=0) - flat
-            turn = np.sign(np.sum(flat[:, 0] * np.roll(flat, -1, axis=0)[:, 1] - flat[:, 1] * np.roll(flat[:, 0], -1)))
-            for (u, v), (du, dv) in zip(flat, ahead, strict=True):
-                inside &= turn * (du * (y - v) - dv * (x - u)) >= -0.5 * np.hypot(du, dv)
-            slope = -(normal @ self._page) / (normal @ self._toward)
-            start = polygon[0] @ self._toward
-            depth = start + (slope[0] * (x - flat[0, 0]) + slope[1] * (y - flat[0, 1])) / self._scale
-            place = np.ix_(rows, columns)
-            nearer = inside & (depth > self._depth[place])
-            shade = normal @ np.column_stack([self._page, self._toward]) @ LIGHT
-            lit = tint * (DULL + (1.0 - DULL) * max(float(shade), 0.0))
-            for plane, value in ((self._depth, depth[nearer]), (self._owner, owner), (self._colour, lit)):
-                part = plane[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-                part[nearer] = value
+        if not polygons:
+            return
+        starts = np.cumsum([0, *map(len, polygons)])
+        corners, tint = np.concatenate(polygons), TINT + (1.0 - TINT) * np.array(to_rgb(colour))
+        frame = np.column_stack([self._page, self._toward])
+        placed = corners @ frame
+        placed[:, :2] = (placed[:, :2] - self._low) * self._scale
+        fill(placed, starts, self._scale, tint, owner, self._depth, self._owner, self._colour)
 
     def visible(self, ends: Array) -> list[Array]:
         """Return the pieces of straight lines (m, 2, 3) that no surface hides, on the page, (2, 2) each."""
@@ -125,3 +104,44 @@ class Raster:
         edge[1:] |= owner[1:] != owner[:-1]
         shown = np.where(edge[:, :, None], 0.35 * self._colour, self._colour)
         return np.dstack([shown, ((owner >= 0) | edge).astype(float)])
+
+
+@kernel
+def fill(corners, starts, scale, tint, owner, depths, owners, colours):
+    """Draw convex polygons where nothing is nearer: fill in `depths`, `owners` and `colours` of the pixels.
+
+    Corners are in pixels, right and up, and in lengths towards the reader.
+    """
+    for k in range(len(starts) - 1):
+        polygon = corners[starts[k] : starts[k + 1]]
+        count, low, high = len(polygon), np.full(2, np.inf), np.full(2, -np.inf)
+        nx, ny, nz = 0.0, 0.0, 0.0  # twice the area's vector
+        for m in range(count):
+            for axis in range(2):
+                low[axis] = min(low[axis], polygon[m, axis])
+                high[axis] = max(high[axis], polygon[m, axis])
+            if 0 < m < count - 1:
+                u, v = polygon[m] - polygon[0], polygon[m + 1] - polygon[0]
+                nx += (u[1] * v[2] - u[2] * v[1]) / scale
+                ny += (u[2] * v[0] - u[0] * v[2]) / scale
+                nz += (u[0] * v[1] - u[1] * v[0]) / scale**2
+        long = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if not abs(nz) > GRAZING * long:
+            continue
+        turn = 1.0 if nz > 0.0 else -1.0
+        shade = turn * (nx * LIGHT[0] + ny * LIGHT[1] + nz * LIGHT[2]) / long
+        lit = DULL + (1.0 - DULL) * max(shade, 0.0)
+        for row in range(max(0, int(np.floor(low[1]))), min(depths.shape[0], int(np.ceil(high[1])) + 1)):
+            for column in range(max(0, int(np.floor(low[0]))), min(depths.shape[1], int(np.ceil(high[0])) + 1)):
+                x, y, inside = column + 0.5, row + 0.5, True
+                for m in range(count):
+                    a, b = polygon[m], polygon[(m + 1) % count]
+                    du, dv = b[0] - a[0], b[1] - a[1]
+                    inside = inside and turn * (du * (y - a[1]) - dv * (x - a[0])) >= -0.5 * np.sqrt(du * du + dv * dv)
+                if not inside:
+                    continue
+                depth = polygon[0, 2] - (nx * (x - polygon[0, 0]) + ny * (y - polygon[0, 1])) / (nz * scale)
+                if depth > depths[row, column]:
+                    depths[row, column], owners[row, column] = depth, owner
+                    for part in range(3):
+                        colours[row, column, part] = tint[part] * lit
