@@ -5,9 +5,12 @@ from __future__ import annotations
 import signal
 import threading
 
+from fcdm_opt.threads import single
+
 
 def main() -> None:
     """Entry point; an interrupt while the command line is loaded ends it without a word."""
+    single()
     if threading.current_thread() is threading.main_thread():
         before = signal.signal(signal.SIGINT, signal.SIG_DFL)
         from fcdm_opt import cli

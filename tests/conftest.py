@@ -7,6 +7,9 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
+from fcdm_opt.threads import single
+
+single()  # as the command line does
 pytest.register_assert_rewrite("curve_checks")  # checks shared by several files say what differs
 
 settings.register_profile(

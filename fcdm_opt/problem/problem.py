@@ -255,7 +255,7 @@ class Problem(NominalContact, Shown):
         Of what does not depend on these nothing is checked again.
         """
         same = all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items())
-        if same and self.movable.whole is None:
+        if same:
             return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
 

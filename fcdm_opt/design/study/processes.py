@@ -20,13 +20,9 @@ from typing import Any
 
 from fcdm_opt.design.study.point import WORKER_LOST, Asked, Row, load, row
 from fcdm_opt.errors import FcdmError
+from fcdm_opt.threads import SINGLE
 
 Work = Callable[[Asked], Row]
-
-SINGLE = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
-)
-"""Environment of the processes: one thread each, as there is one for every core."""
 
 TRIES = 2
 """How often a point is asked for whose process is lost: anything else may have ended it."""
