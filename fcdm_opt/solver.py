@@ -20,7 +20,7 @@ from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import AT_ONCE, more_parts
-from fcdm_opt.problem.solution import EFFORTS, Solution
+from fcdm_opt.problem.solution import EFFORTS, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, left, settled
@@ -95,6 +95,9 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     while problem.movable.whole is not None:
         answer = _least_motion(task := Task.of(problem), how.model)
         pose = None if answer.q is None else task.transform(answer.q)
+        wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
+        if answer.status is Status.INFEASIBLE and not wanted:
+            break  # further parts only take motions away; where any contact will do they offer some
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         further = more_parts(problem, pose, answer.amount if apart else 0.0, most)
         if further is None or pacing.over():

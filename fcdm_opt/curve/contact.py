@@ -249,6 +249,12 @@ class Joint:
     normals: Array
     hosts: tuple[tuple[int, int], ...]
 
+    def carried_by(self, movable: Body, static: Body) -> Joint:
+        """Return the contact with all part pairs of the bodies that have its elements."""
+        elements = (movable, self.feature.one), (static, self.feature.two)
+        carried = ([k for k, part in enumerate(body.parts) if part.carriers(element)] for body, element in elements)
+        return replace(self, hosts=tuple((i, j) for i, j in product(*carried)) or self.hosts)
+
     def gap(self, movable: Body, static: Body, pose: Array, rho: Array) -> float:
         """Return the signed gap of its parts at a pose and scale pair: the largest separation over facet directions."""
         found = []
@@ -277,14 +283,7 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
         found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
     least = [own for own in found.values() if not any(_holds(other, own) for other in wide)]
-    return tuple(replace(own, hosts=_hosts(movable, static, own)) for own in least)
-
-
-def _hosts(movable: Body, static: Body, joint: Joint) -> tuple[tuple[int, int], ...]:
-    """Return all part pairs that have the elements of a contact."""
-    elements = (movable, joint.feature.one), (static, joint.feature.two)
-    carried = ([k for k, part in enumerate(body.parts) if part.carriers(element)] for body, element in elements)
-    return tuple((i, j) for i, j in product(*carried)) or joint.hosts
+    return tuple(own.carried_by(movable, static) for own in least)
 
 
 def _holds(joint: Joint, other: Joint) -> bool:

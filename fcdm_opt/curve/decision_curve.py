@@ -232,7 +232,9 @@ class DecisionCurve(Shown):
         if point.min() > 0 and abs(float(self.gap(point, settled=False))) > 2.0 * near * self._reach.sum():
             return None  # a change of the scales by `near` closes no such gap
         each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
-        for curve in (self, self._about(point)):
+        low, high = np.array(self.box).T
+        inside = ((low < point - each) & (point + each < high)).all()  # all that is there is listed
+        for curve in (self,) if inside else (self, self._about(point)):
             for switching_point in curve.switching_points:
                 if (np.abs(switching_point.rho - point) <= each).all():
                     return switching_point if curve is self else replace(switching_point, index=0)

@@ -42,14 +42,18 @@ class Facets:
 
     @cached_property
     def shells(self) -> list[Ints]:
-        """Rows of some corners of each closed surface."""
+        """Rows of some corners of each closed surface, those at its ends along the axes too."""
         used = np.unique(self.triangles)
         same = np.unique(self.points[used], axis=0, return_inverse=True)[1].ravel()
         place = np.zeros(len(self.points), np.int64)
         place[used] = same
         corners = place[self.triangles]
         group = components(np.concatenate([corners[:, :2], corners[:, 1:]]), int(same.max()) + 1)[same]
-        return [own[:: max(1, len(own) // CORNERS)] for own in (used[group == k] for k in range(group.max() + 1))]
+        found = []
+        for own in (used[group == k] for k in range(group.max() + 1)):
+            ends = [place(self.points[own], axis=0) for place in (np.argmin, np.argmax)]
+            found.append(np.unique(np.concatenate([own[:: max(1, len(own) // CORNERS)], own[np.concatenate(ends)]])))
+        return found
 
 
 _KNOWN: WeakKeyDictionary[Body, Facets] = WeakKeyDictionary()
@@ -85,7 +89,7 @@ class NearFacets(NamedTuple):
         """Return some of the pairs."""
         return NearFacets(self.parts[rows], self.heights[rows], self.corners[rows])
 
-    def furthest(self, rates: Callable[[Array], Array], slack: float) -> Array:
+    def furthest(self, rates: Callable[[Array], Array], slack: float, enough: float = math.inf) -> Array:
         """Return how much is needed at least to bring facets together, (k,): over all planes between the two.
 
         Exact for shifts along one line: facets of the triangles' difference are parallel to one of them, or to a side
@@ -97,22 +101,26 @@ class NearFacets(NamedTuple):
             Tells how fast the first facet moves along unit vectors, (m, 3), in each of some ways to move, (m, ways).
         slack : float
             Length up to which facets count as touching.
+        enough : float
+            Of pairs that need as much it is not asked how much more.
         """
         one, two = self.corners[:, 0], self.corners[:, 1]
         sides = [np.roll(own, -1, axis=1) - own for own in (one, two)]
         axes = [cross(own[:, 0], own[:, 1]) for own in sides]
         axes += [cross(sides[0][:, i], sides[1][:, j]) for i, j in np.ndindex(3, 3)]
         flat = DEFAULT.tie * norms(sides[0]).max(axis=1) * norms(sides[1]).max(axis=1)
-        needed = np.zeros((len(one), rates(np.empty((0, 3))).shape[1]))
+        needed, left = np.zeros((len(one), rates(np.empty((0, 3))).shape[1])), np.arange(len(one))
         for axis in axes:
-            lengths = norms(axis)
-            n = axis / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-            here, there = ((own * n[:, None]).sum(axis=2) for own in (one, two))
+            n = axis[left]
+            lengths = norms(n)
+            n = n / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+            here, there = ((own[left] * n[:, None]).sum(axis=2) for own in (one, two))
             ahead, behind = there.min(axis=1) - here.max(axis=1), here.min(axis=1) - there.max(axis=1)
             gap = np.maximum(ahead, behind)
-            apart = (gap > slack) & (lengths > flat)
+            apart = (gap > slack) & (lengths > flat[left])
             fast = np.maximum(rates(np.where((ahead > behind)[:, None], n, -n)[apart]), SMALLEST)
-            needed[apart] = np.maximum(needed[apart], gap[apart, None] / fast)
+            needed[left[apart]] = np.maximum(needed[left[apart]], gap[apart, None] / fast)
+            left = left[needed[left].min(axis=1) < enough]
         return np.asarray(needed.min(axis=1))
 
 

@@ -29,7 +29,6 @@ Label = tuple[int, ...]
 _FACET = re.compile(r"(P[12])V[V0-9,]+ of (\w+ radius )")
 
 
-@lru_cache(maxsize=16)
 def names_of_faces(body: Body) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
@@ -38,6 +37,11 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
     as they are counted, for others.
     """
+    return _names_of_faces(body.whole or body)
+
+
+@lru_cache(maxsize=16)
+def _names_of_faces(body: Body) -> dict[Label, str]:
     normals = normals_of_faces(body)
     return {**_plane(body, normals, MANY), **_round(body, normals)}
 

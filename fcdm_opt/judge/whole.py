@@ -15,6 +15,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of, near_facets, surface_distance
 from fcdm_opt.geometry.measures import winding_numbers
+from fcdm_opt.geometry.polygons import distances
 
 FIRST, WIDER = 2e-6, 8.0  # of the size: how near surfaces are to be looked at in detail, and times as much if none are
 
@@ -52,7 +53,7 @@ class WholeSurfaces:
         band = FIRST * self._size
         while True:
             found = near_facets(self._own[0], self._points[0], self._own[1], self._points[1], band)
-            pairs = found.parts[found.furthest(lambda ways: np.ones((len(ways), 1)), 0.0) <= band]
+            pairs = found.parts[found.furthest(lambda ways: np.ones((len(ways), 1)), 0.0, 2.0 * band) <= band]
             near = [np.zeros(len(body.parts), bool) for body in self._bodies]
             for flags, own in zip(near, pairs.T, strict=True):
                 flags[own] = True
@@ -83,8 +84,17 @@ class WholeSurfaces:
         solid = self._points[two][self._own[two].triangles]
         if not self._bodies[two].hollow and len(self._bodies[two].parts) > 1:
             return 0  # facets of cuts wind round points too; such parts fill the solid, and overlaps show
-        found = 0
+        found, near = 0, FIRST * self._size
         for rows in self._own[one].shells:
-            turns = winding_numbers(self._points[one][rows], solid)
-            found += bool(np.median(turns) > 0.5)  # at corners that touch, rounding chooses
+            points = self._points[one][rows]
+            free = np.array(
+                [not _on(point, solid, near) for point in points]
+            )  # at corners that touch, rounding chooses
+            found += bool(free.any()) and bool(np.median(winding_numbers(points[free], solid)) > 0.5)
         return found
+
+
+def _on(point: Array, triangles: Array, slack: float) -> bool:
+    """Tell whether a point is on a surface."""
+    boxes = (triangles.min(axis=1) - slack <= point) & (point <= triangles.max(axis=1) + slack)
+    return bool((distances(point[None, None], triangles[boxes.all(axis=1)]) <= slack).any())

@@ -368,6 +368,9 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
         parts |= {name: getattr(before, name) for name in names_known}
+        if before.contacts:
+            bodies = parts["movable"], parts["static"]
+            parts["nominal_joints"] = tuple(joint.carried_by(*bodies) for joint in before.nominal_joints)
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:

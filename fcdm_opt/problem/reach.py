@@ -82,7 +82,7 @@ def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:
     band = surface_distance(points[0], one.triangles, points[1], two.triangles)
     band += DEFAULT.snap * max(movable.size, static.size)
     near = near_facets(one, points[0], two, points[1], band)
-    return near.some(near.furthest(lambda ways: np.ones((len(ways), 1)), 0.0) <= band)
+    return near.some(near.furthest(lambda ways: np.ones((len(ways), 1)), 0.0, 2.0 * band) <= band)
 
 
 def _of_all_kinds(near: NearFacets) -> Ints:
@@ -116,8 +116,8 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     transform : (4, 4) array or None
         The pose that was found; None where none was.
     amount : float
-        The amount of the motion to it. Of goals that want a contact, parts that may touch after a smaller motion matter
-        too; infinite where there is none.
+        The amount of the motion to it. Of goals that want a contact, whichever, parts that may touch after a smaller
+        motion matter too; infinite where there is none.
     most : int
         Pairs of parts that are taken up for one reason, the worst first.
     """
@@ -131,12 +131,12 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     near = _near(movable, static, problem.target, pose, clear + DEFAULT.cut * size, crossing=not clear)
     depth = near.heights.max(axis=1) - clear
     found.append(_new(near.parts[depth < -DEFAULT.cut * size], depth[depth < -DEFAULT.cut * size], kept, most))
-    if "touch" in (problem.goal, problem.pair):
+    if "touch" in (problem.goal, problem.pair) and not problem.contacts:
         reach = float(np.linalg.norm(_rates(problem) / problem.weights)) * amount
         if math.isfinite(reach):
             near = _near(movable, static, problem.target, np.eye(4), reach)
             near = near.some(_unknown(near.parts, kept))
-            needed = near.furthest(_along(problem), DEFAULT.cut * size)
+            needed = near.furthest(_along(problem), DEFAULT.cut * size, amount)
             sooner = needed < amount * (1.0 - DEFAULT.nominal)
             found.append(_new(near.parts[sooner], needed[sooner], kept, most))
     for keep_out in problem.keep_out:

@@ -181,7 +181,7 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
     start = perf_counter()
     motion = motion_family(frames, solution, seconds / 2)
     left = max(seconds - (perf_counter() - start), 0.0) if seconds >= 0.0 else seconds
-    tolerance = tolerance_family(frames, problem, solution, left)
+    tolerance = tolerance_family(frames, _with_parts_of(solution, problem), solution, left)
     low, high = tolerance_box(problem)
     return {
         "scene": scene(problem),
@@ -197,6 +197,12 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "feature_shapes": frames.shapes,
         "labels": frames.labels,
     }
+
+
+def _with_parts_of(solution: Solution, problem: Problem) -> Problem:
+    """Return the question with the parts of large bodies that its answer took: other sizes take most of them too."""
+    movable, static = solution.problem.movable, solution.problem.static
+    return problem if movable.whole is None else problem.with_parts((np.array(movable.rows), np.array(static.rows)))
 
 
 def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:

@@ -27,7 +27,7 @@ SHARES = tuple(k / 20 for k in range(31))
 
 AS_ASKED = 1.0
 
-LEAST = 5
+LEAST = 3
 """Frames that a family has at least, whatever the time."""
 
 

@@ -160,13 +160,18 @@ class Frames:
         ]
 
     def _switching(self, curve: DecisionCurve) -> list[list[Any]]:
-        """Return the switching points, numbered as in the problem's box; those beyond it have no number."""
-        if curve.box == self._problem.box:
-            return [[*drawn(point.rho), f"SW{point.index}"] for point in curve.switching_points]
+        """Return the switching points, numbered as in the problem's box; those beyond it have no number.
+
+        Of large bodies none has: their curve is one of a few parts, whose numbers say nothing of the whole.
+        """
+        large = self._problem.movable.whole is not None
+        if large or curve.box == self._problem.box:
+            names = ("" if large else f"SW{point.index}" for point in curve.switching_points)
+            return [[*drawn(point.rho), name] for point, name in zip(curve.switching_points, names, strict=True)]
         numbered = replace(curve, box=self._problem.box).switching_points
-        names = {tuple(drawn(point.rho)): f"SW{point.index}" for point in numbered}
+        known = {tuple(drawn(point.rho)): f"SW{point.index}" for point in numbered}
         places = [tuple(drawn(point.rho)) for point in curve.switching_points]
-        return [[*place, names.get(place, "")] for place in places]
+        return [[*place, known.get(place, "")] for place in places]
 
     def _state(self, gap: float) -> str:
         if abs(gap) <= self._problem.contact_slack:
