@@ -92,18 +92,23 @@ def _solved_all(problem: Problem, how: _How) -> Solution:
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
     problem, most = more_parts(problem, None, 0.0) or problem, AT_ONCE
-    while problem.movable.whole is not None:
+    if problem.movable.whole is None:
+        return _solved(problem, how)
+    wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
+    while True:
         answer = _least_motion(task := Task.of(problem), how.model)
-        pose = None if answer.q is None else task.transform(answer.q)
-        wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
-        if answer.status is Status.INFEASIBLE and not wanted:
+        impossible = answer.status is Status.INFEASIBLE
+        if impossible and not wanted:
             break  # further parts only take motions away; where any contact will do they offer some
+        pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         further = more_parts(problem, pose, answer.amount if apart else 0.0, most)
         if further is None or pacing.over():
+            if impossible and apart:  # of the parts modelled: others may touch farther off
+                answer = replace(answer, status=Status.NOT_FOUND, lower_bound=0.0)
             break
         problem, most = further, 2 * most
-    return _solved(problem, how)
+    return _solved(problem, how, answer)
 
 
 class _How(NamedTuple):
@@ -131,11 +136,11 @@ class _Watch:
         self._last = now
 
 
-def _solved(problem: Problem, how: _How) -> Solution:
+def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Solution:
     """Return the solution of a problem that tracks at most two features: the main path, step by step."""
     watch = _Watch()
     task = Task.of(problem)
-    answer = _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
+    answer = answer or _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
     answer, evidence = _proved(problem, task, answer, how)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))

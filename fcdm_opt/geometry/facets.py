@@ -89,7 +89,9 @@ class NearFacets(NamedTuple):
         """Return some of the pairs."""
         return NearFacets(self.parts[rows], self.heights[rows], self.corners[rows])
 
-    def furthest(self, rates: Callable[[Array], Array], slack: float, enough: float = math.inf) -> Array:
+    def furthest(
+        self, rates: Callable[[Array], Array], slack: float, enough: float = math.inf, along: Array | None = None
+    ) -> Array:
         """Return how much is needed at least to bring facets together, (k,): over all planes between the two.
 
         Exact for shifts along one line: facets of the triangles' difference are parallel to one of them, or to a side
@@ -103,11 +105,15 @@ class NearFacets(NamedTuple):
             Length up to which facets count as touching.
         enough : float
             Of pairs that need as much it is not asked how much more.
+        along : (3,) array, optional
+            The one line of all shifts: facets that it leads past each other need more than any amount.
         """
         one, two = self.corners[:, 0], self.corners[:, 1]
         sides = [np.roll(own, -1, axis=1) - own for own in (one, two)]
         axes = [cross(own[:, 0], own[:, 1]) for own in sides]
         axes += [cross(sides[0][:, i], sides[1][:, j]) for i, j in np.ndindex(3, 3)]
+        if along is not None:
+            axes += [cross(own[:, k], np.tile(along, (len(own), 1))) for own in sides for k in range(3)]
         flat = DEFAULT.tie * norms(sides[0]).max(axis=1) * norms(sides[1]).max(axis=1)
         needed, left = np.zeros((len(one), rates(np.empty((0, 3))).shape[1])), np.arange(len(one))
         for axis in axes:

@@ -9,7 +9,7 @@ from it. That those left out are apart is judged on the whole surfaces, see `fcd
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -29,6 +29,7 @@ FEW = 10_000  # part pairs that are all modelled
 AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
+FIRST, FARTHEST = 1e-3, 0.3  # of the size: how near parts are that are taken up where those modelled never touch
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
 Rows = tuple[Ints, Ints]
@@ -132,13 +133,17 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     depth = near.heights.max(axis=1) - clear
     found.append(_new(near.parts[depth < -DEFAULT.cut * size], depth[depth < -DEFAULT.cut * size], kept, most))
     if "touch" in (problem.goal, problem.pair) and not problem.contacts:
-        reach = float(np.linalg.norm(_rates(problem) / problem.weights)) * amount
-        if math.isfinite(reach):
-            near = _near(movable, static, problem.target, np.eye(4), reach)
+        fastest = float(np.linalg.norm(_rates(problem) / problem.weights))
+        shifts = _shifts(problem) if problem.motion.shifts else np.empty((0, 3))
+        line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
+        for most_amount in [amount] if math.isfinite(amount) else _farther(problem, near, fastest):
+            near = _near(movable, static, problem.target, np.eye(4), fastest * most_amount)
             near = near.some(_unknown(near.parts, kept))
-            needed = near.furthest(_along(problem), DEFAULT.cut * size, amount)
-            sooner = needed < amount * (1.0 - DEFAULT.nominal)
+            needed = near.furthest(_along(problem), DEFAULT.cut * size, most_amount, line)
+            sooner = needed < most_amount * (1.0 - DEFAULT.nominal)
             found.append(_new(near.parts[sooner], needed[sooner], kept, most))
+            if len(found[-1]):
+                break
     for keep_out in problem.keep_out:
         for scale in keep_out.ends:
             near = _near(movable, keep_out.body, np.array([problem.target[0], scale]), pose, keep_out.clearance)
@@ -152,6 +157,14 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     known = problem.movable.rows, problem.static.rows  # these keep their numbers, see `Problem.with_parts`
     more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
     return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+
+
+def _farther(problem: Problem, near: NearFacets, fastest: float) -> Iterator[float]:
+    """Yield larger and larger amounts within which parts are looked for that may touch, where none known does."""
+    amount = max(FIRST, float(near.heights.max(axis=1).min(initial=0.0) / problem.size)) * problem.size / fastest
+    while amount * fastest <= FARTHEST * problem.size:
+        yield amount
+        amount *= 2.0
 
 
 def _bodies(problem: Problem) -> tuple[tuple[Body, Body], tuple[Body, Body]]:
@@ -184,12 +197,17 @@ def _along(problem: Problem) -> Callable[[Array], Array]:
     if not problem.motion.shifts:
         fastest = float(np.linalg.norm(_rates(problem) / problem.weights))
         return lambda ways: np.full((len(ways), 1), fastest)
-    seeds = problem.movable.seed, problem.static.seed
-    shifts = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
-    shifts /= problem.weights[:, None]
+    shifts = _shifts(problem)
     if len(shifts) == 1:
         return lambda ways: ways @ np.vstack([shifts, -shifts]).T
     return lambda ways: np.linalg.norm(ways @ shifts.T, axis=1, keepdims=True)
+
+
+def _shifts(problem: Problem) -> Array:
+    """Return the displacement by a unit of amount of each parameter of a motion that shifts, (k, 3)."""
+    seeds = problem.movable.seed, problem.static.seed
+    shifts = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
+    return np.asarray(shifts / problem.weights[:, None])
 
 
 def _rates(problem: Problem) -> Array:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
@@ -199,20 +200,21 @@ def straight(task: Task) -> Answer | None:
             if beside < -slack and low < high - slack:
                 blocked[parts] = low, high
     others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
-    places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0]).tolist()
+    places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0])
     if task.must_touch:
         first, last = np.array([met[parts] for parts in met.keys() - others]).reshape(-1, 2).T
-        places = [x for x in places if ((first - slack <= x) & (x <= last + slack)).any()]
+        places = places[_within(places, first - slack, last + slack, "right")]
+    places = places[np.argsort(np.abs(places), kind="stable")]
     stage, stop = "1: one translation, intervals of overlap", set[Parts]()
-    keys, (lows, highs) = list(blocked), np.array(list(blocked.values())).reshape(-1, 2).T
-    for least in sorted(places, key=abs):
-        inside = np.flatnonzero((lows + slack < least) & (least < highs - slack)).tolist()
-        if not inside:
-            break
-        in_the_way = {keys[k] for k in inside}
-        stop |= in_the_way if in_the_way <= others else set()
-    else:
+    keys, ends = list(blocked), np.array(list(blocked.values())).reshape(-1, 2)
+    lows, highs = ends[:, 0] + slack, ends[:, 1] - slack
+    free = np.flatnonzero(~_within(places, lows, highs, "left"))
+    if not free.size:
         return _impossible(stage)
+    least = float(places[free[0]])
+    for place in places[: free[0]].tolist() if others else ():
+        in_the_way = {keys[k] for k in np.flatnonzero((lows < place) & (place < highs)).tolist()}
+        stop |= in_the_way if in_the_way <= others else set()
     q = np.array([least])
     ways = {parts: normals[parts][int(2.0 * least > sum(blocked[parts]))] for parts in normals.keys() & blocked}
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
@@ -222,6 +224,14 @@ def straight(task: Task) -> Answer | None:
     near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
     counts = task.modelled(near, variables=1, constraints=len(near), features=sum(features[parts] for parts in near))
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
+
+
+def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Bools:
+    """Tell which places lie in some interval: "left" strictly inside, "right" on its ends too."""
+    order = np.argsort(lows, kind="stable")
+    before = np.searchsorted(lows[order], places, side)  # so many begin before
+    ends = np.append(-np.inf, np.maximum.accumulate(highs[order]))[before]
+    return np.asarray(ends > places if side == "left" else ends >= places)
 
 
 def _meeting(task: Task, along: Array) -> Bools:
