@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
-from fcdm_opt.curve.touching_sizes import _least_of
+from fcdm_opt.curve.touching_sizes import TouchingSizes, _least_of
 from fcdm_opt.geometry.resizing import Resizing, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
@@ -340,22 +341,52 @@ def test_the_gap_of_parts_made_is_that_of_the_rows() -> None:
     assert seen >= 30
 
 
-def test_rows_of_two_uniform_scales_are_the_lines_of_the_decision_curve() -> None:
+def uniform(role: str, body: fo.Body, *, faces: bool) -> fo.Size:
+    """A uniform scale, as one or as every face moved outward by its height over the seed."""
+    if not faces:
+        return fo.Size(role, role, scale="xyz", tolerance=0.2)
+    normals, points = body.face_planes
+    heights = (normals * (points - body.seed)).sum(axis=1)
+    names = [f"F{k + 1}" for k in range(len(normals))]
+    return fo.Size(role, role, faces=names, each=heights.tolist(), tolerance=0.2)
+
+
+def pairs_of_bodies(kind: str, rng: Any) -> tuple[fo.Body, fo.Body]:
+    way = rng.normal(size=3)
+    if kind == "hulls":
+        away = 3.0 * way / np.linalg.norm(way)
+        return fo.Body.convex(rng.normal(size=(10, 3))), fo.Body.convex(rng.normal(size=(10, 3)) + away)
+    one, two, off = rng.uniform(0.5, 2.0, 3), rng.uniform(0.5, 2.0, 3), rng.uniform(-0.4, 0.4, 3)
+    axis = int(rng.integers(3))
+    off[axis] = (one[axis] + two[axis]) / 2.0 * rng.uniform(0.95, 1.05)
+    if kind == "aligned boxes":
+        return box(-one / 2, one / 2), box(off - two / 2, off + two / 2)
+    off[2] = 0.5 + one[2] / 2.0
+    turn = Rotation.from_rotvec([0.0, 0.0, way[0]]).as_matrix()
+    corners = [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+    peg = fo.Body.convex(np.array(corners) * one @ turn.T + off)
+    return peg, fo.Body.from_parts([np.array(corners) * [3, 3, 1], np.array(corners) * [1, 3, 3] + [2, 0, 0]])
+
+
+@pytest.mark.parametrize("faces", [False, True])
+@pytest.mark.parametrize("kind", ["hulls", "aligned boxes", "a turned box on two others"])
+def test_rows_of_two_uniform_scales_are_the_lines_of_the_decision_curve(kind: str, faces: bool) -> None:
+    """Equal to the last bit, where rows of a scale of their own were up to four, of faces up to nine units off."""
     rng = np.random.default_rng(7)
     checked = 0
-    for _ in range(40):
-        one = fo.Body.convex(rng.normal(size=(10, 3)))
-        two = fo.Body.convex(rng.normal(size=(10, 3)) + 3.0 * rng.normal(size=3))
-        scales = [fo.Size(role, role, scale="xyz", tolerance=0.9) for role in ("movable", "static")]
-        stack = fo.stack_up(fo.Problem(one, two, sizes=scales, motion=X, goal="touch"))
-        rows = np.array([[row.gap, *row.coefficients.values()] for row in stack.rows])
-        curve = fo.decision_curve(one, two, box=((0.15, 1.85), (0.15, 1.85)))
-        for segment in curve.segments:
-            a, b, c = segment.line
-            off = np.abs(rows - [c - a - b, -a, -b]).max(axis=1).min()
-            assert off <= 4 * np.spacing(max(abs(a), abs(b), abs(c)))
+    for _ in range(30):
+        one, two = pairs_of_bodies(kind, rng)
+        sizes = [uniform(role, body, faces=faces) for role, body in (("movable", one), ("static", two))]
+        transform = np.eye(4)
+        if kind == "hulls":
+            transform[:3, :3] = Rotation.from_rotvec(rng.normal(size=3) * 0.02).as_matrix()
+        touching = TouchingSizes.of(one, two, sizes, transform=transform)
+        rows = np.concatenate([pair.values for pair in touching.pairs])
+        curve = fo.decision_curve(one, two, box=((0.81, 1.19), (0.81, 1.19)), transform=transform)
+        for a, b, c in (segment.line for segment in curve.segments):
+            assert (rows == [c - a - b, -a, -b]).all(axis=1).any()
             checked += 1
-    assert checked > 20
+    assert checked >= 10
 
 
 def test_a_pose_moves_the_movable_body() -> None:

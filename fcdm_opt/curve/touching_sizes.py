@@ -14,13 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
+from fcdm_opt.curve.pruning import region_between
+from fcdm_opt.curve.region import Region
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
@@ -123,7 +125,7 @@ class TouchingSizes:
         _check(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
         ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
-        sides, reaches = [], []
+        sides, reaches, shares = [], [], []
         for role, body in (("movable", movable), ("static", static)):
             own = [k for k, size in enumerate(sizes) if size.body == role]
             moving = Resizing.of(body, [sizes[k] for k in own])
@@ -149,6 +151,8 @@ class TouchingSizes:
             posed = [_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts]
             sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
             reaches.append(reach)
+            shares.append(np.zeros(len(sizes)))
+            shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
@@ -160,6 +164,10 @@ class TouchingSizes:
         kept = _nearest([own for own, left in zip(pairs, always, strict=True) if not left], box)
         if least:
             kept, held = ([_binding(pair, box) for pair in own] for own in (kept, held))
+        if np.any(shares):
+            region = partial(region_between, movable, static, T)
+            uniform = np.array(shares)
+            kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
         return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
 
     @property
@@ -479,6 +487,22 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
         np.einsum("mx,mxk->mk", n, two.moves[q]) - np.einsum("mx,mxk->mk", n, one.moves[p]),
     ])  # fmt: skip
     return n, rows, one.edge_names[i], two.edge_names[j], np.full(len(rows), 2)
+
+
+def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> PairRows:
+    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more.
+
+    `shares` of the uniform scale of either body that a unit of each size is, (2, k).
+    """
+    values, scales = pair.values.copy(), np.flatnonzero(shares.any(axis=0))
+    for piece in region.pieces:
+        a, b, c = piece.line
+        own = np.array([c - a - b, *-(shares.T @ piece.line[:2])])[np.append(0, 1 + scales)]
+        off = np.abs(values[:, np.append(0, 1 + scales)] - own).max(axis=1) / size
+        off = np.maximum(off, np.abs(pair.normals - piece.normal).max(axis=1))
+        near = np.flatnonzero(off <= DEFAULT.planarity)
+        values[near[:, None], np.append(0, 1 + scales)] = own
+    return pair._replace(values=values)
 
 
 def _ends(pair: PairRows, box: Array) -> tuple[float, float]:

@@ -83,6 +83,7 @@ class Resizing:
     sizes: tuple[Size, ...]
     faces: Array  # how far each face of the body moves outward a unit of each size, (faces, k)
     parts: tuple[MovingPart, ...]
+    shares: Array  # of the uniform scale about the seed that a unit of each size is, 0 where it is none, (k,)
 
     @classmethod
     def of(cls, body: Body, sizes: Sequence[Size], *, drawn: Body | None = None) -> Resizing:
@@ -98,8 +99,11 @@ class Resizing:
         chosen = drawn or body
         face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
-        parts = tuple(_moving(body, k, sizes, face_offsets, turns) for k in range(len(body.parts)))
-        return cls(body, tuple(sizes), face_offsets, parts)
+        shares = np.array([_share(body, own) for own in face_offsets.T])
+        lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
+        turns = turns + shares[:, None, None] * np.eye(3)
+        parts = tuple(_moving(body, k, sizes, lone, turns) for k in range(len(body.parts)))
+        return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reach(self, low: Array, high: Array) -> tuple[float, str]:
         """Return by what factor a box of sizes about 0 may be widened until a face vanishes, and where it does.
@@ -367,6 +371,17 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
 
 
 # ------------------------------------------------------------------------------------------------------- moving parts
+
+
+def _share(body: Body, offsets: Array) -> float:
+    """Return the scale about the seed that moves every face outward by its offset, 0 where none does."""
+    normals, points = body.face_planes
+    heights = (normals * (points - body.seed)).sum(axis=1)
+    share = float(offsets @ heights / max(float(heights @ heights), np.finfo(float).tiny))
+    if not share or np.abs(offsets - share * heights).max() > DEFAULT.sign * abs(share) * body.size:
+        return 0.0
+    near = float(f"{share:.12g}")  # of which only the rounding of the heights made it differ
+    return near if abs(share - near) <= DEFAULT.sign * abs(share) else share
 
 
 def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
