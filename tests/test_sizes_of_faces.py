@@ -153,6 +153,28 @@ def bored(radius: float, sections: int) -> fo.Body:
     return fo.Body.from_mesh(mesh.vertices, mesh.faces, name="plate")
 
 
+def turned(name: str, *profile: tuple[float, float]) -> fo.Body:
+    mesh = trimesh.creation.revolve(np.array(profile), sections=12)
+    mesh.merge_vertices()
+    return fo.Body.from_mesh(mesh, name=name)
+
+
+@pytest.mark.parametrize("goal", ["at", "seat", "touch"])
+@pytest.mark.parametrize(("faces", "up"), [(["F3", "F5"], 0.5), (["F1", "F5"], 0.0), (["cylinder radius 9"], 0.0)])
+def test_a_flange_on_a_ring_was_refused_for_contacts_whose_corners_had_one_name(
+    goal: str, faces: Any, up: float
+) -> None:
+    """The ring's cuts cross edges in corners that are no corners of it: those of one edge are called alike."""
+    bush = turned("bush", (0, -1), (5, -1), (5, 8), (9, 8), (9, 11), (0, 11))
+    ring = turned("ring", (5.1, 0), (20, 0), (20, 8), (5.1, 8), (5.1, 0))
+    size = fo.Size("size", "movable", faces=faces, each=0.5, tolerance=0.05)
+    for made, value in ({"size": 0.04}, 0.04), ({"size": -0.03}, -0.03), ("worst", 0.05):
+        asked = {"sizes": [size], "made": made, "goal": goal, "motion": fo.Translation("z")}
+        solution = fo.solve(fo.Problem(bush, ring, **asked))
+        assert solution.certificate.passed
+        assert solution.parameters["TZ"] == pytest.approx(up * value, abs=1e-12)
+
+
 def test_pieces_of_a_face_with_a_hole_lost_its_name_at_other_sizes() -> None:
     body = bored(8.0, 24)
     made = resized(body, {fo.Size("d", "static", faces="bore radius 8", each=-0.5): -0.02})

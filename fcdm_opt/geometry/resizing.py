@@ -184,6 +184,19 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     return _offset(moving, values)
 
 
+def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
+    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    scaled = _scaled(body, made)
+    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts if lengths else ()
+    planes = []
+    for k, part in enumerate(scaled.parts):
+        normals, levels = _planes(part)
+        out = moved[k].offsets @ np.array(list(lengths.values())) if moved else 0.0
+        planes.append((normals, levels - normals @ scaled.seed + out))
+    return planes
+
+
 def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
     """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by their labels.
 
