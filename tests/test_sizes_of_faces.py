@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -241,6 +242,26 @@ def test_where_a_face_vanishes_is_told_with_the_face() -> None:
     factor, where = Resizing.of(body, [size]).reach(np.array([-0.5]), np.array([0.5]))
     assert factor == pytest.approx(2.0)
     assert "F" in where
+
+
+def test_a_stack_says_from_where_on_parts_as_made_are_refused() -> None:
+    rng = np.random.default_rng(3)
+    far = fo.Body.convex(rng.normal(size=(8, 3)) + np.array([9.0, 0.0, 0.0]))
+    slab, width = box((0, 0, 0), (0.2, 1, 1)), fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.5)
+    assert TouchingSizes.of(slab, far, [replace(width, tolerance=0.1)]).vanishing[0] == pytest.approx(2.0)
+    for _ in range(20):
+        one = fo.Body.convex(rng.normal(size=(9, 3)))
+        sizes = []
+        for k in range(3):
+            names = [f"F{face + 1}" for face in rng.choice(len(one.face_planes[0]), 2, replace=False)]
+            sizes.append(fo.Size(f"{k}", "movable", faces=names, each=rng.uniform(-1, 1, 2), tolerance=0.3))
+        factor, face, end = TouchingSizes.of(one, far, sizes).vanishing
+        at = np.array([end[size.name] for size in sizes])
+        for p in (factor * 0.9999 * at, *rng.uniform(-0.2999 * factor, 0.2999 * factor, (5, 3))):
+            resized(one, dict(zip(sizes, p, strict=True)))
+        with pytest.raises(fo.InputError, match="vanishes"):
+            resized(one, dict(zip(sizes, factor * 1.0001 * at, strict=True)))
+        assert face.startswith("face F")
 
 
 def test_a_slot_whose_walls_meet_is_refused() -> None:

@@ -129,19 +129,11 @@ class Resizing:
                 factor = np.where(loss > 0.0, depth / np.where(loss > 0.0, loss, 1.0), np.inf)
             if factor.size and factor.min() < least:
                 facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
-                least, where = float(factor.min()), self._named(own, facet)
+                least, where = float(factor.min()), self.named(own, facet)
         return least, where
 
-    def is_lost(self, low: Array, high: Array) -> bool:
-        """Tell whether a part with all facets at their innermost within a box of sizes is empty."""
-        inward = [np.minimum(own.offsets * low, own.offsets * high).sum(axis=1) for own in self.parts]
-        return any(
-            not (_levels(own.part, offsets) > 0.0).all()
-            and _ball(own.part.normals, _levels(own.part, offsets))[1] <= 0.0
-            for own, offsets in zip(self.parts, inward, strict=True)
-        )
-
-    def _named(self, own: MovingPart, facet: int) -> str:
+    def named(self, own: MovingPart, facet: int) -> str:
+        """Return the face of the body that a facet of a part belongs to, in words."""
         face, n = int(own.faces[facet]), direction(own.part.normals[facet])
         return (
             f"face F{face + 1} ({n}) of body '{self.body.name}'" if face >= 0 else f"a cut of body '{self.body.name}'"
@@ -155,7 +147,7 @@ class Resizing:
                 along = (turned * own.part.normals).sum(axis=1)[:, None] * own.part.normals
                 bad = np.flatnonzero(np.abs(turned - along).max(axis=1) > DEFAULT.nominal)
                 if bad.size:
-                    return f"size '{size.name}' turns {self._named(own, int(bad[0]))}"
+                    return f"size '{size.name}' turns {self.named(own, int(bad[0]))}"
         return ""
 
 
@@ -309,7 +301,7 @@ def _facing(made: Body, pair: tuple[int, int]) -> str:
 
 def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
     names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
-    what = f"the body changes its shape at these sizes: what it has beside {moving._named(own, facet)} vanishes"
+    what = f"the body changes its shape at these sizes: what it has beside {moving.named(own, facet)} vanishes"
     factor, _ = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))
     allowed = f"deviations of less than {100.0 * factor:.4g} % of these"
     return InputError(what, key=f"body '{moving.body.name}'", found=names, allowed=allowed)

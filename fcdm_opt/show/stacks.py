@@ -113,6 +113,13 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     if stack.standing:
         print_text(f"closed at all these sizes, and not counted: {'; '.join(map(without_corners, stack.standing))}")
         print_text()
+    factor, face, where = stack.touching.vanishing
+    if factor < 1.0:
+        end = _sizes({name: x for name, x in where.items() if x})
+        print_text(
+            f"{factor:.2%} of the way to {end} {face} vanishes: parts made beyond are refused, rows go on without it"
+        )
+        print_text()
     noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:

@@ -275,6 +275,7 @@ class StackUp:
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
             "widest": {"factor": self.touching.reach[0], "until": self.touching.reach[1]},
+            "vanishing": dict(zip(("factor", "face", "at"), self.touching.vanishing, strict=True)),
         }
         told: dict[str, Any] = plain(answers)
         return told
