@@ -454,6 +454,10 @@ def _slack_of_faces(part: MovingPart, corners: _Corners, *, room: bool = False) 
 
 def _is_lost(part: MovingPart, corners: _Corners, low: Array, high: Array) -> bool:
     """Tell whether nothing is left of a convex part at some sizes of a box."""
+    base = part.part.vertices[[loop[0] for loop in part.part.loops]] - part.part.vertices.mean(axis=0)
+    inward = np.minimum(part.offsets * low, part.offsets * high).sum(axis=1)
+    if ((part.part.normals * base).sum(axis=1) + inward > 0.0).all():
+        return False  # the middle stays
     values, _ = _slack_of_faces(part, corners, room=True)
     least = values[:, 0] + np.minimum(values[:, 1:] * low, values[:, 1:] * high).sum(axis=1)
     return bool(least.min(initial=np.inf) <= 0.0)

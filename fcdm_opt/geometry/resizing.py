@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import combinations
 
 import numpy as np
@@ -99,7 +99,7 @@ class Resizing:
         chosen = drawn or body
         face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
-        shares = np.array([_share(body, own) for own in face_offsets.T])
+        shares = _shares(body, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
         turns = turns + shares[:, None, None] * np.eye(3)
         parts = tuple(_moving(body, k, sizes, lone, turns) for k in range(len(body.parts)))
@@ -378,15 +378,17 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
 # ------------------------------------------------------------------------------------------------------- moving parts
 
 
-def _share(body: Body, offsets: Array) -> float:
-    """Return the scale about the seed that moves every face outward by its offset, 0 where none does."""
+def _shares(body: Body, offsets: Array) -> Array:
+    """Return the scale about the seed that moves every face outward by its offset a unit of each size, 0 for none."""
     normals, points = body.face_planes
     heights = (normals * (points - body.seed)).sum(axis=1)
-    share = float(offsets @ heights / max(float(heights @ heights), np.finfo(float).tiny))
-    if not share or np.abs(offsets - share * heights).max() > DEFAULT.sign * abs(share) * body.size:
-        return 0.0
-    near = float(f"{share:.12g}")  # of which only the rounding of the heights made it differ
-    return near if abs(share - near) <= DEFAULT.sign * abs(share) else share
+    shares = np.asarray(heights @ offsets / max(float(heights @ heights), np.finfo(float).tiny))
+    off = np.abs(offsets - np.outer(heights, shares)).max(axis=0, initial=0.0)
+    shares[off > DEFAULT.sign * np.abs(shares) * body.size] = 0.0
+    for k in np.flatnonzero(shares).tolist():
+        near = float(f"{shares[k]:.12g}")  # of which only the rounding of the heights made it differ
+        shares[k] = near if abs(shares[k] - near) <= DEFAULT.sign * abs(near) else shares[k]
+    return shares
 
 
 def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
@@ -402,7 +404,7 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
     simple = np.flatnonzero(counts == 3)
     triples = facet[order][starts[simple][:, None] + np.arange(3)]
     moves = np.linalg.solve(part.normals[triples], lengths[triples]) if len(simple) else np.zeros((0, 3, len(sizes)))
-    vertices, split = simple, np.zeros(len(part.vertices), bool)
+    vertices, split, apart = simple, np.zeros(len(part.vertices), bool), []
     for v in np.flatnonzero(counts > 3).tolist():
         around = facet[order][starts[v] : starts[v] + counts[v]]
         n, g = part.normals[around], lengths[around]
@@ -416,13 +418,24 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
                     f"a corner of {len(around)} faces would split", key=f"body '{body.name}'",
                     found=part.vertices[v].tolist(), allowed=f"at most {MOST_AT_A_CORNER} faces that part at a corner",
                 )  # fmt: skip
-            own = around[list(combinations(range(len(around)), 3))]
-            own = own[np.abs(np.linalg.det(part.normals[own])) > DEFAULT.nominal]
-            its, split[v] = np.linalg.solve(part.normals[own], lengths[own]), True
+            split[v] = True
+            apart.append(around[_triples(len(around))])
+            continue
         triples, moves = np.concatenate([triples, own]), np.concatenate([moves, its])
         vertices = np.concatenate([vertices, np.full(len(own), v)])
+    if apart:
+        own, origin = np.concatenate(apart), np.repeat(np.flatnonzero(split), list(map(len, apart)))
+        kept = np.abs(np.linalg.det(part.normals[own])) > DEFAULT.nominal
+        own, origin = own[kept], origin[kept]
+        triples, vertices = np.concatenate([triples, own]), np.concatenate([vertices, origin])
+        moves = np.concatenate([moves, np.linalg.solve(part.normals[own], lengths[own])])
     moves = moves + np.einsum("kxy,ty->txk", turns, part.vertices[vertices] - body.seed)
     return MovingPart(part, faces, offsets, triples, vertices, moves, split)
+
+
+@cache
+def _triples(count: int) -> Ints:
+    return np.array(list(combinations(range(count), 3)))
 
 
 def _fan(around: Ints, normals: Array) -> Ints:
@@ -450,12 +463,13 @@ def _facets(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array) 
             loose.append(k)
             continue
         offsets = side * face_offsets[own]
-        wrong = np.flatnonzero(np.abs(offsets - offsets[0]).max(axis=0, initial=0.0) > DEFAULT.nominal)
-        if wrong.size:
+        wrong = np.abs(offsets - offsets[0]).max(axis=0) > DEFAULT.nominal if len(own) > 1 else np.zeros(1, bool)
+        if wrong.any():
             names = ", ".join(f"F{face + 1}" for face in own)
             raise InputError(
                 f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
-                key=f"size '{sizes[int(wrong[0])].name}'.faces", found=names, allowed="all of these faces, or none",
+                key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
+                allowed="all of these faces, or none",
             )  # fmt: skip
         faces[k], moved[k] = own[0], offsets[0]
     if loose and moved.any():
