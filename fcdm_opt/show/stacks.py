@@ -98,9 +98,9 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.6g}", "at": f"mean {spread.mean:+.6g}"},
     ], numbers=("gap",))  # fmt: skip
     ends = share.interval
-    within = [
-        f"{word} {measured(f'{end:.6g}', unit)}" for word, end in (("from", low), ("to", high)) if abs(end) < np.inf
-    ]
+    words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
+    told = zip(words, (low, high), strict=True)
+    within = [f"{word} {measured(f'{end:.6g}', unit)}" for word, end in told if abs(end) < np.inf]
     print_text(
         f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
         f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
