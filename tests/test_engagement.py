@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
+from fcdm_opt.judge.engagement import passage
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
@@ -338,3 +339,13 @@ def test_the_cards_show_nothing_green_of_a_motion_outside_the_fit() -> None:
     assert "OUTSIDE_FIT" in card
     assert "Does not fit: nut 19.79 in slot 19.60 mm" in card
     assert "outside" not in good
+
+
+def test_a_key_stays_in_its_slot_until_a_wall_s_middle_or_a_tenth_of_its_depth() -> None:
+    problem = fo.load_problems(Path(__file__).parents[1] / "problems" / "slot_and_key.toml")[0]
+    across, along = (passage(problem, np.array(way)) for way in ((2.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    middle = (0.0625 + 20.0) / 2.0
+    assert across == pytest.approx((-middle / 2.0, middle / 2.0), abs=1e-3)  # in steps of 2
+    assert along == pytest.approx((-(0.125 + 20.125) / 2.0, 0.9 * 7.875), abs=1e-3)
+    beside = problem.changed(movable=problem.movable.moved(np.eye(4) + 90.0 * np.eye(4, k=3)))
+    assert passage(beside, np.array([1.0, 0.0, 0.0])) == (-np.inf, np.inf)

@@ -13,13 +13,14 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from fcdm_opt import load_problems, pacing, solve
 from fcdm_opt.cli import app
 from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
 from fcdm_opt.drafting.choice import TOLERANCE
-from fcdm_opt.drafting.draft import draft
+from fcdm_opt.drafting.draft import draft, widths
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -419,3 +420,11 @@ def test_an_unknown_kind_of_file_is_refused() -> None:
     assert run("schema", "--what", "recipe").exit_code == 2
     with pytest.raises(InputError, match="allowed: problem, study"):
         json_schema("recipe")
+
+
+def test_the_thickness_of_a_flange_was_not_offered_as_a_size() -> None:
+    """Distances between faces that do not lie over one another were, since they were larger."""
+    blocks = [trimesh.creation.box(bounds=ends) for ends in (((-5, -5, -8), (5, 5, 4)), ((-8, -8, 0), (8, 8, 4)))]
+    offered = {what for _, what, _ in widths(Body.from_mesh(trimesh.boolean.union(blocks)))}
+    distances = ("x", 16), ("y", 16), ("z", 12), ("x", 10), ("y", 10), ("z", 4)
+    assert offered == {f"-{axis} and +{axis}, {width} of material," for axis, width in distances}

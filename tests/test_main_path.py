@@ -12,7 +12,8 @@ import fcdm_opt.solver
 from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
-GROUND = {"compiling", "doors", "errors", "pacing", "plain", "threads", "tolerances", "version"}  # files anything may use
+# files anything may use
+GROUND = {"compiling", "doors", "errors", "pacing", "plain", "threads", "tolerances", "version"}
 
 PACKAGES = {
     "geometry": set(),

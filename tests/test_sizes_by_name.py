@@ -246,6 +246,15 @@ def test_a_turn_makes_a_peg_that_leans_fit() -> None:
     assert not best.certified
 
 
+def test_the_least_worst_gap_of_a_key_was_beyond_the_slot_s_wall() -> None:
+    """Against the block's outer side, 20 mm away, the position of the slot does not matter: the gaps are less there."""
+    best = fo.best_pose(fo.load_problems(KEY)[2])
+    least, most = 0.0625 - 0.03, 0.0625 + 0.03 + 0.018 + 0.015
+    assert abs(best.parameters["TX"]) == pytest.approx((least + most) / 2.0, abs=1e-9)
+    assert best.worst_gap == pytest.approx((most - least) / 2.0, abs=1e-9)
+    assert best.certified
+
+
 def test_clearances_are_those_of_the_stack_up() -> None:
     problem = near_the_slot()
     told = fo.clearances(problem, pose={"TX": -0.03}, count=20_000)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import MANY, names_of_faces
+from fcdm_opt.geometry.naming import MANY, names_of_faces, told_element
 
 _VERTICES = r"V[1-9][0-9]*(?:,V[1-9][0-9]*)*"
 _LABEL = re.compile(rf"([VEF])1([VEF])2\(P1({_VERTICES}); ?P2({_VERTICES})\)")
@@ -55,6 +55,14 @@ class Feature:
             corners = ",".join(f"V{v}" for v in element.vertices)
             words.append(corners if not name else f" {name}" if len(face) >= MANY else f"{corners} of {name}")
         return f"{self.kind}(P1{words[0]}; P2{words[1]})"
+
+    def in_words(self, movable: Body, static: Body) -> str:
+        """Return what meets what: "back face of key, face 8 of slot"."""
+        pairs = (self.one, movable, "the movable part"), (self.two, static, "the static part")
+        words = (
+            f"{told_element(body, own).partition(' (facing')[0]} of {body.name or part}" for own, body, part in pairs
+        )
+        return ", ".join(words)
 
     @property
     def _key(self) -> tuple[str, frozenset[int], frozenset[int]]:

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
+from fcdm_opt.curve.pruning import region_between
+from fcdm_opt.curve.region import Region
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
@@ -123,7 +125,7 @@ class TouchingSizes:
         _check(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
         ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
-        sides, reaches = [], []
+        sides, reaches, shares = [], [], []
         for role, body in (("movable", movable), ("static", static)):
             own = [k for k, size in enumerate(sizes) if size.body == role]
             moving = Resizing.of(body, [sizes[k] for k in own])
@@ -139,16 +141,19 @@ class TouchingSizes:
                     key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
                     allowed=f"up to {100.0 * reach[0]:.4g} % of them",
                 )  # fmt: skip
-            if reach[0] < 1.0 and moving.is_lost(low[own], high[own]):
+            corners = _all_corners(moving.parts[0]) if reach[0] < 1.0 else None
+            if corners and _is_lost(moving.parts[0], corners, low[own], high[own]):
                 raise InputError(
                     f"within these tolerances nothing may be left of body '{body.name}'",
                     key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
                 )  # fmt: skip
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             carried = ways if role == "movable" else np.zeros_like(ways)
-            posed = [_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts]
+            posed = [_PosedPart.of(part, own, len(sizes), R, t, corners) for part in moving.parts]
             sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
             reaches.append(reach)
+            shares.append(np.zeros(len(sizes)))
+            shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
@@ -160,6 +165,10 @@ class TouchingSizes:
         kept = _nearest([own for own, left in zip(pairs, always, strict=True) if not left], box)
         if least:
             kept, held = ([_binding(pair, box) for pair in own] for own in (kept, held))
+        if np.any(shares):
+            region = partial(region_between, movable, static, T)
+            uniform = np.array(shares)
+            kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
         return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
 
     @property
@@ -167,6 +176,34 @@ class TouchingSizes:
         """Least and largest of each size, (k, 2)."""
         own = np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2)
         return np.vstack([own, self.ranges])
+
+    @cached_property
+    def vanishing(self) -> tuple[float, str, dict[str, float]]:
+        """By what factor the box may be widened until a face of a body vanishes, which, and the sizes where it does.
+
+        Parts are not made beyond (`resized`), whereas the rows go on: what a convex body has beside the face is told by
+        its other faces' planes.
+        """
+        found: list[tuple[float, str, dict[str, float]]] = []
+        for role, body in zip(("movable", "static"), self.bodies, strict=True):
+            own = [k for k, size in enumerate(self.sizes) if size.body == role]
+            moving = Resizing.of(body, [self.sizes[k] for k in own])
+            low, high = np.minimum(self.box[own, 0], 0.0), np.maximum(self.box[own, 1], 0.0)
+            factor, where = moving.reach(low, high)
+            corner = np.zeros(len(own))
+            if factor < np.inf and len(moving.parts) == 1 and len(body.parts[0].loops) <= MOST_TRIPLES:
+                part, corners = moving.parts[0], _all_corners(moving.parts[0])
+                kinds = [_slack_of_faces(part, corners, room=room) for room in (False, True)]
+                values, facets = (np.concatenate(rows) for rows in zip(*kinds, strict=True))
+                swings = np.minimum(values[:, 1:] * low, values[:, 1:] * high).sum(axis=1)
+                with np.errstate(divide="ignore"):
+                    factors = np.where(swings < 0.0, -values[:, 0] / np.minimum(swings, 0.0), np.inf)
+                first = int(factors.argmin())
+                factor, where = float(factors[first]), moving.named(part, int(facets[first]))
+                corner = np.where(values[first, 1:] > 0.0, low, np.where(values[first, 1:] < 0.0, high, 0.0))
+            names = [size.name for size in moving.sizes]
+            found.append((factor, where, dict(zip(names, corner.tolist(), strict=True))))
+        return min(found, key=lambda own: own[0])
 
     @cached_property
     def stacked(self) -> tuple[Array, Ints]:
@@ -350,11 +387,13 @@ class _PosedPart:
         return replace(self, moves=np.concatenate([self.moves, wide], axis=2))
 
     @classmethod
-    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _PosedPart:
+    def of(
+        cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, corners: _Corners | None
+    ) -> _PosedPart:
         triples, vertices, moves = part.triples, part.vertices, part.moves
         points = part.part.vertices[vertices]
-        if not whole:
-            triples, vertices, points, moves = _all_corners(part)
+        if corners:
+            triples, vertices, points, moves = corners
         normals = part.part.normals @ R.T
         facets = len(normals)
         wide = np.zeros((len(triples), 3, count))
@@ -362,7 +401,7 @@ class _PosedPart:
         bases = np.empty(facets, np.int64)
         bases[triples.ravel()] = np.repeat(np.arange(len(triples)), 3)
         # edges: of the part as drawn; where corners split or the shape changes any two facets of a corner
-        if whole and not part.split.any():
+        if not corners and not part.split.any():
             drawn = part.part.edges
             pairs, names = drawn[:, 2:], np.arange(len(drawn))
             at = np.zeros(len(part.part.vertices), np.int64)
@@ -384,7 +423,47 @@ class _PosedPart:
         )  # fmt: skip
 
 
-def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
+class _Corners(NamedTuple):
+    """Points in which three facets' planes meet: these, the nearest vertex, the points, and how they move by size."""
+
+    triples: Ints
+    vertices: Ints
+    points: Array
+    moves: Array
+
+
+def _slack_of_faces(part: MovingPart, corners: _Corners, *, room: bool = False) -> tuple[Array, Ints]:
+    """Return rows that are all positive at sizes at which a convex part has all of its facets, (m, 1 + k), and facets.
+
+    By Farkas' lemma a facet's plane is cut off by three others where it lies beyond their corner, in the cone of their
+    normals; with `room`, and nothing is left at all where it lies so and faces the other way.
+    """
+    normals, (triples, _, points, moves) = part.part.normals, corners
+    cones = np.linalg.inv(np.swapaxes(normals[triples], 1, 2))
+    sign = -1.0 if room else 1.0
+    shares = np.einsum("txy,fy->ftx", cones, sign * normals)
+    facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
+    kept = ~(triples[corner] == facet[:, None]).any(axis=1)
+    facet, corner = facet[kept], corner[kept]
+    base = part.part.vertices[[loop[0] for loop in part.part.loops]]
+    n = normals[facet]
+    heights = (n * (points[corner] - base[facet])).sum(axis=1)
+    rates = np.einsum("mx,mxk->mk", n, moves[corner]) - part.offsets[facet]
+    return sign * np.column_stack([heights, rates]), facet
+
+
+def _is_lost(part: MovingPart, corners: _Corners, low: Array, high: Array) -> bool:
+    """Tell whether nothing is left of a convex part at some sizes of a box."""
+    base = part.part.vertices[[loop[0] for loop in part.part.loops]] - part.part.vertices.mean(axis=0)
+    inward = np.minimum(part.offsets * low, part.offsets * high).sum(axis=1)
+    if ((part.part.normals * base).sum(axis=1) + inward > 0.0).all():
+        return False  # the middle stays
+    values, _ = _slack_of_faces(part, corners, room=True)
+    least = values[:, 0] + np.minimum(values[:, 1:] * low, values[:, 1:] * high).sum(axis=1)
+    return bool(least.min(initial=np.inf) <= 0.0)
+
+
+def _all_corners(part: MovingPart) -> _Corners:
     """Return all points in which three facets' planes meet, of a convex body that changes its shape."""
     from itertools import combinations
 
@@ -399,7 +478,7 @@ def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
     )
     points, moves = solved[:, :, 0] + centre, solved[:, :, 1:]
     away = np.linalg.norm(points[:, None] - part.part.vertices, axis=2)
-    return triples, away.argmin(axis=1), points, moves
+    return _Corners(triples, away.argmin(axis=1), points, moves)
 
 
 # ------------------------------------------------------------------------------------------------------- rows of a pair
@@ -479,6 +558,22 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
         np.einsum("mx,mxk->mk", n, two.moves[q]) - np.einsum("mx,mxk->mk", n, one.moves[p]),
     ])  # fmt: skip
     return n, rows, one.edge_names[i], two.edge_names[j], np.full(len(rows), 2)
+
+
+def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> PairRows:
+    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more.
+
+    `shares` of the uniform scale of either body that a unit of each size is, (2, k).
+    """
+    values, scales = pair.values.copy(), np.flatnonzero(shares.any(axis=0))
+    for piece in region.pieces:
+        a, b, c = piece.line
+        own = np.array([c - a - b, *-(shares.T @ piece.line[:2])])[np.append(0, 1 + scales)]
+        off = np.abs(values[:, np.append(0, 1 + scales)] - own).max(axis=1) / size
+        off = np.maximum(off, np.abs(pair.normals - piece.normal).max(axis=1))
+        near = np.flatnonzero(off <= DEFAULT.planarity)
+        values[near[:, None], np.append(0, 1 + scales)] = own
+    return pair._replace(values=values)
 
 
 def _ends(pair: PairRows, box: Array) -> tuple[float, float]:

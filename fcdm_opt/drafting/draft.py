@@ -352,39 +352,56 @@ def _is_large(solution: Solution, gap: float) -> bool:
     return solution.amount > LARGE * solution.problem.size and solution.amount > 2.0 * abs(gap)
 
 
-def widths(body: Body, most: int = 6) -> list[tuple[tuple[str, ...], str, float]]:
+def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]]:
     """Return faces whose distance is a size, and can be one: their labels or name, words for what it is, `each`.
 
-    The diameters of cylinders and bores, then the largest `most` distances of material between plane faces that look
-    opposite ways, or of room, whichever is less.
+    The diameters of cylinders and bores, then `most` distances of material or room between plane faces that look
+    opposite ways and lie over one another: first those of faces that are the nearest so to each other, then the others,
+    the largest first.
     """
     normals, points = body.face_planes
     names = names_of_rows(body)
     round_ones = [name for name in dict.fromkeys(names) if " radius " in name]
-    found, known = list[tuple[float, tuple[tuple[str, ...], str, float]]](), set[tuple[int, ...]]()
+    found, known = list[tuple[tuple[str, ...], str, float]](), set[tuple[int, ...]]()
 
     def offered(faces: tuple[str, ...], width: float, what: str) -> bool:
         each = 0.5 if width > 0.0 else -0.5
         with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
             Resizing.of(body, [Size("width", "movable", faces=faces, each=each)])
-            found.append((abs(width), (faces, f"{what}{' of material' if width > 0.0 else ' of room'},", each)))
+            found.append((faces, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
             return True
         return False
 
     for name in round_ones[:most]:
         radius = float(name.split()[2])
         offered((name,), 2.0 * radius if name.startswith("cylinder") else -2.0 * radius, f"diameter {2.0 * radius:.6g}")
-    rounded_off, found = [own for _, own in found], []
     plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
-    for i, j in combinations(plain_ones if len(plain_ones) <= MOST_FACES else (), 2):
-        width = float((points[j] - points[i]) @ normals[j])
+    over = [
+        (abs(float((points[j] - points[i]) @ normals[j])), i, j)
+        for i, j in combinations(plain_ones if len(plain_ones) <= MOST_FACES else (), 2)
+        if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal and _lie_over(body, i, j)
+    ]
+    nearest = dict[int, float]()
+    for width, *ends in sorted(over, reverse=True):
+        nearest.update(dict.fromkeys(ends, width))
+    limit = len(found) + most
+    for width, i, j in sorted(over, key=lambda own: (own[0] > max(nearest[own[1]], nearest[own[2]]), -own[0])):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
-        if np.abs(normals[i] + normals[j]).max() > DEFAULT.nominal or not width or key in known:
-            continue
-        ways = " and ".join(map(direction, normals[[i, j]]))
-        if offered((f"F{i + 1}", f"F{j + 1}"), width, f"{ways}, {abs(width):.6g}"):
-            known.add(key)
-    return rounded_off + [own for _, own in sorted(found, key=lambda own: -own[0])[:most]]
+        if width and key not in known and len(found) < limit:
+            ways = " and ".join(map(direction, normals[[i, j]]))
+            signed = float((points[j] - points[i]) @ normals[j])
+            if offered((f"F{i + 1}", f"F{j + 1}"), signed, f"{ways}, {width:.6g}"):
+                known.add(key)
+    return found
+
+
+def _lie_over(body: Body, i: int, j: int) -> bool:
+    """Tell whether two parallel faces lie over one another, by the boxes round them in their plane."""
+    first, second = (body.vertices[np.array(body.faces[k]) - 1] for k in (i, j))
+    _, _, axes = np.linalg.svd(body.face_planes[0][i][None])
+    one, two = first @ axes[1:].T, second @ axes[1:].T
+    shared = np.minimum(one.max(axis=0), two.max(axis=0)) - np.maximum(one.min(axis=0), two.min(axis=0))
+    return bool(shared.min() > DEFAULT.snap * body.size)
 
 
 def _extent(body: Body, unit: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter, defaultdict
 from functools import lru_cache
 
@@ -26,7 +25,6 @@ ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 SIDES = tuple(side for pair in ENDS for side in pair)
 
 Label = tuple[int, ...]
-_FACET = re.compile(r"(P[12])V[V0-9,]+ of (\w+ radius )")
 
 
 def names_of_faces(body: Body) -> dict[Label, str]:
@@ -94,11 +92,6 @@ def names_of_rows(body: Body) -> list[str]:
     """Return the names of a body's faces, in their order; "face 12" where there is nothing better."""
     told = told_faces(body)
     return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
-
-
-def without_corners(told: str) -> str:
-    """Return a contact as `Feature.told` gives it, without the corners of facets that go by their cylinder's name."""
-    return _FACET.sub(r"\1 \2", told)
 
 
 def normals_of_faces(body: Body) -> dict[Label, Array]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import combinations
 
 import numpy as np
@@ -83,6 +83,7 @@ class Resizing:
     sizes: tuple[Size, ...]
     faces: Array  # how far each face of the body moves outward a unit of each size, (faces, k)
     parts: tuple[MovingPart, ...]
+    shares: Array  # of the uniform scale about the seed that a unit of each size is, 0 where it is none, (k,)
 
     @classmethod
     def of(cls, body: Body, sizes: Sequence[Size], *, drawn: Body | None = None) -> Resizing:
@@ -98,8 +99,11 @@ class Resizing:
         chosen = drawn or body
         face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
-        parts = tuple(_moving(body, k, sizes, face_offsets, turns) for k in range(len(body.parts)))
-        return cls(body, tuple(sizes), face_offsets, parts)
+        shares = _shares(body, face_offsets)
+        lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
+        turns = turns + shares[:, None, None] * np.eye(3)
+        parts = tuple(_moving(body, k, sizes, lone, turns) for k in range(len(body.parts)))
+        return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reach(self, low: Array, high: Array) -> tuple[float, str]:
         """Return by what factor a box of sizes about 0 may be widened until a face vanishes, and where it does.
@@ -125,19 +129,11 @@ class Resizing:
                 factor = np.where(loss > 0.0, depth / np.where(loss > 0.0, loss, 1.0), np.inf)
             if factor.size and factor.min() < least:
                 facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
-                least, where = float(factor.min()), self._named(own, facet)
+                least, where = float(factor.min()), self.named(own, facet)
         return least, where
 
-    def is_lost(self, low: Array, high: Array) -> bool:
-        """Tell whether a part with all facets at their innermost within a box of sizes is empty."""
-        inward = [np.minimum(own.offsets * low, own.offsets * high).sum(axis=1) for own in self.parts]
-        return any(
-            not (_levels(own.part, offsets) > 0.0).all()
-            and _ball(own.part.normals, _levels(own.part, offsets))[1] <= 0.0
-            for own, offsets in zip(self.parts, inward, strict=True)
-        )
-
-    def _named(self, own: MovingPart, facet: int) -> str:
+    def named(self, own: MovingPart, facet: int) -> str:
+        """Return the face of the body that a facet of a part belongs to, in words."""
         face, n = int(own.faces[facet]), direction(own.part.normals[facet])
         return (
             f"face F{face + 1} ({n}) of body '{self.body.name}'" if face >= 0 else f"a cut of body '{self.body.name}'"
@@ -151,7 +147,7 @@ class Resizing:
                 along = (turned * own.part.normals).sum(axis=1)[:, None] * own.part.normals
                 bad = np.flatnonzero(np.abs(turned - along).max(axis=1) > DEFAULT.nominal)
                 if bad.size:
-                    return f"size '{size.name}' turns {self._named(own, int(bad[0]))}"
+                    return f"size '{size.name}' turns {self.named(own, int(bad[0]))}"
         return ""
 
 
@@ -178,6 +174,19 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     moving = Resizing.of(scaled, tuple(lengths), drawn=body)
     values = np.array(list(lengths.values()))
     return _offset(moving, values)
+
+
+def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
+    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    scaled = _scaled(body, made)
+    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts if lengths else ()
+    planes = []
+    for k, part in enumerate(scaled.parts):
+        normals, levels = _planes(part)
+        out = moved[k].offsets @ np.array(list(lengths.values())) if moved else 0.0
+        planes.append((normals, levels - normals @ scaled.seed + out))
+    return planes
 
 
 def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -292,7 +301,7 @@ def _facing(made: Body, pair: tuple[int, int]) -> str:
 
 def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
     names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
-    what = f"the body changes its shape at these sizes: what it has beside {moving._named(own, facet)} vanishes"
+    what = f"the body changes its shape at these sizes: what it has beside {moving.named(own, facet)} vanishes"
     factor, _ = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))
     allowed = f"deviations of less than {100.0 * factor:.4g} % of these"
     return InputError(what, key=f"body '{moving.body.name}'", found=names, allowed=allowed)
@@ -369,6 +378,19 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
 # ------------------------------------------------------------------------------------------------------- moving parts
 
 
+def _shares(body: Body, offsets: Array) -> Array:
+    """Return the scale about the seed that moves every face outward by its offset a unit of each size, 0 for none."""
+    normals, points = body.face_planes
+    heights = (normals * (points - body.seed)).sum(axis=1)
+    shares = np.asarray(heights @ offsets / max(float(heights @ heights), np.finfo(float).tiny))
+    off = np.abs(offsets - np.outer(heights, shares)).max(axis=0, initial=0.0)
+    shares[off > DEFAULT.sign * np.abs(shares) * body.size] = 0.0
+    for k in np.flatnonzero(shares).tolist():
+        near = float(f"{shares[k]:.12g}")  # of which only the rounding of the heights made it differ
+        shares[k] = near if abs(shares[k] - near) <= DEFAULT.sign * abs(near) else shares[k]
+    return shares
+
+
 def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
     part = body.parts[place]
     faces, lengths = _facets(body, place, sizes, face_offsets)
@@ -382,7 +404,7 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
     simple = np.flatnonzero(counts == 3)
     triples = facet[order][starts[simple][:, None] + np.arange(3)]
     moves = np.linalg.solve(part.normals[triples], lengths[triples]) if len(simple) else np.zeros((0, 3, len(sizes)))
-    vertices, split = simple, np.zeros(len(part.vertices), bool)
+    vertices, split, apart = simple, np.zeros(len(part.vertices), bool), []
     for v in np.flatnonzero(counts > 3).tolist():
         around = facet[order][starts[v] : starts[v] + counts[v]]
         n, g = part.normals[around], lengths[around]
@@ -396,13 +418,24 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
                     f"a corner of {len(around)} faces would split", key=f"body '{body.name}'",
                     found=part.vertices[v].tolist(), allowed=f"at most {MOST_AT_A_CORNER} faces that part at a corner",
                 )  # fmt: skip
-            own = around[list(combinations(range(len(around)), 3))]
-            own = own[np.abs(np.linalg.det(part.normals[own])) > DEFAULT.nominal]
-            its, split[v] = np.linalg.solve(part.normals[own], lengths[own]), True
+            split[v] = True
+            apart.append(around[_triples(len(around))])
+            continue
         triples, moves = np.concatenate([triples, own]), np.concatenate([moves, its])
         vertices = np.concatenate([vertices, np.full(len(own), v)])
+    if apart:
+        own, origin = np.concatenate(apart), np.repeat(np.flatnonzero(split), list(map(len, apart)))
+        kept = np.abs(np.linalg.det(part.normals[own])) > DEFAULT.nominal
+        own, origin = own[kept], origin[kept]
+        triples, vertices = np.concatenate([triples, own]), np.concatenate([vertices, origin])
+        moves = np.concatenate([moves, np.linalg.solve(part.normals[own], lengths[own])])
     moves = moves + np.einsum("kxy,ty->txk", turns, part.vertices[vertices] - body.seed)
     return MovingPart(part, faces, offsets, triples, vertices, moves, split)
+
+
+@cache
+def _triples(count: int) -> Ints:
+    return np.array(list(combinations(range(count), 3)))
 
 
 def _fan(around: Ints, normals: Array) -> Ints:
@@ -430,12 +463,13 @@ def _facets(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array) 
             loose.append(k)
             continue
         offsets = side * face_offsets[own]
-        wrong = np.flatnonzero(np.abs(offsets - offsets[0]).max(axis=0, initial=0.0) > DEFAULT.nominal)
-        if wrong.size:
+        wrong = np.abs(offsets - offsets[0]).max(axis=0) > DEFAULT.nominal if len(own) > 1 else np.zeros(1, bool)
+        if wrong.any():
             names = ", ".join(f"F{face + 1}" for face in own)
             raise InputError(
                 f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
-                key=f"size '{sizes[int(wrong[0])].name}'.faces", found=names, allowed="all of these faces, or none",
+                key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
+                allowed="all of these faces, or none",
             )  # fmt: skip
         faces[k], moved[k] = own[0], offsets[0]
     if loose and moved.any():

@@ -43,6 +43,35 @@ def inside_fit(solution: Solution) -> Solution:
     return replace(solution, status=Status.OUTSIDE_FIT) if left else solution
 
 
+def passage(problem: Problem, way: Array) -> tuple[float, float]:
+    """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above.
+
+    Infinite where the parts are no fit, or touch it no deeper than sizes may change.
+    """
+    if problem.movable.hollow or problem.static.hollow or not holds(problem):
+        return -np.inf, np.inf
+    drawn, slack = relative_pose(problem.movable, problem.static, REST), DEFAULT.side * problem.size
+    length = float(np.linalg.norm(way))
+    ends = [-np.inf, np.inf]
+    for one in problem.movable.parts:
+        for two in problem.static.parts:
+            barred = _barred(one, two, drawn, problem.nominal_pair, way / length, slack)
+            if barred is not None:
+                middle = sum(barred) / 2.0 / length
+                side = int(middle > 0.0)
+                ends[side] = min(ends[side], middle, key=abs)
+    points, others = problem.movable.vertices, problem.static.vertices
+    largest = [
+        (max(map(abs, own.tolerance or (0.0,))), 1.0 if own.is_length else problem.size) for own in problem.sizes
+    ]
+    change = sum(most * unit for most, unit in largest)
+    for side, sign in enumerate((-1.0, 1.0)):
+        deep = _depth(points, others, sign * way / length)
+        if deep > GROWTH * change:
+            ends[side] = min(ends[side], sign * (1.0 - LEFT) * deep / length, key=abs)
+    return ends[0], ends[1]
+
+
 def _goes_through(problem: Problem, pair: Array, T: Array) -> bool:
     """Tell whether a part that bars the way as drawn lies behind after the motion."""
     if problem.movable.hollow or problem.static.hollow:

@@ -446,11 +446,13 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     known_sizes(made if isinstance(made, Mapping) else (), "made", names)
     values = made_at(request["movable"], request["static"], sizes, made)
-    parts = {
-        role: resized(request[role], {size: values[size.name] for size in sizes if size.body == role})
-        for role in ("movable", "static")
-    }
+    parts = {role: resized(request[role], own) for role, own in _by_role(sizes, values).items()}
     return {**parts, "made": values}
+
+
+def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:
+    """Return the deviations of the sizes of either body."""
+    return {role: {size: values[size.name] for size in sizes if size.body == role} for role in ("movable", "static")}
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -459,7 +461,10 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict
         what = "with sizes the contacts to restore are those of the parts as drawn"
         raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
     drawn = NominalContact(**{**request, "goal": request["goal"] or "at"})
-    over = CarriedOver((drawn.movable, drawn.static), (parts["movable"], parts["static"]))
+    values = _by_role(request["sizes"], parts["made"])
+    over = CarriedOver(
+        (drawn.movable, drawn.static), (parts["movable"], parts["static"]), (values["movable"], values["static"])
+    )
     known = {name: getattr(drawn, name) for name in _NOMINAL}
     return {
         **known,

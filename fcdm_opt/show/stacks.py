@@ -15,7 +15,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import names_of_rows, without_corners
+from fcdm_opt.geometry.naming import names_of_rows
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.spread import GapYield
     from fcdm_opt.design.stack.stack_up import StackUp
 
-MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 48
+MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
+DRAWN = "as drawn"
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, and corners of a face
 that are listed, and letters of a name."""
 
@@ -91,14 +92,17 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
     low, high = stack.limits
     print_rows([
-        {"": "worst case, least gap", "gap": f"{worst.least:+.6g}", "at": _sizes(worst.at_least)},
-        {"": "worst case, largest gap", "gap": f"{worst.largest:+.6g}", "at": _sizes(worst.at_largest)},
+        {"": "worst case, least gap", "gap": f"{worst.least:+.6g}", "at": _sizes(worst.at_least) or DRAWN},
+        {"": "worst case, largest gap", "gap": f"{worst.largest:+.6g}", "at": _sizes(worst.at_largest) or DRAWN},
         {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.6g}", "at": f"sigma {spread.deviation:.4g}"},
         {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.6g}", "at": f"mean {spread.mean:+.6g}"},
     ], numbers=("gap",))  # fmt: skip
     ends = share.interval
+    words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
+    told = zip(words, (low, high), strict=True)
+    within = [f"{word} {measured(f'{end:.6g}', unit)}" for word, end in told if abs(end) < np.inf]
     print_text(
-        f"gap from {measured(f'{low:.6g}', unit)} to {measured(f'{high:.6g}', unit)}: {share.share:.4%} of "
+        f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
         f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
         f"{spread.share:.4%} by root sum square"
     )
@@ -111,14 +115,21 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         for own in stack.contributions
     ], numbers=("gap a unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
     if stack.standing:
-        print_text(f"closed at all these sizes, and not counted: {'; '.join(map(without_corners, stack.standing))}")
+        print_text(f"closed at all these sizes, and not counted: {'; '.join(stack.standing)}")
+        print_text()
+    factor, face, where = stack.touching.vanishing
+    if factor < 1.0:
+        end = _sizes(where)
+        print_text(
+            f"{factor:.2%} of the way to {end} {face} vanishes: parts made beyond are refused, rows go on without it"
+        )
         print_text()
     noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:
-        sizes = _sizes({name: x for name, x in row.coefficients.items() if x})
+        sizes = _sizes(row.coefficients)
         drawn = row.gap if abs(row.gap) > noise else 0.0
-        alike[without_corners(row.told), f"{drawn:+.6g}", sizes or "no size moves it"] += 1
+        alike[row.told, f"{drawn:+.6g}", sizes or "no size moves it"] += 1
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
@@ -287,4 +298,4 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
 
 
 def _sizes(values: Any) -> str:
-    return ", ".join(f"{name} {x + 0.0:+.6g}" for name, x in values.items())
+    return ", ".join(f"{name} {x:+.6g}" for name, x in values.items() if x)

@@ -19,6 +19,7 @@ from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.fixed_pose.local_search import Linear, nearest
 from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.judge.engagement import passage
 from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -309,5 +310,7 @@ def _shifts(problem: Problem, q: Array, straight: Flags, low: float, high: float
     narrow = float(np.linalg.svd(ways, compute_uv=False)[-1]) if 0 < len(ways) <= 3 else 1.0
     reach = reach / narrow if narrow > DEFAULT.nominal else np.inf
     limits = np.clip(np.array(problem.limits)[places].reshape(-1, 2), -reach, reach)
+    within = np.array([passage(problem, way) for way in ways]).reshape(-1, 2)  # gaps beyond a wall mean nothing
+    limits = np.column_stack([np.maximum(limits[:, 0], within[:, 0]), np.minimum(limits[:, 1], within[:, 1])])
     touching = TouchingSizes.of(movable, static, problem.sizes, transform=T, shifts=(ways, limits), least=False)
     return Shifts(touching, low, high, DEFAULT.touch * problem.size)

@@ -128,35 +128,29 @@ def drawn_gaps(
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
     real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
-    sources = spreads(touching.sizes)
-    mixed = _mixed(correlation, len(sources))
     rows, starts = touching.stacked
     rng = np.random.Generator(np.random.SFC64(seed))
-    low, high = limits
     middle, half = touching.box.mean(axis=1), np.ptp(touching.box, axis=1) / 2.0
     swing = np.abs(rows[:, 1:]) @ half
     heights = rows[:, 0] + rows[:, 1:] @ middle
+    zero = next((end for end in limits if np.isfinite(end)), float(heights.mean()))  # that it is met is told exactly
+    heights = heights - zero
+    low, high = limits[0] - zero, limits[1] - zero
     ends = float((heights - swing).min()), float((heights + swing).max())
     edges = np.linspace(ends[0], ends[1] if ends[1] > ends[0] else ends[0] + 1.0, BINS + 1)
     counts, passed, total, square = np.zeros(BINS, np.int64), 0, 0.0, 0.0
-    least, largest, centre = np.inf, -np.inf, float(heights.mean())
-    places = np.empty((len(sources), CHUNK))
-    products = np.empty((len(rows), CHUNK))
-    factor, first = np.ascontiguousarray(rows[:, 1:]), rows[:, :1]
-    single = len(starts) == 1
+    least, largest = np.inf, -np.inf
+    draw = _Draw.of(rows, spreads(touching.sizes), correlation, zero)
     for begin in range(0, count, CHUNK):
-        width = min(CHUNK, count - begin)
-        _draw(rng, sources, mixed, places)
-        np.matmul(factor, places, out=products)
-        products += first
-        if single:
-            gaps = np.maximum.reduce(products, axis=0)[:width]
-        else:
-            gaps = np.minimum.reduce(np.maximum.reduceat(products, starts, axis=0), axis=0)[:width]
+        products = draw(rng)
+        if len(starts) > 1:
+            products = np.maximum.reduceat(products, starts, axis=0)
+        best = np.minimum if len(starts) > 1 else np.maximum
+        gaps = best.reduce(products, axis=0)[: count - begin].astype(float)
         passed += int(np.count_nonzero((gaps >= low) & (gaps <= high)))
         least, largest = min(least, float(gaps.min())), max(largest, float(gaps.max()))
-        total += float((gaps - centre).sum())
-        square += float(((gaps - centre) ** 2).sum())
+        total += float(gaps.sum())
+        square += float(gaps @ gaps)
         if begin < 2**21:  # enough for a picture
             bins = ((gaps - edges[0]) * (BINS / (edges[-1] - edges[0]))).astype(np.int64)
             counts += np.bincount(np.clip(bins, 0, BINS - 1), minlength=BINS)
@@ -164,9 +158,81 @@ def drawn_gaps(
     deviation = float(np.sqrt(max(square / count - mean**2, 0.0)))
     share, interval = passed / count, proportion_interval(passed, count, confidence)
     return GapYield(
-        share, interval, count, confidence, centre + mean, deviation, least, largest, limits, frozen(edges),
-        frozen(counts),
+        share, interval, count, confidence, zero + mean, deviation, zero + least, zero + largest, limits,
+        frozen(zero + edges), frozen(counts),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Draw:
+    """Draws the heights of rows: of normal sizes together, of others each.
+
+    Rows of more normal sizes than there are rows are as those of as many as rows. Seven digits of how much sizes
+    deviate are enough where their distributions are smooth; of measured sizes all are kept.
+    """
+
+    heights: Any
+    factor: Any
+    normal: int
+    others: tuple[Distribution | float, ...]
+    mixed: Array | None
+    room: tuple[Any, Any]
+
+    @classmethod
+    def of(cls, rows: Array, sources: Sequence[Distribution | float], correlation: Any, zero: float) -> _Draw:
+        """Return it; `zero` is subtracted from the heights."""
+        mixed, rates = _mixed(correlation, len(sources)), rows[:, 1:]
+        straight = [isinstance(own, float) or (isinstance(own, Normal) and _whole(own)) for own in sources]
+        if mixed is not None and not all(straight):  # they are tied by their ranks
+            straight = [False] * len(sources)
+        means, deviations = moments(sources)
+        scores = rates[:, straight] * deviations[straight]
+        if mixed is not None and all(straight):
+            scores, mixed = scores @ mixed, None
+        scores = scores[:, scores.any(axis=0)]
+        if scores.shape[1] > len(rows):
+            scores = np.linalg.qr(scores.T)[1].T
+        others = [k for k, own in enumerate(straight) if not own]
+        fine = np.float32 if all(isinstance(sources[k], Uniform) for k in others) and mixed is None else np.float64
+        factor = np.column_stack([scores, rates[:, others]]).astype(fine)
+        heights = (rows[:, 0] - zero + rates[:, straight] @ means[straight])[:, None]
+        for k in others if fine is np.float32 else ():
+            heights = heights + rates[:, k : k + 1] * means[k]
+        room = np.empty((factor.shape[1], CHUNK), fine), np.empty((len(rows), CHUNK), fine)
+        return cls(heights.astype(fine), factor, scores.shape[1], tuple(sources[k] for k in others), mixed, room)
+
+    def __call__(self, rng: np.random.Generator) -> Any:
+        places, products = self.room
+        if self.normal:
+            places[: self.normal] = _scores(rng, self.normal * CHUNK).reshape(self.normal, CHUNK)
+        if products.dtype == np.float32:
+            for row, source in zip(places[self.normal :], self.others, strict=True):
+                assert isinstance(source, Uniform)
+                rng.random(dtype=np.float32, out=row)
+                row -= np.float32(0.5)
+                row *= np.float32(source.high - source.low)
+        else:
+            _draw(rng, self.others, self.mixed, places[self.normal :])
+        np.matmul(self.factor, places, out=products)
+        products += self.heights
+        return products
+
+
+def _scores(rng: np.random.Generator, count: int) -> Any:
+    """Return standard normal numbers by Box and Muller, up to 6.7 and with seven digits."""
+    drawn = rng.bit_generator.random_raw(count // 2).view(np.uint32).astype(np.float32)
+    drawn += np.float32(0.5)
+    drawn *= np.float32(2.0**-32)
+    away, angle = drawn[: count // 2], drawn[count // 2 :]
+    np.log(away, out=away)
+    away *= np.float32(-2.0)
+    np.sqrt(away, out=away)
+    angle *= np.float32(2.0 * np.pi)
+    across = np.sin(angle)
+    np.cos(angle, out=angle)
+    angle *= away
+    away *= across
+    return drawn
 
 
 def draws(sizes: Sequence[Size], count: int, seed: int) -> Array:

@@ -29,7 +29,7 @@ class StackRow(Plain):
     contact : str
         Label of the contact feature.
     told : str
-        The same with names of faces.
+        The same in words.
     parts : (int, int)
         Which part pair it is of: the gap is the largest of a pair's rows, least over pairs.
     gap : float
@@ -141,7 +141,7 @@ class StackUp:
         for pair in self.touching.pairs:
             for row, (gap, *coefficients) in enumerate(pair.values.tolist()):
                 feature = self.touching.feature(pair, row)
-                told = feature.told(*self.touching.bodies)
+                told = feature.in_words(*self.touching.bodies)
                 by_name = dict(zip(self.names, coefficients, strict=True))
                 found.append(StackRow(feature.label, told, pair.parts, gap, by_name))
         return tuple(found)
@@ -151,7 +151,7 @@ class StackUp:
         """Contacts that are closed at all sizes within the tolerances, a flange on its plate: not counted in gaps."""
         pairs, bodies = self.touching.standing, self.touching.bodies
         found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
-        return tuple(dict.fromkeys(feature.told(*bodies) for feature in found))
+        return tuple(dict.fromkeys(feature.in_words(*bodies) for feature in found))
 
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
@@ -275,6 +275,7 @@ class StackUp:
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
             "widest": {"factor": self.touching.reach[0], "until": self.touching.reach[1]},
+            "vanishing": dict(zip(("factor", "face", "at"), self.touching.vanishing, strict=True)),
         }
         told: dict[str, Any] = plain(answers)
         return told
