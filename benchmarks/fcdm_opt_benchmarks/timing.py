@@ -183,8 +183,8 @@ def measured(
             found.append(own)
             if own.refused is None and (started := _started(own, scene, value)) is not None:
                 asked.append(started)
-    for own in asked:
-        own.paced(scene, plan)
+    for each in asked:
+        each.paced(scene, plan)
     for _ in range(plan.rounds):
         yardstick.append(_yardstick())
         for k in rng.permutation(len(asked)):
