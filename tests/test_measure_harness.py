@@ -139,9 +139,30 @@ def test_what_a_call_costs_by_itself_is_shared_by_a_whole_calls_questions(monkey
 
         return ask
 
-    (own,) = run_of(method(batch), plan=TimingPlan(rounds=4, call=2e-3, most=200, patience=0.08))
+    plan = TimingPlan(rounds=4, call=2e-3, most=200, patience=0.08)
+    (own,) = run_of(method(batch), plan=plan)
     assert own.seconds == pytest.approx([6.5e-6] * 4)
     assert own.first == pytest.approx(305e-6)
+    assert len(own.answers) <= plan.questions
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 5, 7, 16, 100])
+def test_no_more_questions_are_asked_than_a_plan_says(monkeypatch, most):
+    """Poses of unions are drawn beforehand: pacing asked for one more than there were."""
+    now, rng = [0.0], np.random.default_rng(most)
+    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
+
+    def uneven(subject, setting):
+        def ask(questions):
+            now[0] += 1e-3 * rng.random() ** 4 + 1e-6 * len(questions)
+            return questions
+
+        return ask
+
+    plan = TimingPlan(rounds=3, call=1e-3, most=most, patience=10.0)
+    for _ in range(20):
+        (own,) = run_of(method(uneven), plan=plan)
+        assert len(own.answers) <= plan.questions
 
 
 # ------------------------------------------------------------------------------------------------------ what goes wrong

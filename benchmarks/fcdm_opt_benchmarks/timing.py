@@ -75,6 +75,11 @@ class TimingPlan:
     patience: float
     longest: float = float("inf")
 
+    @property
+    def questions(self) -> int:
+        """So many are asked of a method at most: the first, those of pacing, in calls that double, and the rounds'."""
+        return 1 + (self.rounds + 3) * self.most
+
 
 @dataclass(eq=False)
 class Timing:
