@@ -367,6 +367,18 @@ def test_the_strongest_rival_answers_all_then_is_near_then_fast():
     assert strongest(rows)[:2] == ["fast", "slow"]
 
 
+def test_a_rival_that_leaves_hard_scenes_out_is_compared_where_it_answers():
+    """Half as fast as ours in the easy scene; its median seemed ten times as fast as ours over both."""
+    rows = [row("us", "ours", 1e-3, 1e-12, scene="easy"), row("us", "ours", 4e-2, 1e-12, scene="hard"),
+            row("it", "coal", 2e-3, 1e-12, scene="easy"),
+            row("it", "coal", 1e-5, 1e-12, scene="hard", outcome="failed")]  # fmt: skip
+    made = run(chart=rows, faults=[], growth=[], models=[])
+    (line,) = [line for line in results.text(made).splitlines() if line.startswith("| the whole curve |")]
+    assert [cell.strip() for cell in line.strip("|").split("|")][3:] == [
+        "0.021 s, 1e-12", "it, 0.002 s, 1e-12", "1 of 2", "0.5"
+    ]  # fmt: skip
+
+
 # --------------------------------------------------------------------------------- planted: a kernel wrong now and then
 
 
