@@ -230,3 +230,19 @@ def test_our_command_answers_by_files_alone(tmp_path: Path, score: Any, only: st
     answers = json.loads(out.read_text(encoding="utf-8"))["answers"]
     assert answers.keys() == {name for name in NAMES if only in name}
     assert {score.verdict(scene(name), own).outcome for name, own in answers.items()} == {"least"}
+
+
+@pytest.mark.parametrize(
+    ("status", "passed", "claim"),
+    [("OUTSIDE_FIT", True, "least"), ("OUTSIDE_FIT", False, "unknown"), ("NOT_VERIFIED", False, "unknown")],
+)
+def test_a_motion_out_of_the_fit_is_one_where_the_judge_passes_it(
+    monkeypatch: pytest.MonkeyPatch, status: str, passed: bool, claim: str
+) -> None:
+    """A plate too small for its pins is lifted off them: the set asks where it touches, not whether it stays on."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import answer_fcdm_opt
+
+    case = {"status": status, "usable": False, "certificate": {"passed": passed}, "seconds": {"solve": 1.0}}
+    case |= {"lower_bound": 11.975, "gap": 0.0, "parameters": {"TZ": 11.975}}
+    assert answer_fcdm_opt.answer(case)["claim"] == claim

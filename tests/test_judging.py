@@ -90,6 +90,22 @@ def test_the_least_separation_is_that_of_every_vertex_on_every_direction(number:
             assert each.min() - slack <= least <= scaled.signed_distance(rho, pose) + slack
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-13, 1e-12, 1e-11, 1e-9, 1e-6, 1e-3])
+def test_directions_left_out_as_normals_of_faces_are_no_more_than_roundings_off(tilt: float) -> None:
+    """Of parts that stand upright nearly all pairs of edges make the normal of a face; a little tilted, another one."""
+    rims = [np.array([(np.cos(t), np.sin(t)) for t in 2 * np.pi * np.arange(n) / n + 0.1]) for n in (7, 12)]
+    ends = [np.vstack([np.column_stack([rim, np.full(len(rim), z)]) for z in (-1.0, 1.0)]) for rim in rims]
+    scaled = ScaledPair(*(Body.convex(points, seed=[0, 0, 0]) for points in ends))
+    pose = np.eye(4)
+    pose[1:3, 1:3] = [[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]]
+    for shift in ([0.3, 0.2, 1.7], [1.4, 0.3, 0.1], [0.2, -0.1, 2.0 + 1e-10], [0.2, -0.1, 2.0 - 1e-10]):
+        pose[:3, 3] = shift
+        row = scaled._framed([(1.0, 1.0)], pose[None])[0]
+        gaps, _ = _gaps(scaled._hulls[0][0], scaled._hulls[1][0], _Frame.of(row))
+        (found,) = scaled.least_separations([(1.0, 1.0)], pose[None])
+        assert found == pytest.approx(np.nanmax(gaps) * row[UNIT], rel=0, abs=3 * DEFAULT.planarity)
+
+
 @pytest.mark.parametrize("number", range(10))
 def test_part_pairs_passed_over_are_not_the_nearest(number: int) -> None:
     """Spheres and faces leave out part pairs: the least distance stays the least of all."""

@@ -14,6 +14,7 @@ import pytest
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
+from fcdm_opt_benchmarks import timing
 from fcdm_opt_benchmarks.chart import bench, results
 from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure, strongest
 from fcdm_opt_benchmarks.comparing import compared
@@ -124,6 +125,44 @@ def test_a_slow_method_sits_out_when_its_time_is_spent():
     own, other = run_of(method(slow, "slow"), method(squares, "quick"), plan=replace(PLAN, patience=0.05))
     assert len(own.seconds) <= 2
     assert len(other.seconds) == PLAN.rounds
+
+
+def test_what_a_call_costs_by_itself_is_shared_by_a_whole_calls_questions(monkeypatch):
+    """A batch that takes 300 us a call and 5 us a question seemed to take 28 us: its first calls were of few."""
+    now = [0.0]
+    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
+
+    def batch(subject, setting):
+        def ask(questions):
+            now[0] += 300e-6 + 5e-6 * len(questions)
+            return questions
+
+        return ask
+
+    plan = TimingPlan(rounds=4, call=2e-3, most=200, patience=0.08)
+    (own,) = run_of(method(batch), plan=plan)
+    assert own.seconds == pytest.approx([6.5e-6] * 4)
+    assert own.first == pytest.approx(305e-6)
+    assert len(own.answers) <= plan.questions
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 5, 7, 16, 100])
+def test_no_more_questions_are_asked_than_a_plan_says(monkeypatch, most):
+    """Poses of unions are drawn beforehand: pacing asked for one more than there were."""
+    now, rng = [0.0], np.random.default_rng(most)
+    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
+
+    def uneven(subject, setting):
+        def ask(questions):
+            now[0] += 1e-3 * rng.random() ** 4 + 1e-6 * len(questions)
+            return questions
+
+        return ask
+
+    plan = TimingPlan(rounds=3, call=1e-3, most=most, patience=10.0)
+    for _ in range(20):
+        (own,) = run_of(method(uneven), plan=plan)
+        assert len(own.answers) <= plan.questions
 
 
 # ------------------------------------------------------------------------------------------------------ what goes wrong
@@ -326,6 +365,18 @@ def test_the_strongest_rival_answers_all_then_is_near_then_fast():
     rows = [row("ours", "ours", 1e-3, 1e-12), row("far", "coal", 1e-6, 1e-2), row("slow", "coal", 1e-1, 1e-9),
             row("fast", "coal", 1e-2, 1e-8), row("fails", "coal", 1e-5, 1e-9, outcome="failed")]  # fmt: skip
     assert strongest(rows)[:2] == ["fast", "slow"]
+
+
+def test_a_rival_that_leaves_hard_scenes_out_is_compared_where_it_answers():
+    """Half as fast as ours in the easy scene; its median seemed ten times as fast as ours over both."""
+    rows = [row("us", "ours", 1e-3, 1e-12, scene="easy"), row("us", "ours", 4e-2, 1e-12, scene="hard"),
+            row("it", "coal", 2e-3, 1e-12, scene="easy"),
+            row("it", "coal", 1e-5, 1e-12, scene="hard", outcome="failed")]  # fmt: skip
+    made = run(chart=rows, faults=[], growth=[], models=[])
+    (line,) = [line for line in results.text(made).splitlines() if line.startswith("| the whole curve |")]
+    assert [cell.strip() for cell in line.strip("|").split("|")][3:] == [
+        "0.021 s, 1e-12", "it, 0.002 s, 1e-12", "1 of 2", "0.5"
+    ]  # fmt: skip
 
 
 # --------------------------------------------------------------------------------- planted: a kernel wrong now and then

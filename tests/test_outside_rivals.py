@@ -15,7 +15,7 @@ from fcdm_opt.errors import FcdmError
 from fcdm_opt_benchmarks.library import MissingLibraryError, dataset_script, library, rounding_upward
 from fcdm_opt_benchmarks.method import Failure, MotionAnswer
 from fcdm_opt_benchmarks.motions import METHODS, answered
-from fcdm_opt_benchmarks.shapes import box
+from fcdm_opt_benchmarks.shapes import box, polygon, prism
 from fcdm_opt_benchmarks.stability import contacts, motions, worker
 from fcdm_opt_benchmarks.stability.contacts.methods import METHODS as OF_CONTACTS
 
@@ -76,6 +76,16 @@ def test_what_they_cannot_express_they_refuse(name: str, asked: Any, word: str) 
     said = method.refuses(problem(**asked))
     assert said is not None
     assert word in said
+
+
+def test_drake_is_not_asked_about_large_prisms_on_which_it_hung() -> None:
+    """Two prisms of 1,000 vertices with parallel faces: a distance of Drake's did not return, nor did `bench`."""
+    (method,) = (own for own in METHODS if own.name == "Drake, SNOPT")
+    for vertices, asked in ((400, True), (1000, False)):
+        rim = polygon(vertices // 2, 0.3)
+        static = Body.convex(prism(rim, -0.5, 0.5), seed=[0, 0, 0], name="prism")
+        said = method.refuses(problem(static, motion=Translation("x")))
+        assert (said is None) is asked, said
 
 
 def test_several_contacts_at_once_are_asked_of_no_rival() -> None:

@@ -183,6 +183,12 @@ def test_ours_is_right_on_programs(case):
     assert programs.judged(case, ours(case)).outcome == "right"
 
 
+def test_bodies_may_grow_to_twice_their_size():
+    """A tolerance of 100 % is refused since, so that a case of the full form was no question any more."""
+    case = next(own for own in cases("program", False) if own.name == "an equation eight times, 1 away")
+    assert programs.judged(case, programs.METHODS["solve"](case.data)).outcome == "right"
+
+
 @named("motion")
 def test_ours_is_right_on_motions_or_says_that_it_found_none(case):
     verdict = motions.judged(case, ours(case))

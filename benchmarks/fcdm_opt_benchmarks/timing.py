@@ -75,6 +75,11 @@ class TimingPlan:
     patience: float
     longest: float = float("inf")
 
+    @property
+    def questions(self) -> int:
+        """So many are asked of a method at most: the first, those of pacing, in calls that double, and the rounds'."""
+        return 1 + (self.rounds + 3) * self.most
+
 
 @dataclass(eq=False)
 class Timing:
@@ -130,16 +135,26 @@ class _Asked:
     spent: float
     pace: float
 
+    def paced(self, scene: TimedScene, plan: TimingPlan) -> None:
+        """Ask until a call is as long as planned: of few questions, what a call costs by itself counts for too much."""
+        count = 1
+        while self.pace * count < plan.call / 2 and count < plan.most and self.spent < plan.patience:
+            count = self._call(scene, plan)
+
     def round(self, scene: TimedScene, plan: TimingPlan) -> None:
         """Ask the next questions, and time the call."""
-        measured = self.measured
-        done = len(measured.answers)
-        count = int(np.clip(plan.call / self.pace, 1, plan.most))
-        took, answers = timed(self.ask, [scene.question(k) for k in range(done, done + count)])
+        self._call(scene, plan)
+        self.measured.seconds.append(self.pace)
+
+    def _call(self, scene: TimedScene, plan: TimingPlan) -> int:
+        """Ask the next questions; learn the pace, and return their number."""
+        answers = self.measured.answers
+        count, done = int(np.clip(plan.call / self.pace, 1, plan.most)), len(answers)
+        took, found = timed(self.ask, [scene.question(k) for k in range(done, done + count)])
         self.spent += took
         self.pace = max(took / count, LEAST)
-        measured.seconds.append(took / count)
-        measured.answers += answers
+        answers += found
+        return count
 
 
 def measured(
@@ -173,6 +188,8 @@ def measured(
             found.append(own)
             if own.refused is None and (started := _started(own, scene, value)) is not None:
                 asked.append(started)
+    for each in asked:
+        each.paced(scene, plan)
     for _ in range(plan.rounds):
         yardstick.append(_yardstick())
         for k in rng.permutation(len(asked)):

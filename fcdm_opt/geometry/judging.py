@@ -21,7 +21,7 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
-TIE, PARALLEL, SIDE, TOUCH = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFAULT.touch
+TIE, PARALLEL, SIDE, TOUCH, SAME = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFAULT.touch, DEFAULT.planarity
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
@@ -221,6 +221,7 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
         for i in range(len(edges) if edged else 0):
             u, a, b = _turned(R, edges[i]), beside[i, 1], beside[i, 2]
             own, off = np.sqrt(_dot(u, u)), TIE + max(planes[a, 4], planes[b, 4])
+            along_a, along_b = abs(_dot(u, normals[a])) <= SAME * own, abs(_dot(u, normals[b])) <= SAME * own
             for m in range(len(faces)):
                 height, doubt = _dot(u, faces[m]), own * (TIE + faces[m, 4]) + room
                 hands[m] = int(height > doubt) - int(height < -doubt)
@@ -234,6 +235,8 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
                     continue
                 n = _cross(u, v)
                 size = np.sqrt(_dot(n, n))
+                if (along_a and abs(p) * own <= SAME * size) or (along_b and abs(q) * own <= SAME * size):
+                    continue  # the normal of a face beside, which has been asked: of aligned parts nearly all pairs
                 if size > PARALLEL * own * length:
                     n = (n[0] / size, n[1] / size, n[2] / size)
                     best, far, near = _wider(best, far, near, n, x, y)

@@ -35,7 +35,9 @@ TITLES = {
 TASK_WORDS = {"contact": "one contact", "curve": "the whole curve", "motion": "smallest motion"}
 STRONGEST, FINE = 5, 1e-6
 """How many rivals a panel names, and the relative error within which the fastest comes first."""
-PALETTE = (BLUE, GREEN, PURPLE, ORANGE, SKY)
+PALETTE = (BLUE, GREEN, PURPLE, BLACK, SKY)
+LETTER, LINE = 0.016, 0.047
+"""Width of a letter and height of a line, as shares of a small panel's."""
 GROUPS = {"contact": "vertices", "curve": "vertices", "motion": "parameters"}
 """The column that tells the panels of a task apart."""
 
@@ -111,17 +113,17 @@ def overview_figure(run: BenchRun) -> Figure:
     lines = -(-len(shown) // columns)
     figure = new_figure(10.0, 0.9 + 2.9 * lines)
     panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    every = [row[key] for _, _, own in shown for row in own for key in ("low", "high") if row.get(key)]
     for axes, (task, kind, rows) in zip(panels, shown, strict=False):
         named = strongest(rows)[:STRONGEST]
         styles = dict.fromkeys(strongest(rows)[STRONGEST:], (GREY, ".", ""))
         styles |= {method: (PALETTE[k], MARKS[k + 1], "--") for k, method in enumerate(named)}
         styles |= {row["method"]: (VERMILLION, "o", "-") for row in rows if row["family"] == "ours"}
         _panel(axes, rows, styles)
+        axes.set_xlim(min(every) / 3, 30 * max(every))  # room for names
         _named_beside(axes, rows, {method: style[0] for method, style in styles.items() if style[2]})
         scenes = len({row["scene"] for row in rows})
         axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scene{'s' * (scenes > 1)})", fontsize=7.5)
-        every = [row[key] for _, _, own in shown for row in own for key in ("low", "high") if row.get(key)]
-        axes.set_xlim(min(every) / 3, 30 * max(every))  # room for names
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
     for axes in panels[::columns]:
@@ -136,23 +138,33 @@ def overview_figure(run: BenchRun) -> Figure:
 
 
 def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) -> None:
-    """Write each method's name beside its fastest point, names that would cover each other one below the other."""
-    spots = []
-    for method, colour in colours.items():
+    """Write each method's name next to its fastest point, where it covers no other name and no point."""
+    spots: dict[str, list[tuple[float, float]]] = {}
+    for method in colours:
         mine = [row for row in rows if row["method"] == method]
-        found = [spot for setting in dict.fromkeys(row["setting"] for row in mine)
-                 if (spot := _spot([row for row in mine if row["setting"] == setting]))]  # fmt: skip
-        if found:
-            best = min(found, key=lambda spot: spot[1])
-            spots.append((best[1], min(best[3], FAILED) if np.isfinite(best[3]) else FAILED, method, colour))
-    taken: list[tuple[float, float]] = []
-    for x, y, method, colour in sorted(spots):
-        place = np.log10(y)
-        while any(abs(place - other) < 1.3 and abs(np.log10(x) - at) < 2.5 for at, other in taken):
-            place += 1.3
-        taken.append((float(np.log10(x)), float(place)))
-        axes.annotate(method, (x, 10**place), xytext=(-2, 7), textcoords="offset points", fontsize=6, color=colour,
-                      va="center", annotation_clip=False)  # fmt: skip
+        found = (_spot([row for row in mine if row["setting"] == setting]) for setting in dict.fromkeys(
+            row["setting"] for row in mine))  # fmt: skip
+        places = [(spot[1], min(spot[3], FAILED) if np.isfinite(spot[3]) else FAILED) for spot in found if spot]
+        spots[method] = sorted((float(np.log10(x)), float(np.log10(y))) for x, y in places)
+    wide, high = (float(np.ptp(np.log10(ends))) for ends in (axes.get_xlim(), axes.get_ylim()))
+    letter, line, ends = LETTER * wide, LINE * high, np.log10(axes.get_ylim())
+    marks = [(x, x, y) for own in spots.values() for x, y in own]
+    taken: list[tuple[float, float, float]] = []
+    for method, own in sorted(spots.items(), key=lambda item: item[1]):
+        if not own:
+            continue
+        x, y = own[0]
+        end = x + letter * len(method)
+        steps = [line * k for n in range(1, 12) for k in (n, -n) if ends[0] < y + line * k < ends[1]]
+
+        def free(step: float, x: float = x, y: float = y, end: float = end) -> bool:
+            return not any(low <= end and x <= up and abs(y + step - at) < line for low, up, at in (*taken, *marks))
+
+        step = next((step for step in steps if free(step)), steps[0])
+        taken.append((x, end, y + step))
+        axes.annotate(method, (10**x, 10 ** (y + step)), fontsize=6, color=colours[method], va="center")
+        if abs(step) > 1.5 * line:  # which point it is, is not seen otherwise
+            axes.plot([10**x] * 2, [10**y, 10 ** (y + step)], color=colours[method], lw=0.4, alpha=0.7)
 
 
 def _caption(run: BenchRun) -> str:

@@ -96,21 +96,24 @@ def summary(run: BenchRun, *, most: int | None = None) -> str:
 
 
 def _panels(run: BenchRun) -> str:
-    """Return a line a panel: ours, and the strongest rivals that reach our accuracy, with the ratio of their times."""
+    """Return a line a panel: ours, and the strongest rival that reaches our accuracy, with the ratio of their times.
+
+    The ratio is the median over the scenes that both answer: a rival may leave the hard ones out.
+    """
     lines = []
     for task, kind, rows in panels_of(run):
         enough = REACHED if task == "motion" else DEFAULT.nominal
-        ours = _medians(rows, _own(rows), math.inf)
+        ours = _own(rows)
         scenes = {row["scene"] for row in rows}
         line = [TASK_WORDS[task], kind, str(len(scenes)), "", "none", "", ""]
-        if ours is not None:
-            line[3] = f"{ours[0]:.2g} s, {ours[1]:.1g}"
-            for method in strongest(rows):
-                found = _medians(rows, method, enough)
-                if found is not None:
-                    line[4:] = [f"{method}, {found[0]:.2g} s, {found[1]:.1g}", f"{found[2]} of {len(scenes)}",
-                                f"{ours[0] / found[0]:.2g}"]  # fmt: skip
-                    break
+        if ours:
+            line[3] = _medians(ours)
+            rivals = ((method, _best(rows, method, enough)) for method in strongest(rows))
+            method, rival = next(((name, found) for name, found in rivals if found), ("", {}))
+            shared = [ours[scene][0] / rival[scene][0] for scene in rival if scene in ours]
+            if shared:
+                line[4:] = [f"{method}, {_medians(rival)}", f"{len(rival)} of {len(scenes)}",
+                            f"{np.median(shared):.2g}"]  # fmt: skip
         lines.append(line)
     head = [
         "task",
@@ -119,30 +122,33 @@ def _panels(run: BenchRun) -> str:
         "ours: median, error",
         "strongest rival as accurate",
         "answered",
-        "ours / rival",
+        "ours / rival there",
     ]
     return table(head, lines, left=2)
 
 
-def _own(rows: Sequence[Row]) -> str:
-    """Return that of our methods which answers most scenes, the fastest of these."""
+Best = dict[str, tuple[float, float]]
+
+
+def _own(rows: Sequence[Row]) -> Best:
+    """Return the seconds and errors of that of our methods which answers most scenes, the fastest of these."""
     own = dict.fromkeys(row["method"] for row in rows if row["family"] == "ours")
-    return min(own, key=lambda method: (-(found := _medians(rows, method, math.inf) or (0.0, 0.0, 0))[2], found[0]))
+    found = [_best(rows, method, math.inf) for method in own]
+    return min(filter(None, found), key=lambda best: (-len(best), np.median([x for x, _ in best.values()])), default={})
 
 
-def _medians(rows: Sequence[Row], method: str, most: float) -> tuple[float, float, int] | None:
-    """Return median seconds and error of a method's fastest setting within an error, and in how many scenes it is."""
-    found = []
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        good = [row for row in rows if (row["method"], row["scene"]) == (method, scene)
-                and row["outcome"] == "answered" and row["error"] <= most]  # fmt: skip
-        if good:
-            best = min(good, key=lambda row: row["seconds"])
-            found.append((best["seconds"], best["error"]))
-    if not found:
-        return None
-    seconds, errors = np.median(np.array(found), axis=0).tolist()
-    return seconds, errors, len(found)
+def _best(rows: Sequence[Row], method: str, most: float) -> Best:
+    """Return seconds and error of a method's fastest setting within an error, in each scene where there is one."""
+    found: Best = {}
+    right = [row for row in rows if row["method"] == method and row["outcome"] == "answered" and row["error"] <= most]
+    for row in sorted(right, key=lambda row: -row["seconds"]):
+        found[row["scene"]] = row["seconds"], row["error"]
+    return found
+
+
+def _medians(best: Best) -> str:
+    seconds, error = np.median(np.array(list(best.values())), axis=0).tolist()
+    return f"{seconds:.2g} s, {error:.1g}"
 
 
 def _losses(rows: Sequence[Row], found: Sequence[Row], most: int | None, sentence: str) -> list[str]:

@@ -200,11 +200,10 @@ def _parts(quick: bool, seed: int) -> _GrowthAxis:
     counts = (2, 6, 18) if quick else (1, 2, 4, 8, 15, 30, 60, 120)
     families = ("spiky",) if quick else tuple(FAMILIES)
     plan = TimingPlan(3, 1e-3, 3, 0.3) if quick else TimingPlan(7, 4e-3, 4, 2.0)
-    poses = 1 + plan.rounds * plan.most
     box = np.array(((0.8, 3.0), (0.8, 3.0)))
 
     def scene(count: int, family: str) -> TimedScene:
-        pair = UnionPair.of(seed, family, count, poses)
+        pair = UnionPair.of(seed, family, count, plan.questions)
 
         def question(k: int) -> CurveQuestion:
             return CurveQuestion(pair.transforms[k].copy(), box)

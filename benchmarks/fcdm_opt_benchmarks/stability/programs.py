@@ -159,9 +159,8 @@ def repeated_rows(x: Any, n: Numbers, m: Any) -> Any:
 def repeated_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Keep tip on tip, eight contacts in one, while both bodies grow."""
     away = scenes.shifted(TIP, (1, 0, 0))
-    off = data["numbers"]["off"]
-    asked = scenes.problem(TIP, away, [X], goal="at", nominal=[1.0, 1.0], tolerance=off, requirement="A")
-    return _solved(asked, **keywords)
+    grown = 1 + data["numbers"]["off"]
+    return _solved(scenes.problem(TIP, away, [X], goal="at", nominal=[1.0, 1.0], target=[grown, grown]), **keywords)
 
 
 def corners_rows(x: Any, n: Numbers, m: Any) -> Any:
