@@ -138,7 +138,7 @@ def overview_figure(run: BenchRun) -> Figure:
 
 
 def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) -> None:
-    """Write each method's name next to its fastest point, where it covers no other name and no point."""
+    """Write each method's name near its fastest point, where it covers no name and, if it can be, no point."""
     spots: dict[str, list[tuple[float, float]]] = {}
     for method in colours:
         mine = [row for row in rows if row["method"] == method]
@@ -157,10 +157,12 @@ def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) ->
         end = x + letter * len(method)
         steps = [line * k for n in range(1, 12) for k in (n, -n) if ends[0] < y + line * k < ends[1]]
 
-        def free(step: float, x: float = x, y: float = y, end: float = end) -> bool:
-            return not any(low <= end and x <= up and abs(y + step - at) < line for low, up, at in (*taken, *marks))
+        def covered(step: float, x: float = x, y: float = y, end: float = end) -> list[bool]:
+            """Tell whether names, and whether points, would be covered."""
+            return [any(low <= end and x <= up and abs(y + step - at) < line for low, up, at in those)
+                    for those in (taken, marks)]  # fmt: skip
 
-        step = next((step for step in steps if free(step)), steps[0])
+        step = min(steps, key=covered)
         taken.append((x, end, y + step))
         axes.annotate(method, (10**x, 10 ** (y + step)), fontsize=6, color=colours[method], va="center")
         if abs(step) > 1.5 * line:  # which point it is, is not seen otherwise
