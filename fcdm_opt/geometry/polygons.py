@@ -17,6 +17,8 @@ from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.tolerances import DEFAULT
 
 Polygon = tuple[int, ...]
+BLOCK = 256  # planes that are looked at together
+ROUNDING = 64 * float(np.finfo(float).eps)  # of a middle's height above a plane, relative to the coordinates
 
 
 def by_size(polygons: Sequence[Polygon] | Sequence[Ints]) -> Iterator[tuple[Ints, Ints]]:
@@ -110,15 +112,26 @@ def coplanar(
     points: Array, polygons: Sequence[Polygon] | Sequence[Ints], normals: Array, levels: Array, slack: float
 ) -> list[Ints]:
     """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
-    corners, starts = np.concatenate(polygons), np.cumsum([0, *map(len, polygons)])[:-1]
+    counts = np.array([len(own) for own in polygons])
+    starts = np.cumsum(counts) - counts
+    middles = np.add.reduceat(points[np.concatenate(polygons)], starts) / counts[:, None]
+    wide = slack + ROUNDING * float(np.abs(points).max())
     free, groups = np.ones(len(polygons), bool), []
-    for k in range(len(polygons)):
-        if free[k]:
-            heights = np.abs(points[corners] @ normals[k] - levels[k])
-            own = free & (np.maximum.reduceat(heights, starts) <= slack)
-            own[k] = True
-            free &= ~own
-            groups.append(np.flatnonzero(own))
+    for first in range(0, len(polygons), BLOCK):
+        block = slice(first, first + BLOCK)
+        near = np.abs(middles @ normals[block].T - levels[block]) <= wide  # the middle of what is within the slack is
+        for k, others in enumerate(near.T, first):
+            if not free[k]:
+                continue
+            others[k] = True
+            own = np.flatnonzero(free & others)
+            if len(own) > 1:
+                chosen = [polygons[row] for row in own.tolist()]
+                heights = np.abs(points[np.concatenate(chosen)] @ normals[k] - levels[k])
+                tops = np.maximum.reduceat(heights, np.cumsum([0, *map(len, chosen)])[:-1])
+                own = own[(tops <= slack) | (own == k)]
+            free[own] = False
+            groups.append(own)
     return groups
 
 

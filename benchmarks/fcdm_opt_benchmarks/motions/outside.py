@@ -23,7 +23,7 @@ from fcdm_opt_benchmarks.library import dataset_script, library, rounding_upward
 AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 SECONDS = 20.0  # that SCIP is given
 FEW = 60  # vertices of both parts, beyond which SCIP and the intervals are not asked
-MANY = 500  # vertices of a part: two prisms of 1,000, aligned, held Drake for ten minutes, until it was ended
+MANY = 500  # vertices of a part: two prisms of 1,000, aligned, held Drake for over seven minutes, until it was ended
 SCAN = 400  # steps of half a typical amount, each way, within which a contact is looked for
 NARROW = 60  # halvings of an interval that is not proved, at most
 
