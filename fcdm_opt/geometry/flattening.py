@@ -16,7 +16,7 @@ from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
 from fcdm_opt.tolerances import DEFAULT
 
-ROUNDS = 30  # two are enough unless more than three faces meet at a corner
+ROUNDS = 100  # two are enough unless more than three faces meet at a corner
 
 
 def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
