@@ -321,8 +321,8 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
     """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
     The largest of: distance of a common point from either element, and how far either part reaches across the plane
-    through it; infinite where there is none. Of flush elements that are well apart at least this, the distance along
-    an axis: most parts that a wide face is cut into are.
+    through it; infinite where there is none. Of flush elements that are well apart at least this, the distance of
+    their boxes: most parts that a wide face is cut into are.
     """
     errors, x, y = np.empty(len(poses)), np.empty((len(one), 3)), np.empty((len(two), 3))
     for k in range(len(poses)):
@@ -510,17 +510,18 @@ def _crossing(a, b, c, d):
 
 @step
 def _apart(x, first, y, second):
-    """Return how far two elements are apart along an axis, and the extent of both together."""
-    apart, size = 0.0, 0.0
+    """Return how far the boxes of two elements are apart, and the extent of both together."""
+    square, size = 0.0, 0.0
     for axis in range(3):
         low, high, least, most = np.inf, -np.inf, np.inf, -np.inf
         for m in first:
             low, high = min(low, x[m, axis]), max(high, x[m, axis])
         for m in second:
             least, most = min(least, y[m, axis]), max(most, y[m, axis])
-        apart = max(apart, least - high, low - most)
+        gap = max(0.0, least - high, low - most)
+        square += gap * gap
         size = max(size, max(high, most) - min(low, least))
-    return apart, size
+    return np.sqrt(square), size
 
 
 @step
