@@ -9,6 +9,7 @@ from test_decomposition import VOXELS, surface_of
 import fcdm_opt as fo
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.judge.whole import WholeSurfaces
 from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.problem import Problem
@@ -137,3 +138,48 @@ def test_the_distance_of_large_meshes_as_drawn_is_that_of_their_nearest_corners(
         assert situation.state == "apart"
         assert situation.gap == pytest.approx(gap, rel=1e-9)
         assert abs(situation.normal[2]) > 0.9
+
+
+def tray() -> fo.Body:
+    """Return a block of 3 x 3 x 2 with a pocket of 1 x 1 x 1 in the middle of its top, by its surface alone."""
+    vertices, faces = surface_of({(x, y, z) for x in range(3) for y in range(3) for z in range(2)} - {(1, 1, 1)})
+    return fo.Body.from_mesh(vertices, faces, decomposition="surface", seed=(1.5, 1.5, 0.0), name="tray")
+
+
+def test_where_the_nearest_facets_never_touch_others_farther_off_do() -> None:
+    """A peg whose sides are .005 from the pocket's walls moves down .5 to its floor: that is not impossible."""
+    corners = [[1.5 + 0.495 * x, 1.5 + 0.495 * y, z] for x in (-1, 1) for y in (-1, 1) for z in (1.5, 3.0)]
+    peg = fo.Body.convex(corners, seed=(1.5, 1.5, 0.0), name="peg")
+    problem = Problem(peg, tray(), tolerance=0.01, requirement="C", motion=Translation("z"), goal="touch")
+    solution = fo.solve(problem)
+    assert solution.usable, solution.certificate
+    assert solution.amount == pytest.approx(0.99 * 1.5 - 1.01, rel=1e-12)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+def test_corners_on_the_floor_do_not_make_a_part_lie_inside_it() -> None:
+    """A spike on a star, nearly all corners of which lie on the floor of the pocket, and are neither in nor out."""
+    angles = np.pi * np.arange(32) / 16.0
+    radii = np.where(np.arange(32) % 2, 0.2, 0.4)
+    star = np.column_stack([1.5 + radii * np.cos(angles), 1.5 + radii * np.sin(angles), np.ones(32)])
+    vertices = np.vstack([star, [[1.5, 1.5, 1.0], [1.5, 1.5, 2.5]]])
+    faces = [[k, (k + 1) % 32, 33] for k in range(32)] + [[(k + 1) % 32, k, 32] for k in range(32)]
+    spike = fo.Body.from_mesh(vertices, faces, decomposition="surface", seed=(1.5, 1.5, 0.0), name="spike")
+    asked = {"tolerance": 0.01, "motion": Translation("z"), "goal": "seat", "contacts": "all"}
+    for letter, shift in {"A": 0.0, "B": -0.02, "C": 0.02, "D": 0.0}.items():
+        solution = fo.solve(Problem(spike, tray(), requirement=letter, **asked))
+        assert solution.usable, solution.certificate
+        assert solution.parameters["TZ"] == pytest.approx(shift, abs=1e-12)
+
+
+def test_boxes_that_overlap_are_found_as_by_comparing_all() -> None:
+    rng = np.random.default_rng(20261125)
+    for count, axes in ((1, 3), (2, 3), (3, 6), (70, 3), (300, 6), (2000, 3)):
+        low = rng.random((count, axes))
+        high, groups = low + rng.random((count, axes)) * count**-0.4, rng.integers(0, 3, count)
+        meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2) & (groups[:, None] != groups)
+        wanted = {(i, j) for i, j in np.argwhere(meet).tolist() if i < j}
+        found = [np.sort(np.stack(pairs), axis=0).T.tolist() for pairs in overlapping(low, high, groups)]
+        listed = [tuple(pair) for block in found for pair in block]
+        assert len(listed) == len(set(listed))
+        assert set(listed) == wanted

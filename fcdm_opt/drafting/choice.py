@@ -153,9 +153,9 @@ def _on_one_side(situation: Situation) -> Choice | None:
 
 def _of_one_axis(situation: Situation) -> Choice:
     """Return the choice to make large meshes touch by a shift along one axis, which is asked about shortly."""
-    tries = list[Choice]()
+    tries, start = list[Choice](), perf_counter()
     for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist():
-        if tries and pacing.over():
+        if tries and (perf_counter() - start > SECONDS or pacing.over()):
             break
         pacing.at(f'trying goal "touch" along {AXES[k]}')
         tried = _tried(situation, "touch", Translation(AXES[k]))

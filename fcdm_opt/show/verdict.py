@@ -203,9 +203,10 @@ def _the(element: str) -> str:
 def fit_text(problem: Problem) -> str:
     """Return clearance, transition or interference of the pair as drawn, over its whole tolerance; "" without one.
 
-    Gaps are looked at where every part has an end of its tolerance.
+    Gaps are looked at where every part has an end of its tolerance; none of large bodies, whose curve is one of a few
+    parts.
     """
-    if problem.tolerance is None:
+    if problem.tolerance is None or problem.movable.whole is not None:
         return ""
     nominal = problem.nominal_pair
     ends = nominal[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])

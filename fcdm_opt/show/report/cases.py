@@ -157,6 +157,9 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not solution.status.found:
         return None
+    if solution.problem.movable.whole is not None:
+        text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
+        return {"bars": [], "text": text}
     derivatives = solution.sensitivity
     text = "first derivatives of the least amount"
     if not derivatives.exists:
