@@ -62,8 +62,17 @@ def holds(problem: Problem) -> bool:
     if not len(normals):
         return False
     rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= 0 for each
-    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=np.zeros(len(rows)), bounds=[(-1.0, 1.0)] * 3 + [(0.0, 1.0)])
-    return not (found.status == 0 and found.x[3] > DEFAULT.partition)
+    chosen = list(dict.fromkeys([*normals.argmin(axis=0).tolist(), *normals.argmax(axis=0).tolist()]))
+    bounds = [(-1.0, 1.0)] * 3 + [(0.0, 1.0)]
+    while True:  # with the rows alone that matter: there may be millions
+        found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows[chosen], b_ub=np.zeros(len(chosen)), bounds=bounds)
+        if found.status != 0 or found.x[3] <= DEFAULT.partition:
+            return True
+        heights = rows @ found.x
+        worst = int(heights.argmax())
+        if heights[worst] <= DEFAULT.partition or worst in chosen:
+            return False
+        chosen.append(worst)
 
 
 class Misfit(NamedTuple):
