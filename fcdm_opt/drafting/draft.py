@@ -252,11 +252,14 @@ def _because(situation: Situation, choice: Choice) -> str:
 
 
 def _remedy(situation: Situation, unit: str) -> str:
-    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way."""
+    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way.
+
+    Of large meshes how far alone: which way takes long to tell.
+    """
     problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
-    solution = solve(problem, effort="quick", time=math.inf)
-    if not solution.usable or solution.transform is None:
-        return f"If they are meant to, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
+    solution = None if situation.large else solve(problem, effort="quick", time=math.inf)
+    if solution is None or not solution.usable or solution.transform is None:
+        return f"If they are meant to touch, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
     shift = solution.transform[:3, 3]
     by = point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
     return (
