@@ -102,8 +102,8 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
             break  # further parts only take motions away; where any contact will do they offer some
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
-        known = apart and (impossible or pose is not None)
-        further = more_parts(problem, pose, answer.amount if known else 0.0, most)
+        least = answer.amount if apart and (impossible or pose is not None) else 0.0
+        further = more_parts(problem, pose, least, most)
         if further is None or pacing.over():
             if impossible and apart:  # of the parts modelled: others may touch farther off
                 answer = replace(answer, status=Status.NOT_FOUND, lower_bound=0.0)

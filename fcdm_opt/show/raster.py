@@ -58,7 +58,7 @@ class Raster:
         frame = np.column_stack([self._page, self._toward])
         placed = corners @ frame
         placed[:, :2] = (placed[:, :2] - self._low) * self._scale
-        fill(placed, starts, self._scale, tint, owner, self._depth, self._owner, self._colour)
+        fill_pixels(placed, starts, self._scale, tint, owner, self._depth, self._owner, self._colour)
 
     def visible(self, ends: Array) -> list[Array]:
         """Return the pieces of straight lines (m, 2, 3) that no surface hides, on the page, (2, 2) each."""
@@ -107,7 +107,7 @@ class Raster:
 
 
 @kernel
-def fill(corners, starts, scale, tint, owner, depths, owners, colours):
+def fill_pixels(corners, starts, scale, tint, owner, depths, owners, colours):
     """Draw convex polygons where nothing is nearer: fill in `depths`, `owners` and `colours` of the pixels.
 
     Corners are in pixels, right and up, and in lengths towards the reader.
