@@ -22,6 +22,9 @@ class Tolerances:
     seam: float = 2e-6
     """Where a mesh is open, vertices nearer than this times its size are made one, and how far they were moved is told:
     exports leave seams of a millionth."""
+    fold: float = 1e-4
+    """Where a mesh crosses itself, what is finer than this times its extent is left out, a thousandth of it if that is
+    enough, and how much is told: coordinates rounded to a few digits fold the slivers of a triangulation."""
     drawn: float = 1e-6
     """Corners of a polygon in a file that are off its plane by at most this times their largest coordinate are so by
     rounding to the file's digits, often 6 or 7: they are moved onto it. Polygons that are more bent are refused."""

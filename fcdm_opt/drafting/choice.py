@@ -134,20 +134,23 @@ def chosen(situation: Situation) -> Choice:
 def _on_one_side(situation: Situation) -> Choice | None:
     """Return the choice to seat those contacts again that face one way, None where none is solved.
 
-    A single contact that is the nominal one needs no name, but of large bodies, whose faces are of many pieces.
+    By a shift that way; where none is solved so, as where a hole and its pin grow apart sideways, by any shift. A
+    single contact that is the nominal one needs no name, but of large bodies, whose faces are of many pieces.
 
     A way on which each case is either solved or told not to fit is taken at once.
     """
     best: Choice | None = None
     told = {feature: feature.told(situation.movable, situation.static) for feature in situation.contacts}
-    for normal, features in situation.sides[:MOST_SIDES] if len(told) > 1 or situation.large else ():
+    sides = situation.sides[:MOST_SIDES] if len(told) > 1 or situation.large else ()
+    along = [(Translation(named(normal)), normal, features) for normal, features in sides]
+    for motion, normal, features in (*along, *((ANY_SHIFT, *side) for side in sides)):
+        if (best is not None and (best.settled or motion == ANY_SHIFT)) or pacing.over():
+            break
         pacing.at(f"trying to seat what faces {named(normal)}")
         names = (told[own] if list(told.values()).count(told[own]) == 1 else own.label for own in features)
-        tried = _tried(situation, "seat", Translation(named(normal)), tuple(names))
+        tried = _tried(situation, "seat", motion, tuple(names))
         if tried is not None and tried.usable and (best is None or len(tried.usable) > len(best.usable)):
             best = tried
-        if (best is not None and best.settled) or pacing.over():
-            break
     return best
 
 

@@ -241,7 +241,7 @@ def _because(situation: Situation, choice: Choice) -> str:
     if choice.contacts == "all":
         return TOGETHER.format(len(situation.contacts))
     why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
-    if choice.contacts:
+    if choice.contacts and len(situation.contacts) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
         why = ONE_WAY.format(len(situation.contacts), kept)

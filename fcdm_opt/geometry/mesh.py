@@ -19,11 +19,13 @@ from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
 from fcdm_opt.geometry.polygons import Polygon, Sides, components, triangulated
-from fcdm_opt.geometry.shells import JoinedShells, union_of_shells
+from fcdm_opt.geometry.shells import JoinedShells, simplified, union_of_shells
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from flint import fmpq
+
+FOLDS = 0.001, 0.01, 0.1, 1.0  # of `Tolerances.fold`: how much of a folded surface falls away, tried in turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,8 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
     Mesh
         With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left
         out; vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
-        `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one.
+        `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one; folds and slivers finer
+        than `Tolerances.fold` of the size left out.
 
     Raises
     ------
@@ -108,6 +111,11 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
         For a surface that is open, that crosses itself, or of which it is not certain what is inside. Names faces and
         vertices (1-based) and a place.
     """
+    return _checked(vertices, faces, name, remake=True)
+
+
+def _checked(vertices: ArrayLike, faces: Any, name: str, *, remake: bool) -> Mesh:
+    """Return what `checked_mesh` does; a surface that crosses itself is refused if it was made anew before."""
     key = f"body '{name}'"
     points = checked_corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
     polygons = _polygons(faces, len(points), key)
@@ -122,16 +130,14 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
     triangles, owner = triangulated(surface.points, surface.polygons, surface.numbers, slack, key)
     crossing = first_crossing(surface.points, triangles, slack)
     if crossing is not None:
-        one, two = sorted(surface.numbers[owner[k]] for k in (crossing.one, crossing.two))
-        what = f"faces {one + 1} and {two + 1} cross, overlap, or touch along a line that is no edge of both"
-        refused = InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
-        shell = _shells(surface)[owner]
-        joined = union_of_shells(surface.points, triangles, shell)
-        own = [triangles[shell == k] for k in np.unique(shell)]
-        if joined is None or any(first_crossing(surface.points, some, slack) for some in own):
-            raise refused
-        if joined.triangles is not None:
-            return _joined(joined, surface, refused, unit, name)
+        anew = _made_anew(surface, triangles, _shells(surface)[owner], slack)
+        if anew is not None:
+            made = _first_solid(anew, surface, name) if remake else None
+            if made is None:
+                one, two = sorted(surface.numbers[owner[k]] for k in (crossing.one, crossing.two))
+                what = f"faces {one + 1} and {two + 1} cross, overlap, or touch along a line that is no edge of both"
+                raise InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
+            return made
     turned, remarks = _outward(surface, triangles, owner, slack, key)
     outlines = tuple(reverse(own) if turn else own for own, turn in zip(surface.polygons, turned, strict=True))
     triangles = np.where(turned[owner][:, None], triangles[:, ::-1], triangles)
@@ -146,17 +152,28 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
     )
 
 
-def _joined(joined: JoinedShells, surface: Faces, refused: InputError, unit: int, name: str) -> Mesh:
-    """Return the mesh of closed surfaces made one; what was wrong with them is raised where that is no solid either."""
-    assert joined.triangles is not None
-    try:
-        made = checked_mesh(np.ldexp(joined.points, unit), joined.triangles, name=name)
-    except InputError:
-        raise refused from None
-    if joined.remark in made.repairs:  # no better than it was
-        raise refused
-    repairs = (*surface.repairs, joined.remark, *made.repairs)
-    return replace(made, repairs=repairs, moved=made.moved + float(np.ldexp(joined.off, unit)))
+def _made_anew(surface: Faces, triangles: Ints, shell: Ints, slack: float) -> Iterable[JoinedShells | None] | None:
+    """Return what a surface that crosses itself may be replaced with, in turn; None where solids only touch."""
+    joined = union_of_shells(surface.points, triangles, shell)
+    own = [triangles[shell == k] for k in np.unique(shell)]
+    if joined is not None and not any(first_crossing(surface.points, some, slack) for some in own):
+        return None if joined.triangles is None else [joined]
+    finest = DEFAULT.fold * float(np.ptp(surface.points, axis=0).max())
+    return (simplified(surface.points, triangles, share * finest) for share in FOLDS)
+
+
+def _first_solid(surfaces: Iterable[JoinedShells | None], given: Faces, name: str) -> Mesh | None:
+    """Return the mesh of the first of some surfaces that bounds a solid, with what was done; None where none does."""
+    for surface in surfaces:
+        if surface is None or surface.triangles is None:
+            continue
+        try:
+            made = _checked(np.ldexp(surface.points, given.unit), surface.triangles, name, remake=False)
+        except InputError:
+            continue
+        repairs = (*given.repairs, surface.remark, *made.repairs)
+        return replace(made, repairs=repairs, moved=made.moved + float(np.ldexp(surface.off, given.unit)))
+    return None
 
 
 def _closed_up(

@@ -1,4 +1,4 @@
-"""Closed surfaces that overlap or touch, as drawings and exports have them, made the surface of one solid."""
+"""Closed surfaces that overlap, touch or are folded, as exports have them, made the surface of one solid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class JoinedShells(NamedTuple):
-    """The surface of several solids taken together.
+    """The surface of one solid, of surfaces that were none.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class JoinedShells(NamedTuple):
     triangles : (t, 3) int array or None
         None where the solids only touch, along lines and at points: their surfaces are that of the union.
     off : float
-        How far points may be from where surfaces cross.
+        How far the surface may be from those given.
     remark : str
         What was done, with the volume in common.
     """
@@ -78,3 +78,24 @@ def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShell
     )
     made = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
     return JoinedShells(*made, float(whole.get_tolerance()), remark)
+
+
+def simplified(points: Array, triangles: Ints, off: float) -> JoinedShells | None:
+    """Return a closed surface without what is finer than `off`, by manifold3d; None where that cannot be told.
+
+    Coordinates rounded to a file's digits leave slivers that are folded over their neighbours or pierce them: these
+    fall away with their shortest edges.
+    """
+    from manifold3d import Error, Manifold, Mesh64
+
+    given = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(triangles, np.uint64)))
+    solid = given.simplify(off)
+    if given.status() != Error.NoError or solid.is_empty():
+        return None
+    mesh = solid.to_mesh64()
+    made = np.asarray(mesh.tri_verts).astype(np.int64)
+    remark = (
+        f"{len(triangles)} triangles made {len(made)}, some being folded or pierced by others: the surface moved by "
+        f"less than {off / np.ptp(points, axis=0).max():.2g} of its size"
+    )
+    return JoinedShells(np.asarray(mesh.vert_properties)[:, :3], made, off, remark)

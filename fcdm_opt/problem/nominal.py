@@ -158,6 +158,11 @@ class NominalContact:
         return tuple(chosen)
 
     @property
+    def flush_contacts(self) -> tuple[Feature, ...]:
+        """The nominal contacts of whole faces: on bodies of many parts those of the pieces that meet come and go."""
+        return tuple(joint.feature for joint in self.nominal_joints if joint.feature.is_flush)
+
+    @property
     def chosen_joints(self) -> tuple[Joint, ...]:
         """The contacts that are restored together, see `Problem.contacts`."""
         known = {joint.feature: joint for joint in self.nominal_joints} if self.contacts else {}

@@ -384,6 +384,8 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
+    if contact.goal == "seat" and contact.movable.whole is not None and not _alone(asked):
+        several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
         what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
         raise InputError(what, key="contacts", found=asked.contacts, allowed="contacts on a face, or of crossing edges")
@@ -453,6 +455,11 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
 def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:
     """Return the deviations of the sizes of either body."""
     return {role: {size: values[size.name] for size in sizes if size.body == role} for role in ("movable", "static")}
+
+
+def _alone(asked: Arguments) -> bool:
+    """Tell whether something is asked for that contacts which are restored together leave no room for."""
+    return asked.features is not None or asked.resolution is not None or asked.amount != "weighted"
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.stages import compiled
 
 AT_ONCE = 4  # rows that are tried together at first
@@ -57,6 +57,34 @@ class Choices(NamedTuple):
         """Return groups in which each row is an alternative by itself."""
         sizes = np.cumsum([0, *(len(rows.levels) for rows in groups)])
         return cls(cls.of([[rows] for rows in groups], count).rows, np.arange(sizes[-1]), sizes[:-1])
+
+    def and_also(self, *others: Choices) -> Choices:
+        """Return these groups and those of others."""
+        every = (self, *others)
+        rows = Rows(*(np.concatenate([own.rows[k] for own in every]) for k in (0, 1)))
+        before = np.cumsum([0, *(len(own.rows.levels) for own in every)])
+        firsts = np.concatenate([own.alternatives + n for own, n in zip(every, before, strict=False)])
+        before = np.cumsum([0, *(len(own.alternatives) for own in every)])
+        return Choices(rows, firsts, np.concatenate([own.groups + n for own, n in zip(every, before, strict=False)]))
+
+    @property
+    def group_of_alternatives(self) -> Ints:
+        """The group that each alternative is of."""
+        return np.repeat(np.arange(len(self.groups)), np.diff(self.groups, append=len(self.alternatives)))
+
+    def first_least(self, values: Array) -> Flags:
+        """Tell of each alternative whether its value is the least of its group, of equal ones the first."""
+        order = np.lexsort((values, self.group_of_alternatives))
+        return np.isin(np.arange(len(values)), order[self.groups])
+
+    def only(self, alternatives: Flags, rows: Flags | None = None) -> Choices:
+        """Return these alternatives, of them these rows; of what none of is left, nothing."""
+        sizes = np.diff(self.alternatives, append=len(self.rows.levels))
+        owner = np.repeat(np.arange(len(sizes)), sizes)
+        kept = alternatives[owner] if rows is None else rows & alternatives[owner]
+        firsts = np.unique(owner[kept], return_index=True)
+        groups = np.unique(self.group_of_alternatives[firsts[0]], return_index=True)[1]
+        return Choices(Rows(self.rows.normals[kept], self.rows.levels[kept]), firsts[1], groups)
 
     def of_rows(self, short: Array) -> tuple[Array, Array]:
         """Return by how much each alternative, and each group's best, is missed where `short` tells it of each row."""

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import Bools
@@ -38,7 +38,7 @@ AROUND = 4.0  # times the amount so far: how far off what may come too near is l
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 ENOUGH = 1e-6  # relative gap with which a bound is left
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
-LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
+LINEAR, NEWTON = "1: contacts among other parts, linear in the motion", "2: several contacts, by Newton's method"
 
 
 def together(task: Task) -> Answer | None:
@@ -61,11 +61,25 @@ def together(task: Task) -> Answer | None:
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
 
+def among_others(task: Task) -> Answer | None:
+    """Stage 1 for "at" and "seat": the least shift that brings the tracked lines to the target pair, others kept apart.
+
+    Of the motions that the lines leave free, as "shift" finds them, the least on which no other parts overlap: exact.
+    """
+    if task.joints or task.goal not in ("at", "seat") or not task.motion.shifts:
+        return None
+    own = System(task, (*task.tracked, *task.besides))
+    z, none = least([own])
+    if z is not None:
+        return _answered(own, z)
+    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if none else None
+
+
 def _answered(own: System, z: Array) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
     exact = task.motion.shifts
-    count = len(task.joints)
+    count = len(task.joints) or 1
     active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
     pairs = {feature.parts for feature in own.features}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
@@ -184,7 +198,7 @@ class System:
     ----------
     task : Task
     features : tuple of FeaturePoints
-        Those of the task's joints, or others to be worked out alike.
+        Those of the task's joints, or of its tracked contact, or others to be worked out alike.
     """
 
     task: Task
@@ -232,8 +246,7 @@ class System:
         if not self.count:
             return np.empty(0), np.empty((0, len(task.weights)))
         T, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)
-        gaps, slopes = replace(task, besides=self.features).line_gaps(q)[1], []
-        normals = replace(task, besides=self.features).line_gaps(q)[0]
+        (normals, gaps), slopes = replace(task, tracked=(), besides=self.features).line_gaps(q), []
         for feature, n, gap in zip(self.features, normals, gaps, strict=True):
             slopes.append(-(rates @ np.append(_touched(task, feature, T, n, float(gap)), 1.0))[:, :3] @ n)
         values = [*(gaps / task.size), *(m @ T[:3, :3] @ p for m, p in self.turns)]
@@ -253,13 +266,18 @@ class System:
         sites, rows, gaps = task.separations(parts, task.pose(q))
         order = np.argsort(-gaps)[:most]
         if task.motion.shifts:
-            rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1][:, :3, 3]
-            slopes = np.where(self.moving, -(rows[order, :3] @ rates.T) / task.weights, 0.0)
+            slopes = self._shifted(rows[order], q)
         else:
             R, pairs = task.transform(q)[:3, :3], zip(sites[order].tolist(), rows[order, :3], strict=True)
             features = [feature_points(task.movable, task.static, tuple(site), parts, n, R) for site, n in pairs]
             slopes = System(task, tuple(features)).linearised(q)[1][: len(order)]
         return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
+
+    def _shifted(self, rows: Array, q: Array) -> Array:
+        """Return the derivatives by z of gaps along facet directions where nothing turns."""
+        task = self.task
+        rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1][:, :3, 3]
+        return np.where(self.moving, -(rows[:, :3] @ rates.T) / task.weights, 0.0)
 
     def meets(self, q: Array, slack: float) -> bool:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
@@ -274,32 +292,45 @@ class System:
         asked = np.isfinite(task.needs)
         return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
-    def ways_apart(self, parts: Parts, q: Array) -> list[Rows]:
-        """Return the ways in which a pair may come apart as far as is needed, the widest first."""
-        task = self.task
-        need = float(task.needs[parts[1]])
-        if task.motion.shifts:
-            rows = self._rows(parts, q, EVERY)
-            levels = rows.levels + need / task.size
-            return [Rows(rows.normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
-        y = task.weights * q
-        scene = Linearised.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit))
+    def ways_apart(self, pairs: Sequence[Parts], q: Array) -> Choices:
+        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
+        task, y = self.task, self.task.weights * q
+        if not pairs or not task.motion.shifts:
+            around = AROUND * max(float(np.linalg.norm(y)), task.unit)
+            scene = Linearised.of(task, y, around) if pairs else None
+            return Choices.of([self._turned_apart(scene, parts, y) for parts in pairs], len(y))
+        pose = task.pose(q)
+        rows, gaps = zip(*(task.separations(parts, pose)[1:] for parts in pairs), strict=True)
+        sizes = list(map(len, gaps))
+        short = np.concatenate(gaps) - np.repeat(task.needs[[j for _, j in pairs]], sizes)
+        order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
+        slopes = self._shifted(np.concatenate(rows)[order], q)
+        apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
+        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1])
+
+    def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
+        """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
+        need, size = float(self.task.needs[parts[1]]), self.task.size
         ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
         rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
-        return [Rows(J, (need - gaps + J @ y) / task.size) for J, gaps in rates]
+        never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
+        return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
-    def closings(self, q: Array) -> list[list[Rows]]:
+    def closings(self, q: Array) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
         Where no contact is listed and the pair is to touch, any pair may.
         """
         task = self.task
-        hosts = [joint.hosts for joint in task.joints] or [tuple(np.ndindex(task.pair_gaps(q).shape))] * task.must_touch
+        hosts = [joint.hosts for joint in task.joints]
+        if task.must_touch and not self.features:
+            hosts = [tuple(np.ndindex(task.pair_gaps(q).shape))]
         most = EVERY if task.motion.shifts else NEAREST_WAYS
-        return [
+        groups = [
             [Rows(-rows.normals, -rows.levels) for parts in own for rows in (self._rows(parts, q, most),)]
             for own in hosts
         ]
+        return Choices.of(groups, len(task.weights))
 
     def at_limits(self, q: Array) -> tuple[str, ...]:
         """Return "a limit" where a parameter is at one."""
@@ -314,17 +345,17 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
-    touching = [own for own in systems if own.task.must_touch and not own.task.joints]
+    touching = [own for own in systems if own.task.must_touch and not own.features]
     moving = systems[0].moving
     for _ in range(STEPS):
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
         closing = systems if exact and blocked else touching
-        groups = [
-            *(systems[k].ways_apart(parts, q) for k, parts in sorted(blocked)),
-            *(group for own in closing for group in own.closings(first.start if exact else q)),
-        ]
-        found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), groups)
+        choices = Choices.of([], len(z)).and_also(
+            *(own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q) for k, own in enumerate(systems)),
+            *(own.closings(first.start if exact else q) for own in closing),
+        )
+        found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
             return None, exact and complete
         step, z = float(np.abs(found - z).max()), found
@@ -375,7 +406,7 @@ def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float)
     return np.asarray((place - T[:3, 3]) @ T[:3, :3])
 
 
-def _nearest(slopes: Array, levels: Array, limits: Rows, groups: Sequence[list[Rows]]) -> tuple[Array | None, bool]:
+def _nearest(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> tuple[Array | None, bool]:
     """Return the least z with slopes . z = levels, within limits, that meets an alternative of each group.
 
     None where there is none: the equations disagree, or nothing of what they leave meets the rest; and whether that is
@@ -386,31 +417,36 @@ def _nearest(slopes: Array, levels: Array, limits: Rows, groups: Sequence[list[R
         return None, True
     _, sizes, ways = np.linalg.svd(slopes)
     free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
-    kept = []
-    for group in groups:
-        possible = [rows for rows in (_seen(rows, centre, free) for rows in group) if rows is not None]
-        if not possible:
-            return None, True
-        if all(len(rows.levels) for rows in possible):
-            kept.append(possible)
-    start = _seen(limits, centre, free)
-    if start is None:
+    start, flat = _across(limits, centre, free)
+    left = _seen(choices, centre, free)
+    if left is None or (start.levels[flat] > DEFAULT.touch).any():
         return None, True
-    if not len(free) or (not kept and not (start.levels > 0.0).any()):
+    start = Rows(start.normals[~flat], start.levels[~flat])
+    if not len(free) or (not len(left.groups) and not (start.levels > 0.0).any()):
         return centre, True
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
-    choices = Choices.of(kept, len(free))
-    least = nearest(choices, [start], np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
+    least = nearest(left, [start], np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
     return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
 
 
-def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
-    """Return rows over z as rows over the null space, without those that always hold; None where one never does."""
-    normals, levels = rows.normals @ free.T, rows.levels - rows.normals @ centre
-    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    if (levels[flat] > DEFAULT.touch).any():
+def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
+    """Return choices over z as choices over the null space, without what always holds; None where one never does."""
+    rows, flat = _across(choices.rows, centre, free)
+    missed = flat & (rows.levels > DEFAULT.touch)
+    # of alternatives whether one never holds, and whether one always does
+    (never, never_all), (held, _) = (choices.of_rows(own.astype(np.float64)) for own in (missed, ~flat))
+    if (never_all > 0.0).any():
         return None
-    return Rows(normals[~flat], levels[~flat])
+    group = choices.group_of_alternatives
+    always = np.unique(group[(never == 0.0) & (held == 0.0)])
+    return choices._replace(rows=rows).only((never == 0.0) & ~np.isin(group, always), ~flat)
+
+
+def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
+    """Return rows over z as rows over the null space, and which of them no move in it changes."""
+    normals = rows.normals @ free.T
+    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
+    return Rows(normals, rows.levels - rows.normals @ centre), np.asarray(flat)
 
 
 # ------------------------------------------------------------------------------------------ where not all can be closed
@@ -536,9 +572,9 @@ def _fitted(task: Task) -> Answer:
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
         aligned = slopes[count:], slopes[count:] @ z - values[count:]
-        groups, kept = [own.ways_apart(parts, own.q(z)) for parts in sorted(blocked)], own.limits()
-        if groups:
-            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, groups)
+        choices, kept = own.ways_apart(sorted(blocked), own.q(z)), own.limits()
+        if blocked:
+            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, choices)
             if ways is None:
                 return none if complete else failed
             kept = kept.and_also(ways.normals, ways.levels)
@@ -547,7 +583,7 @@ def _fitted(task: Task) -> Answer:
             return replace(none, active=_overlapping(gaps, rates))
         largest = max(fun, 0.0) + DEFAULT.tie
         rows = own.limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
-        found, _ = _nearest(*aligned, rows, groups)
+        found, _ = _nearest(*aligned, rows, choices)
         if found is None:
             return failed
         step, z = float(np.abs(found - z).max()), found
@@ -588,7 +624,7 @@ def _least_gap(gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Ro
 
 
 def _ways_of_least_gap(
-    gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, groups: Sequence[list[Rows]]
+    gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, choices: Choices
 ) -> tuple[Rows | None, bool]:
     """Return the way of each group that is met where the largest gap is least, motions counting little.
 
@@ -601,12 +637,12 @@ def _ways_of_least_gap(
         return Rows(_widened(given.normals / MINOR), given.levels)
 
     every = lifted(rows).and_also(of_gaps, np.concatenate([-gaps, gaps]))
-    y, complete = _nearest(_widened(aligned[0] / MINOR), aligned[1], every, [[*map(lifted, ways)] for ways in groups])
+    widened = choices._replace(rows=lifted(choices.rows))
+    y, complete = _nearest(_widened(aligned[0] / MINOR), aligned[1], every, widened)
     if y is None:
         return None, complete
-    z = y[:-1] / MINOR
-    met = [max(ways, key=lambda way: float((way.normals @ z - way.levels).min())) for ways in groups if ways]
-    return Rows(np.vstack([way.normals for way in met]), np.concatenate([way.levels for way in met])), True
+    missed = choices.of_rows(choices.rows.levels - choices.rows.normals @ (y[:-1] / MINOR))[0]
+    return choices.only(choices.first_least(missed)).rows, True
 
 
 def _widened(rows: Array) -> Array:
