@@ -48,12 +48,17 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
     place = distinct.copy()
     corner, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
     enough = DEFAULT.normal * float(np.abs(distinct).max())
+    normals, levels, _ = _fitted(place, groups)
     for _ in range(ROUNDS):
-        normals, levels, _ = _fitted(place, groups)
         misses = levels[owner] - (normals[owner] * place[corner]).sum(axis=1)
-        if np.abs(misses).max() <= enough:
+        bent = np.zeros(len(place), bool)
+        bent[corner[np.abs(misses) > enough]] = True
+        rows = bent[corner]  # what is plane stays, while faces beside it are worked on
+        if not rows.any():
             break
-        place = onto_planes(place, corner, normals[owner], misses)
+        place = onto_planes(place, corner[rows], normals[owner[rows]], misses[rows])
+        again = np.unique(owner[rows])
+        normals[again], levels[again], _ = _fitted(place, [groups[k] for k in again.tolist()])
     far = norms(place - distinct) > slack / DEFAULT.sharp
     place[far] = distinct[far]
     return place[same]

@@ -25,7 +25,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from flint import fmpq
 
-FOLDS = 0.001, 0.01, 0.1, 1.0  # of `Tolerances.fold`: how much of a folded surface falls away, tried in turn
+FOLDS = 0.001, 0.1, 1.0  # of `Tolerances.fold`: how much of a folded surface falls away, tried in turn
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.polygons import components
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.tolerances import DEFAULT
 
 MANY = 8  # corners from which a plane face goes by a name
@@ -125,47 +127,61 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
 
 def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
     """Return the names of facets that lie side by side around one axis."""
-    around = defaultdict[int, set[Label]](set)
-    facets = [face for face in normals if len(face) < MANY]
-    for face in facets:
-        for vertex in face:
-            around[vertex].add(face)
-    by_axis, smooth = defaultdict[Label, list[tuple[Label, Label]]](list), list[tuple[Label, Label]]()
-    for face in facets:
-        for other in set[Label]().union(*(around[vertex] for vertex in face)):
-            shared = sorted(set(face) & set(other))
-            if face >= other or len(shared) != 2 or not TURN <= normals[face] @ normals[other] < 1.0 - ROUND:
-                continue
-            way = body.vertices[shared[1] - 1] - body.vertices[shared[0] - 1]
-            way = way / np.linalg.norm(way)
-            way *= np.sign(way[np.abs(way).argmax()])
-            by_axis[tuple(np.round(way / ROUND).astype(int).tolist())].append((face, other))
-            smooth.append((face, other))
-    rounds = [(_radius(body, own, normals, None), own) for own in _side_by_side(smooth, BALL)]
-    for key, pairs in by_axis.items():
-        axis = np.array(key, dtype=np.float64)
-        rounds += [(_radius(body, own, normals, axis), own) for own in _side_by_side(pairs, FEWEST)]
-    alike = Counter(name for name, _ in rounds)
-    numbers, named = dict[int, int](), dict[Label, str]()
-    counted = Counter[str]()
-    for k in sorted(range(len(rounds)), key=lambda k: rounds[k][1]):
-        counted[rounds[k][0]] += 1
-        numbers[k] = counted[rounds[k][0]]
-    for k, (name, own) in enumerate(rounds):
-        numbered = f"{name} no. {numbers[k]}" if alike[name] > 1 else name
-        named |= dict.fromkeys(own, numbered) if name else {}
-    return named
+    facets = sorted(face for face in normals if len(face) < MANY)
+    looks = np.array([normals[face] for face in facets])
+    pairs, ends = _neighbours(facets)
+    if not len(pairs):
+        return {}
+    turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
+    smooth = (turn >= TURN) & (turn < 1.0 - ROUND)
+    pairs, ends = pairs[smooth], ends[smooth]
+    ways = body.vertices[ends[:, 1]] - body.vertices[ends[:, 0]]
+    ways /= norms(ways)[:, None]
+    ways *= np.sign(np.take_along_axis(ways, np.abs(ways).argmax(axis=1)[:, None], axis=1))
+    axes, own, counts = np.unique(np.round(ways / ROUND), axis=0, return_inverse=True, return_counts=True)
+    groups = [(None, group) for group in _side_by_side(pairs, BALL)]
+    by_axis = np.split(np.argsort(own.reshape(-1), kind="stable"), np.cumsum(counts)[:-1])
+    for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
+        groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
+    rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
+    named = [(_radius(body, faces, normals, axis), faces) for faces, axis in rounds]
+    alike, counted, found = Counter(name for name, _ in named), Counter[str](), list[tuple[int, str]]()
+    for k in sorted(range(len(named)), key=lambda k: named[k][1]):
+        name = named[k][0]
+        counted[name] += 1
+        found.append((k, f"{name} no. {counted[name]}" if alike[name] > 1 else name))
+    return {face: name for k, name in sorted(found) if named[k][0] for face in named[k][1]}
 
 
-def _side_by_side(pairs: list[tuple[Label, Label]], fewest: int) -> list[list[Label]]:
-    """Return the groups of so many facets at least that pairs join."""
-    faces = sorted({face for pair in pairs for face in pair})
-    if len(faces) < fewest:
+def _neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
+    """Return the places of faces with just two corners in common, (m, 2), and the rows of those corners, (m, 2)."""
+    ends, owners = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
+    for places, corners in by_size(faces):
+        for i, j in combinations(range(corners.shape[1]), 2):
+            ends.append(corners[:, (i, j)] - 1)
+            owners.append(np.asarray(places))
+    rows, own = np.concatenate(ends), np.concatenate(owners)
+    order = np.lexsort((own, rows[:, 1], rows[:, 0]))
+    rows, own = rows[order], own[order]
+    pairs, shared = [np.empty((0, 2), np.int64)], [np.empty((0, 2), np.int64)]
+    for step in range(1, len(rows)):  # the next face with the same two corners, the one after that, ...
+        same = np.flatnonzero((rows[step:] == rows[:-step]).all(axis=1))
+        if not same.size:
+            break
+        pairs.append(np.column_stack([own[same], own[same + step]]))
+        shared.append(rows[same])
+    both, first, counts = np.unique(np.concatenate(pairs), axis=0, return_index=True, return_counts=True)
+    return both[counts == 1], np.concatenate(shared)[first[counts == 1]]
+
+
+def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
+    """Return the groups of so many at least that pairs join."""
+    some, places = np.unique(pairs, return_inverse=True)
+    if len(some) < fewest:
         return []
-    place = {face: k for k, face in enumerate(faces)}
-    owners = components(np.array([[place[one], place[two]] for one, two in pairs]), len(faces))
-    groups = [np.flatnonzero(owners == owner) for owner in np.unique(owners).tolist()]
-    return [[faces[k] for k in group] for group in groups if len(group) >= fewest]
+    owners = components(places.reshape(-1, 2), len(some))
+    groups = np.split(np.argsort(owners, kind="stable"), np.cumsum(np.bincount(owners))[:-1])
+    return [some[group] for group in groups if len(group) >= fewest]
 
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> str:
