@@ -8,6 +8,7 @@ constraints are found from geometry (`holding`), so it does not matter which sta
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice, product
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
@@ -32,6 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 MOST_CHOICES = 256  # of alternatives that may hold the motion
 APART = 0.05  # of the amount: how far off another motion of the same amount is looked for
+SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs the search for nothing takes minutes
 
 
 def sensitivity(solution: Solution) -> Sensitivity:
@@ -196,7 +199,17 @@ def _named(constraints: Sequence[Rate], place: int) -> str:
 
 
 def _ties(task: Task, q: Array) -> list[str]:
-    """Return why the motion is not the one least motion: another, some way off, that is as small, or smaller."""
+    """Return why the motion is not the one least motion: another, some way off, that is as small, or smaller.
+
+    What is not found in `SECONDS` is taken for not there.
+    """
+    pacing.at("looking whether another motion is as small")
+    with suppress(pacing.TimeOverError), pacing.within(SECONDS):
+        return _other_motions(task, q)
+    return []
+
+
+def _other_motions(task: Task, q: Array) -> list[str]:
     amount = task.amount(q)
     for k, side in product(range(len(q)), (0, 1)):
         limits = task.limits.copy()

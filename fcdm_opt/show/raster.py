@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcdm_opt.compiling import kernel
 from fcdm_opt.geometry.arrays import Array, Flags
@@ -96,14 +97,16 @@ class Raster:
         return self._owner >= 0
 
     @property
-    def image(self) -> Array:
-        """Colours, (height, width, 4), from the lowest row up; nothing where there is no body, outlines darker."""
+    def image(self) -> NDArray[np.uint8]:
+        """Colours 0 to 255, (height, width, 4), from the lowest row up; nothing without a body, outlines darker."""
         owner = self._owner
         edge = np.zeros(owner.shape, dtype=bool)
         edge[:, 1:] |= owner[:, 1:] != owner[:, :-1]
         edge[1:] |= owner[1:] != owner[:-1]
-        shown = np.where(edge[:, :, None], 0.35 * self._colour, self._colour)
-        return np.dstack([shown, ((owner >= 0) | edge).astype(float)])
+        shown = np.empty((*owner.shape, 4), np.uint8)
+        shown[..., :3] = 255.0 * np.where(edge[:, :, None], 0.35 * self._colour, self._colour) + 0.5
+        shown[..., 3] = 255 * ((owner >= 0) | edge)
+        return shown
 
 
 @kernel

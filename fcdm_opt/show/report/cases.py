@@ -34,8 +34,8 @@ PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
 
-def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
-    """Return the data of one case; `seconds` are for the frames of both families.
+def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> tuple[dict[str, Any], float]:
+    """Return the data of one case, and the time that the frames of both families took, for which `seconds` are given.
 
     `problem` is as asked; that of the solution names the features that were chosen.
     """
@@ -44,12 +44,14 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "bodies": _bodies(solution.problem),
         "modelled": _modelled(solution),
         "left_out": left_out(solution),
-        "certificate": finite(solution.to_dict()["certificate"]),
+        "certificate": finite(solution.certificate),
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
     picture = b64encode(pixels(solution_figure(solution), across=ACROSS)).decode()
-    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, seconds)}
+    start = perf_counter()
+    shown = _pictures(problem, solution, seconds)
+    return {**_answer(problem, case), "picture": picture, **grounds, **shown}, perf_counter() - start
 
 
 def answered(solution: Solution) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
@@ -26,6 +27,9 @@ SHARES = tuple(k / 20 for k in range(31))
 """Shares of the motion: rest, whole, and half as far again."""
 
 AS_ASKED = 1.0
+
+SLOW = 0.7
+"""Seconds after which a frame is left out, that its neighbours are not: there what is asked may have no answer."""
 
 LEAST = 3
 """Frames that a family has at least, whatever the time."""
@@ -48,9 +52,12 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         else:
             changes = {"target": tuple(target_at(problem, factor).tolist())}
         try:
-            return frames.solved(solve(problem.changed(**changes), effort="quick"))
+            answer = solve(problem.changed(**changes), effort="quick", time=SLOW)
         except InputError:
             return None
+        if answer.stopped:
+            raise pacing.TimeOverError
+        return frames.solved(answer)
 
     def shown(factor: float) -> str:
         """Return how far both scales made are off the nominal ones: "+2 %, -2 %"."""
@@ -121,10 +128,13 @@ def _family(
     end, least = perf_counter() + seconds, LEAST if seconds >= 0.0 else 1  # below 0: the time given is over
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
-    for value in _coarse_to_fine(values):
-        if len(frames) + len(refused) >= least and perf_counter() > end:
+    for tried, value in enumerate(_coarse_to_fine(values)):
+        if tried >= least and perf_counter() > end:
             break
-        made = frame(value)
+        try:
+            made = frame(value)
+        except pacing.TimeOverError:
+            continue
         if made is None:
             refused.append(value)
         else:

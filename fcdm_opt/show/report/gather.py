@@ -27,8 +27,10 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
-FAMILIES, PROOFS = 3.0, 4.0
-"""Seconds that the frames of all cases, and their proofs, may take by default: a page is wanted while one waits."""
+FAMILIES, PROOFS, PROOF = 3.0, 4.0, 1.5
+"""Seconds that the frames of all cases, and their proofs, may take by default, and the proof of one case: a page is
+wanted while one waits."""
+KEPT = 0.2  # of those for frames, kept back for each case that is still to come
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
@@ -50,8 +52,8 @@ def gather(
     say : callable, optional
         Gets a line for each case, and what is wrong with one.
     seconds : float, optional
-        About how long the frames of one case may take; default its share of `FAMILIES`. A family has five frames at
-        least, and says where there are fewer than it could have.
+        About how long the frames of one case may take; default what others leave of `FAMILIES`. A family has three
+        frames at least, and says where there are fewer than it could have.
 
     Returns
     -------
@@ -62,6 +64,7 @@ def gather(
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     files = list(files)
     count = waiting = sum(len(file.problems) for file in files)
+    spare = FAMILIES
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         errors = [file.error] if file.error else []
@@ -72,11 +75,12 @@ def gather(
             try:
                 with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
                     with pacing.sharing(SOLVED):
-                        case = solved_case(problem, certify=certify, seconds=PROOFS / count)
+                        case = solved_case(problem, certify=certify, seconds=min(PROOFS / count, PROOF))
                     pacing.at("drawing")
-                    drawn = min(FAMILIES / count if seconds is None else seconds, pacing.left())
+                    given = max(spare - KEPT * (waiting - 1), FAMILIES / count) if seconds is None else seconds
                     with pacing.unlimited():
-                        data = case_report(problem, case, seconds=drawn)
+                        data, taken = case_report(problem, case, seconds=min(given, pacing.left()))
+                    spare -= taken
             except InputError as reason:
                 errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
@@ -135,7 +139,8 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""), time=BESIDE)
+        asked = first.changed(requirement=letter, name="", published=None, published_text="")
+        solution = solve(asked, effort="quick", time=BESIDE)
     except InputError as reason:
         return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
     return _cell(None, solution, note=f"{note}; {solution.stopped}" if solution.stopped else note)
