@@ -27,6 +27,8 @@ from fcdm_opt.stages.order import STAGES, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone
 
+SHOWN_SECONDS = 3.0  # that such a proof about large meshes may take
+
 
 def solve(
     problem: Problem,
@@ -186,7 +188,8 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer), None
-    return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
+    with pacing.within(None if problem.movable.whole is None else SHOWN_SECONDS, share=1.0):
+        return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
 def _least_of(solutions: list[Solution]) -> Solution:

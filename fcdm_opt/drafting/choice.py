@@ -23,6 +23,7 @@ TOLERANCE = 0.02
 MOST_SIDES = 6  # ways that contacts face which are tried
 MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
+SHORT = 2.5  # seconds for one case of large meshes
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
 Contacts = str | tuple[str, ...] | None
@@ -103,15 +104,14 @@ def chosen(situation: Situation) -> Choice:
             return every
     if (side := _on_one_side(situation)) is not None:
         return side
-    if situation.large:
-        return _of_one_axis(situation)
     found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
         best: Choice | None = None
         along = Translation(named(situation.normal))
-        # what is flush stays so by a shift along its normal, if by any
-        for motion in (along, ANY_SHIFT, Free()) if goal == "seat" else (ANY_SHIFT, along, Free()):
+        # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
+        shifts = (along, ANY_SHIFT) if goal == "seat" else (ANY_SHIFT, along)
+        for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
                 break
             if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
@@ -154,21 +154,6 @@ def _on_one_side(situation: Situation) -> Choice | None:
     return best
 
 
-def _of_one_axis(situation: Situation) -> Choice:
-    """Return the choice to make large meshes touch by a shift along one axis, which is asked about shortly."""
-    tries, start = list[Choice](), perf_counter()
-    for k in np.argsort(-np.abs(situation.normal), kind="stable").tolist():
-        if tries and (perf_counter() - start > SECONDS or pacing.over()):
-            break
-        pacing.at(f'trying goal "touch" along {AXES[k]}')
-        tried = _tried(situation, "touch", Translation(AXES[k]))
-        assert tried is not None  # "touch" can be asked of any parts
-        tries.append(tried)
-        if len(tried.usable) == len(SIGNS) or tried.settled:
-            break
-    return max(tries, key=lambda own: len(own.usable))
-
-
 def named(axis: Array) -> str | tuple[float, float, float]:
     """Return "x", "y" or "z" for a direction along that axis, either way, else its components."""
     k = int(np.abs(axis).argmax())
@@ -196,7 +181,8 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
-                answer = solutions[letter] = solve(problem, effort="quick", time=math.inf)
+                limit = SHORT if situation.large else math.inf
+                answer = solutions[letter] = solve(problem, effort="quick", time=limit)
             if contacts == "all" and not answer.usable:
                 break  # all four cases are to be solved
         except InputError:

@@ -18,6 +18,9 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
+FITTED = 4.0
+"""Seconds that the tolerance at which parts fit is sought for, beside an answer: of large ones it would take longer."""
+
 
 @dataclass(frozen=True)
 class SolvedCase:
@@ -67,6 +70,6 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
             touch = answer.amount if answer.usable else None
     misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
     fits = None
-    with suppress(pacing.TimeOverError):
+    with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
         fits = fits_up_to(problem) if misfits else None
     return SolvedCase(solution, published, touch, fits)

@@ -145,6 +145,7 @@ def nearest(
     (normals, levels), firsts, groups = choices
     sizes, lasts = np.diff(firsts, append=len(levels)), np.append(groups[1:], len(firsts))
     number, heap = count(), list[tuple[float, int, int, Array, _Branch]]()
+    kept = np.full(len(groups), -1)  # the alternative of each group, -1 where any will do
 
     def push(branch: _Branch) -> None:
         """Add the nearest node of a branch that is left."""
@@ -163,16 +164,17 @@ def nearest(
         if branch.group >= 0:
             chosen = {**chosen, branch.group: int(branch.ways[k])}
         rows = branch.rows.and_also(branch.further.normals[k : k + 1], branch.further.levels[k : k + 1])
-        short = levels - normals @ y
-        of_ways, of_groups = choices.of_rows(short)
-        for group, way in chosen.items():
-            of_groups[group] = of_ways[way]
-        if of_groups.max(initial=-np.inf) <= slack:
+        kept[list(chosen)] = list(chosen.values())
+        worst, missed = compiled.worst_group(normals, levels, firsts, groups, kept, y)
+        kept[list(chosen)] = -1
+        if missed <= slack:
             return Nearest(y, rows, branch.start, chosen)
-        worst = int(of_groups.argmax())
         ways = np.array([chosen[worst]]) if worst in chosen else np.arange(groups[worst], lasts[worst])
-        longest = np.flatnonzero(short == np.repeat(of_ways, sizes))  # the row that a way is furthest from, of each
-        places = longest[np.searchsorted(longest, firsts[ways])]
+        own = slice(firsts[ways[0]], firsts[ways[-1]] + sizes[ways[-1]])
+        short, starts_of_ways = levels[own] - normals[own] @ y, firsts[ways] - firsts[ways[0]]
+        of_ways = np.maximum.reduceat(short, starts_of_ways)
+        longest = np.flatnonzero(short == np.repeat(of_ways, sizes[ways]))  # the row that a way is furthest from
+        places = firsts[ways[0]] + longest[np.searchsorted(longest, starts_of_ways)]
         further = Rows(normals[places], levels[places])
         push(branch)
         push(_Branch(rows, further, branch.start, chosen, worst, ways, _by_distance(rows, further, centre)))

@@ -71,6 +71,37 @@ _TINY = 1e-300
 
 
 @kernel
+def worst_group(normals, levels, alternatives, groups, kept, y):
+    """Return the group of conditions normals . y >= levels that y misses by most, and by how much; see `Choices`.
+
+    A group is missed by as much as the best of its alternatives is, of those that `kept` names by that one, and an
+    alternative by as much as the worst of its rows.
+    """
+    worst, most = 0, -np.inf
+    for g in range(len(groups)):
+        first, last = groups[g], groups[g + 1] if g + 1 < len(groups) else len(alternatives)
+        if kept[g] >= 0:
+            first, last = kept[g], kept[g] + 1
+        best = np.inf
+        for a in range(first, last):
+            end = alternatives[a + 1] if a + 1 < len(alternatives) else len(levels)
+            missed = -np.inf
+            for row in range(alternatives[a], end):
+                short = levels[row]
+                for k in range(len(y)):
+                    short -= normals[row, k] * y[k]
+                missed = max(missed, short)
+                if missed >= best:
+                    break  # no better than another
+            best = min(best, missed)
+            if best <= most:
+                break  # not the worst group
+        if best > most:
+            worst, most = g, best
+    return worst, most
+
+
+@kernel
 def run(table, constants, work, q, seeds, flat, count):
     """Run a motion's first instructions: fill `flat` with the pose (12,), then its derivatives by each parameter."""
     for k in range(count):

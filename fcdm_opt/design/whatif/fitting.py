@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -54,6 +56,11 @@ def fits_up_to(problem: Problem) -> float | None:
     float or None
         The largest of the problem's tolerances at that size, the others in proportion; 0 where none will do. None where
         the problem asks for a target and not for tolerances.
+
+    Raises
+    ------
+    TimeOverError
+        Where the enclosing time limit is met before.
     """
     if problem.tolerance is None or problem.requirement is None:
         return None
@@ -61,7 +68,10 @@ def fits_up_to(problem: Problem) -> float | None:
     def fits(share: float) -> bool:
         try:
             made = deviating(problem, share)
-            return misfit(made) is None and solve(made, effort="quick").usable
+            answer = None if misfit(made) is not None else solve(made, effort="quick", time=math.inf)
+            if answer is not None and answer.stopped:
+                raise pacing.TimeOverError
+            return answer is not None and answer.usable
         except InputError:  # the goal does not hold at these sizes
             return False
 
