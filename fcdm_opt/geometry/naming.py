@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
@@ -19,6 +20,8 @@ BALL = 20  # those that are taken for a sphere
 TURN = 0.65  # cosine: the most that two of them are turned against one another
 ROUND = 1e-4  # of the radius: how far corners may be off it
 WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
+STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
+BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z: below, above."""
@@ -31,8 +34,8 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
-    radius 9.9" and "hollow radius 9.9" alike, the radius of their corners ("bore radius 2 no. 1" where several are
-    alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
+    radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
+    their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
     as they are counted, for others.
     """
     return _names_of_faces(body.whole or body)
@@ -145,6 +148,8 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
     for key, pairs in by_axis.items():
         axis = np.array(key, dtype=np.float64)
         rounds += [(_radius(body, own, normals, axis), own) for own in _side_by_side(pairs, FEWEST)]
+    known = {face for name, own in rounds if name for face in own}
+    rounds += _cones(body, normals, [pair for pair in smooth if not known & {*pair}])
     alike = Counter(name for name, _ in rounds)
     numbers, named = dict[int, int](), dict[Label, str]()
     counted = Counter[str]()
@@ -155,6 +160,53 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
         numbered = f"{name} no. {numbers[k]}" if alike[name] > 1 else name
         named |= dict.fromkeys(own, numbered) if name else {}
     return named
+
+
+def _cones(body: Body, normals: dict[Label, Array], smooth: list[tuple[Label, Label]]) -> list[tuple[str, list[Label]]]:
+    """Return the names and facets of cones: the edges between facets side by side meet in one point."""
+    edges = defaultdict[Label, list[tuple[Label, Array, Array]]](list)
+    for pair in smooth:
+        one, two = (body.vertices[vertex - 1] for vertex in sorted({*pair[0]} & {*pair[1]}))
+        for face, other in (pair, pair[::-1]):
+            edges[face].append((other, one, (two - one) / np.linalg.norm(two - one)))
+    by_apex, apexes = defaultdict[Label, list[tuple[Label, Label]]](list), dict[Label, Array]()
+    for face, own in edges.items():
+        for (first, p, u), (second, q, v) in combinations(own, 2):
+            if abs(u @ v) < 1.0 - ROUND**2:
+                apex = p + np.linalg.lstsq(np.column_stack([u, -v]), q - p)[0][0] * u
+                key = tuple(np.round(apex / (ROUND * body.size)).astype(int).tolist())
+                apexes.setdefault(key, apex)
+                by_apex[key] += [(face, first), (face, second)]
+    found = list[tuple[str, list[Label]]]()
+    for key, pairs in by_apex.items():
+        for own in _side_by_side(pairs, FEWEST):
+            if name := _cone(body, own, normals, apexes[key]):
+                found.append((name, own))
+    owner = {face: k for k, (_, own) in enumerate(found) for face in own}
+    rings = {
+        owner[face]
+        for pair in smooth
+        if len({owner.get(face, -1) for face in pair} - {-1}) == 2 and normals[pair[0]] @ normals[pair[1]] > STEEP
+        for face in pair
+    }
+    return [cone for k, cone in enumerate(found) if k not in rings]
+
+
+def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Array) -> str:
+    """Return what facets about an apex are: nothing where their corners do not lie on one cone."""
+    looks = np.array([normals[face] for face in faces])
+    axis = np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[2][-1]
+    corners = body.vertices[np.unique([v - 1 for face in faces for v in face])] - apex
+    along = corners @ axis
+    away = np.linalg.norm(corners - along[:, None] * axis, axis=1)
+    slope = float(away.max() / np.abs(along).max())
+    off = float(np.abs(away - slope * np.abs(along)).max())
+    flat = abs(float(looks[0] @ axis)) > BLUNT
+    if flat or np.ptp(looks @ axis) > ROUND or off > ROUND * body.size or np.ptp(np.sign(np.round(along, 9))) == 2:
+        return ""
+    middle = body.vertices[np.array(faces[0]) - 1].mean(axis=0) - apex
+    outward = bool(normals[faces[0]] @ (middle - (middle @ axis) * axis) > 0.0)
+    return f"{'cone' if outward else 'countersink'} radius {away.min():.4g} to {away.max():.4g}"
 
 
 def _side_by_side(pairs: list[tuple[Label, Label]], fewest: int) -> list[list[Label]]:
@@ -170,7 +222,11 @@ def _side_by_side(pairs: list[tuple[Label, Label]], fewest: int) -> list[list[La
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> str:
     """Return what facets around an axis, or a point, are: nothing where their corners are not as far from it."""
-    corners = body.vertices[np.unique([v - 1 for face in faces for v in face])]
+    own = {v for face in faces for v in face}
+    if axis is None:  # where a sphere is cut off, corners lie on its facets' edges
+        rim = {v for face in {*body.faces} - {*faces} for v in face}
+        own = own - rim if len(own - rim) >= MANY else own
+    corners = body.vertices[np.array(sorted(own)) - 1]
     looks = np.array([normals[face] for face in faces])
     if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
         len(faces)
@@ -185,6 +241,10 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     radius = float(off.mean())
     if np.abs(off - radius).max() > ROUND * radius:
         return ""
+    if axis is None:
+        arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
+        if (np.abs((arms * looks).sum(axis=1)) < STEEP * np.linalg.norm(arms, axis=1)).any():
+            return ""
     outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
     kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
     return f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}" if len(outward) == 1 else ""

@@ -144,6 +144,7 @@ def left_out(solution: Solution) -> list[str]:
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],
         impossible=math.isinf(solution.lower_bound),
         closed=CLOSED,
+        drawn=DEFAULT.drawn,
         least=bound_text(solution).splitlines()[0],
     )
     return paragraphs(text)

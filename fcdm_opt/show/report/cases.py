@@ -163,10 +163,10 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
         return {"bars": [], "text": text}
     derivatives = solution.sensitivity
-    text = "first derivatives of the least amount"
+    text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
-        why = "; ".join(derivatives.reasons)
-        text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
+        why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)
+        text = f"the values hold to one side only, or for one of several motions that are as small: {why}"
     every = bars(derivatives, solution.problem)
     none = [bar.name for bar in every if not np.isfinite(bar.value)]
     if none:
