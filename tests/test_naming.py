@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -115,7 +115,7 @@ def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
 def lathe(*profile: tuple[float, float], count: int = 24) -> list[np.ndarray]:
     """Slices of a solid turned about z, a convex part between two rings each."""
     rings = [ring(radius, count, z) for radius, z in profile]
-    return [np.vstack(two) for two in zip(rings, rings[1:], strict=False)]
+    return [np.vstack(two) for two in pairwise(rings)]
 
 
 @pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])

@@ -38,7 +38,7 @@ def test_bars_are_what_solving_again_gives() -> None:
     def again(**changes: Any) -> float:
         return fo.solve(asked.changed(**changes)).amount
 
-    for k, name in enumerate((f"size of {body.name}" for body in (asked.movable, asked.static))):
+    for k, name in enumerate(f"size of {body.name}" for body in (asked.movable, asked.static)):
         up, down = asked.target.copy(), asked.target.copy()
         up[k] *= 1.0 + STEP
         down[k] *= 1.0 - STEP

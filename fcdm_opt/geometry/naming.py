@@ -35,8 +35,8 @@ def names_of_faces(body: Body) -> dict[Label, str]:
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
     radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
-    their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
-    as they are counted, for others.
+    their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
+    corners that the body ends with along an axis; "face 12", as they are counted, for others.
     """
     return _names_of_faces(body.whole or body)
 
@@ -170,8 +170,8 @@ def _cones(body: Body, normals: dict[Label, Array], smooth: list[tuple[Label, La
         for face, other in (pair, pair[::-1]):
             edges[face].append((other, one, (two - one) / np.linalg.norm(two - one)))
     by_apex, apexes = defaultdict[Label, list[tuple[Label, Label]]](list), dict[Label, Array]()
-    for face, own in edges.items():
-        for (first, p, u), (second, q, v) in combinations(own, 2):
+    for face, beside in edges.items():
+        for (first, p, u), (second, q, v) in combinations(beside, 2):
             if abs(u @ v) < 1.0 - ROUND**2:
                 apex = p + np.linalg.lstsq(np.column_stack([u, -v]), q - p)[0][0] * u
                 key = tuple(np.round(apex / (ROUND * body.size)).astype(int).tolist())
