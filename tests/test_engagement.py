@@ -82,7 +82,7 @@ def test_a_nut_wider_than_its_slot_was_lifted_out_of_the_rail_as_a_success(goal:
 
 def test_the_widths_that_do_not_go_together_are_named() -> None:
     solution = fo.solve(nut_in_rail())
-    assert solution.advice.startswith(f"Does not fit: nut 19.79 in slot 19.60 mm, {WALLS}.")
+    assert solution.advice.startswith(f"Does not fit: nut 19.79 mm in slot 19.60 mm, {WALLS}.")
     found = misfit(solution.problem)
     assert found is not None
     assert (found.inside, found.inner, found.outer) == (0, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
@@ -94,7 +94,7 @@ def test_the_part_inside_may_be_the_one_that_stands_still() -> None:
     found = misfit(problem)
     assert found is not None
     assert (found.inside, found.inner, found.outer) == (1, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
-    assert verdict(problem).startswith("does not fit: nut 19.79 in slot 19.60 mm, between its face ")
+    assert verdict(problem).startswith("does not fit: nut 19.79 mm in slot 19.60 mm, between its face ")
     assert fo.solve(problem).status is Status.OUTSIDE_FIT
 
 
@@ -256,7 +256,7 @@ def test_no_limits_are_to_be_widened_where_none_are_set() -> None:
     assert [own.status for own in (free, held)] == [Status.INFEASIBLE] * 2
     assert "limits" not in free.advice
     assert "widen the limits" in held.advice
-    assert all(own.advice.startswith(f"Does not fit: nut 19.79 in slot 19.60 mm, {WALLS}.") for own in (free, held))
+    assert all(own.advice.startswith(f"Does not fit: nut 19.79 mm in slot 19.60 mm, {WALLS}.") for own in (free, held))
 
 
 def test_a_solution_outside_the_fit_survives_its_plain_data() -> None:
@@ -337,7 +337,7 @@ def test_the_cards_show_nothing_green_of_a_motion_outside_the_fit() -> None:
     good = fo.solve(nut_in_rail(0.01))._repr_html_()
     assert "no: outside the fit" in card
     assert "OUTSIDE_FIT" in card
-    assert "Does not fit: nut 19.79 in slot 19.60 mm" in card
+    assert "Does not fit: nut 19.79 mm in slot 19.60 mm" in card
     assert "outside" not in good
 
 

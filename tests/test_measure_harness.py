@@ -16,7 +16,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks import timing
 from fcdm_opt_benchmarks.chart import bench, results
-from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure, strongest
+from fcdm_opt_benchmarks.chart.figures import BAND, chart_figure, overview_figure, strongest
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import Failure, Method
 from fcdm_opt_benchmarks.record import BenchRun, Load, Watch, table
@@ -194,8 +194,26 @@ def test_failures_are_counted_and_drawn_not_dropped(prepare, word):
     assert word in failed["reason"]
     assert failed["failed"] == failed["asked"] > 0
     (axes,) = chart_figure(run(chart=rows), "curve").axes
-    drawn = [line for line in axes.lines if FAILED in np.atleast_1d(line.get_ydata())]
+    drawn = [
+        line
+        for line in axes.lines
+        if ((BAND[0] < np.asarray(line.get_ydata())) & (np.asarray(line.get_ydata()) < BAND[1])).all()
+    ]
     assert len(drawn) == 1
+
+
+def test_no_share_of_what_failed_stands_on_another():
+    """Numbers of failed answers stood on each other where methods took about as long."""
+    rows = [
+        {"task": "motion", "scene": "s", "method": f"m{k}", "setting": "", "family": f"f{k}", "outcome": "failed"}
+        | {"seconds": 10.0 ** (-2 + 0.03 * k), "low": 1e-3, "high": 1e-1, "failed": k + 1, "asked": 40, "parameters": 1}
+        for k in range(8)
+    ]
+    figure = overview_figure(run(chart=rows))
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text().isdigit()]
+    assert len(boxes) == 5  # of the strongest rivals
+    assert not any(one.overlaps(two) for k, one in enumerate(boxes) for two in boxes[:k])
 
 
 def test_refused_methods_keep_their_row_and_reason():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_facets_around_a_point_are_a_sphere(axis: np.ndarray) -> None:
 def test_a_cone_is_no_sphere() -> None:
     """Both rings of a frustum lie on one sphere."""
     frustum = Body.convex(np.vstack([ring(3.0, 32, 0.0), ring(2.0, 32, 2.0)]))
-    assert not any("radius" in name for name in names_of_faces(frustum).values())
+    assert set(names_of_faces(frustum).values()) == {"cone radius 2 to 3", "top", "bottom"}
 
 
 def test_an_oval_is_no_cylinder() -> None:
@@ -110,3 +110,35 @@ def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
     assert tracked(names) == tracked(labels)
     with pytest.raises(InputError, match="not a feature label"):
         tracked(["V1F2(P1V5; P2 bottom)", labels[1]])
+
+
+def lathe(*profile: tuple[float, float], count: int = 24) -> list[np.ndarray]:
+    """Slices of a solid turned about z, a convex part between two rings each."""
+    rings = [ring(radius, count, z) for radius, z in profile]
+    return [np.vstack(two) for two in pairwise(rings)]
+
+
+@pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])
+def test_facets_about_an_apex_are_a_cone_outside_and_a_countersink_inside(axis: np.ndarray) -> None:
+    plug = Body.from_parts(lathe((4.0, 0.0), (4.0, 10.0), (8.0, 14.0), (8.0, 15.0)), seed=np.zeros(3))
+    assert Counter(names_of_faces(turned(plug, axis)).values()) >= Counter(
+        {"cone radius 4 to 8": 24, "cylinder radius 4": 24, "cylinder radius 8": 24}
+    )
+    lower, upper, count = (ring(4.0, 24, 0.0), ring(9.0, 24, 0.0)), (ring(6.0, 24, 3.0), ring(9.0, 24, 3.0)), 24
+    sectors = [np.vstack([own[[k, (k + 1) % count]] for own in (*lower, *upper)]) for k in range(count)]
+    assert Counter(names_of_faces(turned(Body.from_parts(sectors), axis)).values())["countersink radius 4 to 6"] == 24
+
+
+def test_rings_of_a_rounding_are_no_cones() -> None:
+    angles = np.linspace(0.0, np.pi / 2.0, 9)
+    bullet = Body.from_parts(lathe(*((5.0 + np.cos(a), np.sin(a)) for a in angles)), seed=np.zeros(3))
+    assert not any("cone" in name for name in names_of_faces(bullet).values())
+
+
+def test_a_sphere_that_is_cut_off_is_one() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=6.0)
+    ends = ball.vertices[ball.edges_unique]
+    share = (1.7 - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2] + 1e-300)
+    cut = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+    kept = [ball.vertices[ball.vertices[:, 2] < 1.7], cut[(share > 0.0) & (share < 1.0)]]
+    assert Counter(names_of_faces(Body.convex(np.vstack(kept))).values())["sphere radius 6"] >= 300

@@ -63,6 +63,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "outside": False,
         "advice": f"advice {text}",
         "told": [f"advice {text}"],
+        "settled": [f"settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
         "picture": "",

@@ -38,7 +38,7 @@ def test_bars_are_what_solving_again_gives() -> None:
     def again(**changes: Any) -> float:
         return fo.solve(asked.changed(**changes)).amount
 
-    for k, name in enumerate(("size of body 1 (movable)", "size of body 2 (static)")):
+    for k, name in enumerate(f"size of {body.name}" for body in (asked.movable, asked.static)):
         up, down = asked.target.copy(), asked.target.copy()
         up[k] *= 1.0 + STEP
         down[k] *= 1.0 - STEP
@@ -56,10 +56,10 @@ def test_a_tolerance_counts_by_a_hundredth_and_sizes_come_always() -> None:
     asked = solved("example1", "B").problem
     wider = asked.changed(tolerance=0.02 + 1e-4)
     slope = (fo.solve(wider).amount - solved("example1", "B").amount) / 1e-4
-    assert found["tolerance + of body 1 (movable)"].value == pytest.approx(STEP * slope, rel=0.02)
-    assert found["tolerance + of body 1 (movable)"].unit == "+0.01"
-    assert "size of body 2 (static)" in found
-    assert found["size of body 2 (static)"].value == 0.0
+    assert found[f"tolerance + of {asked.movable.name}"].value == pytest.approx(STEP * slope, rel=0.02)
+    assert found[f"tolerance + of {asked.movable.name}"].unit == "+0.01"
+    assert f"size of {asked.static.name}" in found
+    assert found[f"size of {asked.static.name}"].value == 0.0
 
 
 def test_a_limit_that_holds_gets_a_bar_with_its_unit() -> None:

@@ -46,7 +46,7 @@ VERDICTS = {
     ),
     ("boxes", "already clear"): "leave cube where it is: it is 0.5 clear of plate; nothing to do",
     ("nut", "nut made too small"): (
-        "does not fit: key 20.00 in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
+        "does not fit: key 20.00 mm in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
     ),
     ("bracket_stuck", "shift within the ribs"): "impossible with this motion and these limits (proved)",
 }
@@ -172,7 +172,7 @@ def test_walls_that_leave_too_little_room_are_named() -> None:
         cube("key", 2.0), slot, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm"
     )
     told = verdict_text(fo.solve(problem))
-    assert told.startswith("does not fit: key 2.020 in slot 1.980 mm, between its face ")
+    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between its face ")
     assert "(facing +x) and face " in told
     assert "(facing -x)" in told
 

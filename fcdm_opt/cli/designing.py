@@ -267,21 +267,25 @@ def stack_command(
     With --cost it finds the cheapest tolerances too. With --out it writes the rows as CSV, and pictures.
     """
     from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.plain import plain
+    from fcdm_opt.show.printing import print_text
     from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
 
     limits = None if gap is None else _two(gap, "--gap")
     costs = dict(map(_change, cost or ()))
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
-    pictures = inquiry.pictures
+    pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         found = stack_up(problem, limits=limits)
         drawn = found.yield_(draws, seed=seed)
-        yield "stack", found, lambda stack: print_stack(stack, drawn)
+        first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
+        alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
+        yield "stack", found, lambda stack: print_text(f"as case {first}") if alike else print_stack(stack, drawn)
         yield "yield", drawn, lambda _: None
         if costs:
             yield "allocation", found.allocate(costs, share=share), print_allocation
-        if pictures is not None and out is not None:
+        if pictures is not None and out is not None and not alike:
             title = f"{file.name}: case {problem.name}"
             stem = pictures.add(f"{file.path.stem}-{problem.name}-stack", stack_figure(found, drawn, title=title))
             write_stack(found, out / f"{stem}.csv")

@@ -318,7 +318,8 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
     sizes : sequence of Size
     made : mapping, or "worst", "loosest", "low", "high", "middle"
         Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
-        largest one at rest, all sizes at their least, largest, or in the middle.
+        largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
+        in the middle.
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
@@ -328,7 +329,7 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
         place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
         values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
     else:
-        touching = TouchingSizes.of(movable, static, sizes, least=False)
+        touching = TouchingSizes.of(movable, static, sizes, least=False, standing=False)
         values = (touching.least() if made == "worst" else touching.largest())[1].tolist()
     return dict(zip(names, values, strict=True))
 

@@ -65,8 +65,8 @@ BECAUSE = {
     ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
 }
 """Why a goal is proposed, by how the parts lie."""
-TOGETHER = "as drawn the parts touch at {} places, and shifts restore them all"
-ONE_WAY = "as drawn the parts touch at {} places, no shift restores all of them in every case; {} kept"
+TOGETHER = "as drawn the parts touch at {}, and shifts restore them all"
+ONE_WAY = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
     "A": "both parts made larger",
@@ -138,7 +138,7 @@ def draft(
         warned=warned,
         unit=lengths,
         asked=unit is not None,
-        parts=list(zip(("movable", "static"), bodies, places, map(_points, bodies), strict=True)),
+        parts=list(zip(("movable", "static"), bodies, places, map(_bottom, bodies), strict=True)),
         opposite={role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
         situation=situation,
         state=state,
@@ -197,7 +197,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
         found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
-    if any(any(body.deviation) for body in (one, two)):
+    if any(max(body.deviation) > DEFAULT.drawn * body.size for body in (one, two)):  # else by the file's digits
         out, short = (max(ends) for ends in zip(one.deviation, two.deviation, strict=True))
         found.append(f"the parts were approximated: up to {out:.3g} {unit} too large, {short:.3g} {unit} too small")
     return found
@@ -224,7 +224,7 @@ def state_text(situation: Situation, unit: str) -> str:
         told = list(dict.fromkeys(f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs))
         more = [f"{len(told) - MOST_CONTACTS} more"] if len(told) > MOST_CONTACTS else []
         listed = " and ".join([*told[:MOST_CONTACTS], *more])
-        at = f", at {len(pairs)} places" if len(pairs) > 1 else ""
+        at = f", at {_places(len(told))}" if len(told) > 1 else ""
         return f"{text}{at}: {listed}" if told else text
     if situation.large:
         return text  # what else would touch before is not looked at
@@ -236,15 +236,19 @@ def state_text(situation: Situation, unit: str) -> str:
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 
 
+def _places(count: int) -> str:
+    return f"{count} place{'s' * (count != 1)}"
+
+
 def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
-        return TOGETHER.format(len(situation.contacts))
+        return TOGETHER.format(_places(len(situation.contacts)))
     why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.contacts) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
-        why = ONE_WAY.format(len(situation.contacts), kept)
+        why = ONE_WAY.format(_places(len(situation.contacts)), kept)
     shift = choice.motion.steps[0]
     if len(choice.motion.steps) == 1 and isinstance(shift, Translation) and shift.axis == named(situation.normal):
         why += ", and along the contact's normal is the shortest way"
@@ -334,12 +338,10 @@ def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
 # --------------------------------------------------------------------------------------------------- parts of the text
 
 
-def _points(body: Body) -> dict[str, Any]:
-    """Return points of a body that its seed could be."""
-    corners = body.vertices
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-    bottom = np.array([*centre[:2], corners[:, 2].min()])
-    return {"centre": centre, "mean": corners.mean(axis=0), "bottom": bottom}
+def _bottom(body: Body) -> Array:
+    """Return the middle of the bottom of a body's box."""
+    low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+    return np.array([*(low + high)[:2] / 2.0, low[2]])
 
 
 def _moved(solution: Solution) -> str:
@@ -364,7 +366,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
     """
     normals, points = body.face_planes
     names = names_of_rows(body)
-    round_ones = [name for name in dict.fromkeys(names) if " radius " in name]
+    round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
     found, known = list[tuple[tuple[str, ...], str, float]](), set[tuple[int, ...]]()
 
     def offered(faces: tuple[str, ...], width: float, what: str) -> bool:
@@ -449,7 +451,8 @@ def toml(value: Any) -> str:
 
 def point(point: Array, digits: int = 9) -> str:
     """Return a point, or a scale pair, as TOML has it, in so many digits."""
-    return toml([float(f"{x:.{digits}g}") + 0.0 for x in point.tolist()])
+    noise = NOISE * float(np.abs(point).max())
+    return toml([0.0 if abs(x) <= noise else float(f"{x:.{digits}g}") for x in point.tolist()])
 
 
 def parameter_table(motion: Motion, length: str, angle: str) -> str:

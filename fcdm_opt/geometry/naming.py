@@ -21,6 +21,8 @@ BALL = 20  # those that are taken for a sphere
 TURN = 0.65  # cosine: the most that two of them are turned against one another
 ROUND = 1e-4  # of the radius: how far corners may be off it
 WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
+STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
+BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z: below, above."""
@@ -33,9 +35,9 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
-    radius 9.9" and "hollow radius 9.9" alike, the radius of their corners ("bore radius 2 no. 1" where several are
-    alike); "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis; "face 12",
-    as they are counted, for others.
+    radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
+    their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
+    corners that the body ends with along an axis; "face 12", as they are counted, for others.
     """
     return _names_of_faces(body.whole or body)
 
@@ -145,12 +147,72 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
         groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
     named = [(_radius(body, faces, normals, axis), faces) for faces, axis in rounds]
+    known = {face for name, faces in named if name for face in faces}
+    left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
+    named += _cones(body, facets, normals, pairs[left], ends[left])
     alike, counted, found = Counter(name for name, _ in named), Counter[str](), list[tuple[int, str]]()
     for k in sorted(range(len(named)), key=lambda k: named[k][1]):
         name = named[k][0]
         counted[name] += 1
         found.append((k, f"{name} no. {counted[name]}" if alike[name] > 1 else name))
     return {face: name for k, name in sorted(found) if named[k][0] for face in named[k][1]}
+
+
+def _cones(
+    body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints
+) -> list[tuple[str, list[Label]]]:
+    """Return the names and facets of cones: the edges between facets side by side meet in one point."""
+    places = body.vertices[ends[:, 0]]
+    ways = body.vertices[ends[:, 1]] - places
+    ways /= norms(ways)[:, None]
+    faces, others, edges = pairs.T.reshape(-1), pairs[:, ::-1].T.reshape(-1), np.tile(np.arange(len(pairs)), 2)
+    order = np.argsort(faces, kind="stable")
+    corners = [np.empty((0, 2), np.int64)]  # two edges each of one face
+    for step in range(1, len(order)):
+        same = np.flatnonzero(faces[order[step:]] == faces[order[:-step]])
+        if not same.size:
+            break
+        corners.append(np.column_stack([order[same], order[same + step]]))
+    one, two = np.concatenate(corners).T
+    (u, v), between = (ways[edges[k]] for k in (one, two)), places[edges[two]] - places[edges[one]]
+    cosine = (u * v).sum(axis=1)
+    open_ = np.abs(cosine) < 1.0 - ROUND**2
+    one, two, u, v, between, cosine = (own[open_] for own in (one, two, u, v, between, cosine))
+    far = ((between * u).sum(axis=1) - (between * v).sum(axis=1) * cosine) / (1.0 - cosine**2)
+    apexes = places[edges[one]] + far[:, None] * u
+    keys = np.round(apexes / (ROUND * body.size))
+    first, own, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)[1:]
+    groups = np.split(np.argsort(own.reshape(-1), kind="stable"), np.cumsum(counts)[:-1])
+    found, owner = list[tuple[str, list[Label]]](), np.full(len(facets), -1)
+    for k in np.flatnonzero(counts >= FEWEST - 2).tolist():
+        around = np.concatenate([np.column_stack([faces[e[groups[k]]], others[e[groups[k]]]]) for e in (one, two)])
+        for group in _side_by_side(around, FEWEST):
+            labels = [facets[j] for j in group.tolist()]
+            if name := _cone(body, labels, normals, apexes[first[k]]):
+                owner[group] = len(found)
+                found.append((name, labels))
+    of = owner[pairs]
+    looks = np.array([normals[face] for face in facets])
+    turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
+    rings = of[(of >= 0).all(axis=1) & (of[:, 0] != of[:, 1]) & (turned > STEEP)]
+    return [cone for k, cone in enumerate(found) if k not in rings]
+
+
+def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Array) -> str:
+    """Return what facets about an apex are: nothing where their corners do not lie on one cone."""
+    looks = np.array([normals[face] for face in faces])
+    axis = np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[2][-1]
+    corners = body.vertices[np.unique([v - 1 for face in faces for v in face])] - apex
+    along = corners @ axis
+    away = np.linalg.norm(corners - along[:, None] * axis, axis=1)
+    slope = float(away.max() / np.abs(along).max())
+    off = float(np.abs(away - slope * np.abs(along)).max())
+    flat = abs(float(looks[0] @ axis)) > BLUNT
+    if flat or np.ptp(looks @ axis) > ROUND or off > ROUND * body.size or np.ptp(np.sign(np.round(along, 9))) == 2:
+        return ""
+    middle = body.vertices[np.array(faces[0]) - 1].mean(axis=0) - apex
+    outward = bool(normals[faces[0]] @ (middle - (middle @ axis) * axis) > 0.0)
+    return f"{'cone' if outward else 'countersink'} radius {away.min():.4g} to {away.max():.4g}"
 
 
 def _neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
@@ -186,7 +248,11 @@ def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> str:
     """Return what facets around an axis, or a point, are: nothing where their corners are not as far from it."""
-    corners = body.vertices[np.unique([v - 1 for face in faces for v in face])]
+    own = {v for face in faces for v in face}
+    if axis is None:  # where a sphere is cut off, corners lie on its facets' edges
+        rim = {v for face in {*body.faces} - {*faces} for v in face}
+        own = own - rim if len(own - rim) >= MANY else own
+    corners = body.vertices[np.array(sorted(own)) - 1]
     looks = np.array([normals[face] for face in faces])
     if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
         len(faces)
@@ -201,6 +267,10 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     radius = float(off.mean())
     if np.abs(off - radius).max() > ROUND * radius:
         return ""
+    if axis is None:
+        arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
+        if (np.abs((arms * looks).sum(axis=1)) < STEEP * np.linalg.norm(arms, axis=1)).any():
+            return ""
     outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
     kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
     return f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}" if len(outward) == 1 else ""

@@ -11,6 +11,7 @@ from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -134,9 +135,9 @@ def verdict(problem: Problem) -> str:
     places = int(max(0, 1 - np.floor(np.log10(found.inner - found.outer))))
     names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
-    unit = f" {problem.unit}" if problem.unit else ""
-    wide, room = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
-    fit = f"{inner} {wide} in {outer} {room}{unit}"
+    widths = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
+    wide, room = (measured(width, problem.unit) for width in widths)
+    fit = f"{inner} {wide} in {outer} {room}"
     walls = " and ".join(found.walls)
     between = f", between its {walls}" if len(found.walls) == 2 else f", across its {walls}" if walls else ""
     return f"does not fit: {fit}{between}"

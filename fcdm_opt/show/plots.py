@@ -119,8 +119,8 @@ def plane(axes: Any, box: ArrayLike) -> None:
     """Set axes up as the plane of scales over a box."""
     (low_1, high_1), (low_2, high_2) = np.asarray(box, dtype=float)
     axes.set(xlim=(low_1, high_1), ylim=(low_2, high_2))
-    axes.set_xlabel(r"$\rho_1$  (scale of body 1, movable; 1 = as drawn)")
-    axes.set_ylabel(r"$\rho_2$  (scale of body 2, static; 1 = as drawn)")
+    axes.set_xlabel(r"$\rho_1$, size of the movable part (1 = as drawn)")
+    axes.set_ylabel(r"$\rho_2$, size of the static part (1 = as drawn)")
     axes.locator_params(nbins=6)
     axes.grid(visible=True)
 

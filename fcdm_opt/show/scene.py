@@ -472,13 +472,13 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
 
     Of many vertices some are looked at: all their distances are compared.
     """
+    from scipy.spatial.distance import pdist
+
     points = points[:: -(-len(points) // MOST_APART)]
 
     def merit(view: tuple[float, float]) -> float:
         page = page_directions(*view)
-        flat = points @ page
-        distances = np.linalg.norm(flat[:, None] - flat[None], axis=2)
-        spread = distances[np.triu_indices(len(flat), 1)].min() * np.linalg.norm(offset @ page)
+        spread = pdist(points @ page).min() * np.linalg.norm(offset @ page)
         behind = offset @ np.cross(*page.T) > 0
         return float(-1.0 if behind else spread)
 

@@ -8,12 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.texts import shortened
+from fcdm_opt.show.verdict import name_of
 
 STEP = 0.01
 """Relative step of every datum: 1 %."""
@@ -21,8 +24,8 @@ STEP = 0.01
 NEGLIGIBLE = 1e-9
 """Of the largest bar: smaller ones are rounding, and left out."""
 
-SHAPE = ("face ", "vertex ", "seed ")
-"""How the names of data of the bodies' shape begin."""
+SHIFTED, MOVED = "its plane shifted outwards", "moved in the direction that costs most"
+"""What is done to data of the bodies' shape."""
 
 MOST, LEAST = 16, 4
 """Bars of a picture; at least so many of them of the bodies' shape."""
@@ -30,10 +33,8 @@ MOST, LEAST = 16, 4
 NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
 """Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
 
-ROOM, HATCH, CORNERS, LETTERS = 1.36, "////", 4, 40
-"""How far the axis goes, largest bar 1; hatch of what lowers the amount; corners and letters of a name in full."""
-
-BODIES = ("body 1 (movable)", "body 2 (static)")
+ROOM, HATCH, LETTERS = 1.36, "////", 40
+"""How far the axis goes, largest bar 1; hatch of what lowers the amount; letters of a name in full."""
 
 
 class Bar(NamedTuple):
@@ -42,7 +43,7 @@ class Bar(NamedTuple):
     Attributes
     ----------
     name : str
-        The datum, such as "size of body 1 (movable)".
+        The datum, such as "size of lid".
     value : float
         Change of the amount, in its own units; nan where it has no derivative by this datum.
     unit : str
@@ -71,8 +72,8 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     """
     derivatives, problem = solution.sensitivity, solution.problem
     every = bars(derivatives, problem)
-    few = [bar for bar in every if not bar.name.startswith(SHAPE)]
-    shape = sorted((bar for bar in every if bar.name.startswith(SHAPE)), key=lambda bar: -abs(bar.value))
+    few = [bar for bar in every if bar.note not in (SHIFTED, MOVED)]
+    shape = sorted((bar for bar in every if bar not in few), key=lambda bar: -abs(bar.value))
     shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
     notes = [caption] if caption else []
     if any(bar in shape for bar in shown):
@@ -92,7 +93,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
     unit = problem.amount_unit or "length units"
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
-    axes.set_yticks(range(len(shown)), [literal(_short(bar.name)) for bar in shown])
+    axes.set_yticks(range(len(shown)), [literal(shortened(bar.name, LETTERS)) for bar in shown])
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:
@@ -118,13 +119,19 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     return sheet.figure
 
 
-def _short(name: str) -> str:
-    """Return a bar's name, of a face with many corners the first few."""
-    *head, last = name.rsplit(" ", 1)
-    corners = last.split(",")
-    if len(corners) > CORNERS:
-        last = f"{','.join(corners[:CORNERS])}... ({len(corners)})"
-    return shortened(" ".join([*head, last]), LETTERS)
+def _told(problem: Problem, label: str) -> str:
+    """Return in words what a label of a `Sensitivity` stands for: "top face of lid", "corner 3 of box", "lid"."""
+    key, *numbers = label.split("V")
+    key = key.strip()
+    if key in ("P1", "P2"):
+        body, name = (problem.movable, problem.static)[key == "P2"], name_of(problem, int(key == "P2"))
+    else:
+        body, name = next((own.body, own.name) for own in problem.keep_out if repr(own.name) in key)
+    corners = tuple(int(number.strip(",")) for number in numbers)
+    if len(corners) < 2:
+        return f"corner {corners[0]} of {name}" if corners else name
+    told = told_element(body, Element("F", corners)).partition(" (facing")[0]
+    return f"{f'facet {numbers[0]}V{numbers[1]}... of {told}' if is_round(told) else told} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
@@ -151,19 +158,20 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
     if largest == 0.0:
         return []
     least = NEGLIGIBLE * largest
-    return [bar for k, bar in enumerate(every) if k < len(BODIES) or not abs(bar.value) <= least]
+    return [bar for k, bar in enumerate(every) if k < 2 or not abs(bar.value) <= least]
 
 
 def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     shift = STEP * problem.length
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
-    for body, value, size in zip(BODIES, derivatives.target.tolist(), problem.target.tolist(), strict=True):
+    names = [name_of(problem, k) for k in (0, 1)]
+    for body, value, size in zip(names, derivatives.target.tolist(), problem.target.tolist(), strict=True):
         yield Bar(f"size of {body}", STEP * size * value, percent, "the size made; all else as it is")
     if derivatives.nominal.any():
-        for body, value, size in zip(BODIES, derivatives.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
+        for body, value, size in zip(names, derivatives.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
             yield Bar(f"nominal size of {body}", STEP * size * value, percent, "the size made follows it")
     if derivatives.tolerance is not None:
-        for body, row in zip(BODIES, derivatives.tolerance.tolist(), strict=True):
+        for body, row in zip(names, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
                 yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
     for parameter, (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
@@ -180,16 +188,16 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         yield Bar(
             f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of body {own.body}, from what is made"
         )
-    names = [parameter.name for parameter in problem.motion.parameters]
-    for name, weight, value in zip(names, problem.weights.tolist(), derivatives.weights.values(), strict=True):
+    parameters = [parameter.name for parameter in problem.motion.parameters]
+    for name, weight, value in zip(parameters, problem.weights.tolist(), derivatives.weights.values(), strict=True):
         yield Bar(f"weight of {name}", STEP * weight * value, percent, "of the amount")
     for label, value in _largest(derivatives.faces):
-        yield Bar(f"face {label}", shift * value, length, "its plane shifted outwards")
+        yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():
         for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.vertices.items()}):
-            yield Bar(f"vertex {label}", shift * value, length, "moved in the direction that costs most")
+            yield Bar(_told(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
-        yield Bar(f"seed of {label}", shift * value, length, "moved in the direction that costs most")
+        yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
 
 
 def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:

@@ -92,15 +92,15 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
     low, high = stack.limits
     print_rows([
-        {"": "worst case, least gap", "gap": f"{worst.least:+.6g}", "at": _sizes(worst.at_least) or DRAWN},
-        {"": "worst case, largest gap", "gap": f"{worst.largest:+.6g}", "at": _sizes(worst.at_largest) or DRAWN},
-        {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.6g}", "at": f"sigma {spread.deviation:.4g}"},
-        {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.6g}", "at": f"mean {spread.mean:+.6g}"},
+        {"": "worst case, least gap", "gap": f"{worst.least:+.4g}", "at": _sizes(worst.at_least) or DRAWN},
+        {"": "worst case, largest gap", "gap": f"{worst.largest:+.4g}", "at": _sizes(worst.at_largest) or DRAWN},
+        {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.4g}", "at": f"sigma {spread.deviation:.4g}"},
+        {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.4g}", "at": f"mean {spread.mean:+.4g}"},
     ], numbers=("gap",))  # fmt: skip
     ends = share.interval
     words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
     told = zip(words, (low, high), strict=True)
-    within = [f"{word} {measured(f'{end:.6g}', unit)}" for word, end in told if abs(end) < np.inf]
+    within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
     print_text(
         f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
         f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
@@ -109,11 +109,11 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     print_text()
     print_rows([
         {
-            "size": own.size, "gap a unit": f"{own.coefficient + 0.0:+.6g}", "half tolerance": f"{own.half:.6g}",
+            "size": own.size, "gap per unit": f"{own.coefficient + 0.0:+.4g}", "half tolerance": f"{own.half:.4g}",
             "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.2%}",
         }
         for own in stack.contributions
-    ], numbers=("gap a unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
+    ], numbers=("gap per unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
     if stack.standing:
         print_text(f"closed at all these sizes, and not counted: {'; '.join(stack.standing)}")
         print_text()
@@ -129,11 +129,11 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     for row in stack.rows:
         sizes = _sizes(row.coefficients)
         drawn = row.gap if abs(row.gap) > noise else 0.0
-        alike[row.told, f"{drawn:+.6g}", sizes or "no size moves it"] += 1
+        alike[row.told, f"{drawn:+.4g}", sizes or "no size moves it"] += 1
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
-            "gap a unit of each size": sizes,
+            "gap per unit of each size": sizes,
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
@@ -298,4 +298,4 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
 
 
 def _sizes(values: Any) -> str:
-    return ", ".join(f"{name} {x:+.6g}" for name, x in values.items() if x)
+    return ", ".join(f"{name} {x:+.4g}" for name, x in values.items() if x)

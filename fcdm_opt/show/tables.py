@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 OPTIONAL = ("published\namount", 'least\n"touch"')
 NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\npair")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
+CUT = ", exactly the solid"  # what a note on a body says first
 DOUBT_WIDTH = 12  # characters, of what is said below an amount
 
 
@@ -123,7 +124,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     asked = [row.solution.problem for row in rows]
     bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
-        print_text(text, indent="   ")
+        head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
+        print_text(f"{head}{exactly}", indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
@@ -264,8 +266,8 @@ def print_yield(result: AssemblyYield) -> None:
     rows = [
         {
             "body": share.body,
-            "of the variance alone": f"{share.first_order:.2%}",
-            "with the other": f"{share.total:.2%}",
+            "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
+            "with the other": "-" if math.isnan(share.total) else f"{share.total:.2%}",
             "yield without its scatter": f"{share.share_without:.3%}",
         }
         for share in result.contributions

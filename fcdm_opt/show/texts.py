@@ -97,9 +97,8 @@ def asked_text(problem: Problem) -> str:
     if problem.requirement:
         signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
         return f"{problem.requirement} ({signs})"
-    sizes = [f"{name} {value:+.6g}" for name, value in (problem.made or {}).items() if value]
-    if sizes and (problem.target == 1.0).all():
-        return "made " + ", ".join(sizes)
+    if problem.made is not None and (problem.target == 1.0).all():
+        return "made " + (", ".join(f"{name} {x:+.6g}" for name, x in problem.made.items() if x) or "as drawn")
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 

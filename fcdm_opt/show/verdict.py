@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
-CONTACTS, NAME = 2, 32
+CONTACTS, NAME = 3, 32
 """Contacts that are told one by one, and letters of a body's name."""
 
 EXACT = 1e-3

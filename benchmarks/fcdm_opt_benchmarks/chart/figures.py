@@ -25,8 +25,10 @@ COLOURS = {
     "the paper's": SKY,
 }
 MARKS = "osD^vPX*<>hdp8"
-EXACT, FAILED = 1e-18, 1e2
+EXACT, FAILED = 1e-18, 1e4
 """Errors at which exact answers, and failed ones, are drawn."""
+BAND, LINES = (1e1, 1e7), 6
+"""Errors between which failed answers are drawn, and in how many lines."""
 TITLES = {
     "contact": "one contact: the scale at which body 2 touches",
     "curve": "the whole decision curve",
@@ -61,7 +63,9 @@ def chart_figure(run: BenchRun, task: str) -> Figure:
     named = {row["method"] for row in rows}
     styles = {method: style for method, style in every.items() if method in named}
     for axes, size in zip(panels, sizes, strict=True):
-        _panel(axes, [row for row in rows if row[column] == size], styles)
+        own = [row for row in rows if row[column] == size]
+        _panel(axes, own, styles)
+        _failures(axes, own, styles)
         axes.set_title(f"{size} {column if size != 1 else column.removesuffix('s')}", fontsize=9)
     panels[0].set_ylabel("relative error against the exact reference")
     panels[len(panels) // 2].set_xlabel("seconds an answer")
@@ -121,6 +125,7 @@ def overview_figure(run: BenchRun) -> Figure:
         styles |= {row["method"]: (VERMILLION, "o", "-") for row in rows if row["family"] == "ours"}
         _panel(axes, rows, styles)
         axes.set_xlim(min(every) / 3, 30 * max(every))  # room for names
+        _failures(axes, rows, styles)
         _named_beside(axes, rows, {method: style[0] for method, style in styles.items() if style[2]})
         scenes = len({row["scene"] for row in rows})
         axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scene{'s' * (scenes > 1)})", fontsize=7.5)
@@ -203,18 +208,40 @@ def _panel(axes: Any, rows: Sequence[Row], styles: dict[str, tuple[str, str, str
             axes.errorbar(x, error, xerr=[x - low, high - x], yerr=[error - error_low, error_high - error], fmt="none",
                           ecolor=colour, elinewidth=0.5, alpha=0.5)  # fmt: skip
             axes.plot(x, error, color=colour, marker=mark, ls=line, ms=size, lw=width, mfc=colour, mec="white", mew=0.5)
-        for x, failed, asked in ((spot[1], *spot[6:]) for spot in spots if spot[6]):
-            axes.plot(x, FAILED, color=colour, marker=mark, ms=4.5, mfc="none", ls="none")
-            axes.annotate(f"{100 * failed / asked:.0f}", (x, FAILED), xytext=(0, 4), textcoords="offset points",
-                          ha="center", fontsize=5, color=colour)  # fmt: skip
-    axes.axhspan(10, 1e4, color=GREY, alpha=0.08, lw=0)
+    axes.axhspan(BAND[0], BAND[1], color=GREY, alpha=0.08, lw=0)
     axes.axhline(EXACT, color=GREY, lw=0.6, ls=":")
-    axes.set_ylim(EXACT / 10, 1e4)
+    axes.set_ylim(EXACT / 10, BAND[1])
     ticks = [10.0**k for k in range(-16, 1, 4)]
     axes.set_yticks([EXACT, *ticks, FAILED], ["exact", *(f"$10^{{{k}}}$" for k in range(-16, 1, 4)), "failed,\n%"])
     axes.minorticks_off()
     axes.tick_params(labelsize=7.5)
     axes.grid(visible=True, alpha=0.25, lw=0.5)
+
+
+def _failures(axes: Any, rows: Sequence[Row], styles: Mapping[str, tuple[str, str, str]]) -> None:
+    """Mark in the band on top what failed, with its share in per cent beside it: in lines, none on another.
+
+    A method's settings that failed alike, and took about as long, share a mark; further rivals, and marks for which no
+    line has room, are without number, in the lowest line.
+    """
+    (left, right), (low, high) = np.log10(axes.get_xlim()), np.log10(BAND)
+    wide = LETTER * (right - left)
+    found = set[tuple[float, str, str, str]]()
+    for method, (colour, mark, joined) in styles.items():
+        mine = [row for row in rows if row["method"] == method]
+        for setting in dict.fromkeys(row["setting"] for row in mine):
+            spot = _spot([row for row in mine if row["setting"] == setting])
+            if spot and spot[6]:
+                place = round(float(np.log10(spot[1])) / wide) * wide
+                found.add((place, colour, mark, f"{100 * spot[6] / spot[7]:.0f}" if joined else ""))
+    ends = [-np.inf] * LINES
+    for x, colour, mark, share in sorted(found):
+        line = next((k for k in range(LINES - 1) if share and ends[k] <= x - wide), None)
+        at = 10**x, 10 ** (high - (high - low) * ((LINES - 1 if line is None else line) + 0.5) / LINES)
+        axes.plot(*at, color=colour, marker=mark, ms=3.5, mfc="none", mew=0.7, ls="none")
+        if line is not None:
+            ends[line] = x + wide * (1.5 + len(share))
+            axes.annotate(share, at, xytext=(3, 0), textcoords="offset points", va="center", fontsize=5, color=colour)
 
 
 def _spot(rows: Sequence[Row]) -> tuple[float, ...] | None:

@@ -134,8 +134,8 @@ class CompensationMap(Plain, Shown):
         names = "" if self.over == SCALES else f"{self.over[0]} and {self.over[1]}, "
         return (
             f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
-            f"{len(self.regions)} "
-            f"regions, {len(self.table)} triangles, error {reached} (asked for {self.error:.3g}), "
+            f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
+            f"error {reached} (asked for {self.error:.3g}), "
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
 

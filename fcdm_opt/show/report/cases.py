@@ -18,7 +18,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import pixels
 from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import left_out, remarks
+from fcdm_opt.show.remarks import Settled, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
@@ -71,6 +71,8 @@ def answered(solution: Solution) -> dict[str, Any]:
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution, advice = case.solution, advised(case)
+    every = remarks(solution)
+    said = [text for text in every if not isinstance(text, Settled)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     texts = parameter_texts(problem, solution.parameters)
@@ -82,7 +84,8 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "asked": asked_text(problem),
         "advice": advice,
         "fit": fit_text(problem),
-        "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *remarks(solution)],
+        "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *said],
+        "settled": [text for text in every if text not in said],
         **answered(solution),
         **{
             key: finite(getattr(solution, key))
@@ -163,10 +166,12 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
         return {"bars": [], "text": text}
     derivatives = solution.sensitivity
-    text = "first derivatives of the least amount"
+    if solution.problem.contacts:
+        return {"bars": [], "text": "; ".join(derivatives.reasons)}
+    text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
-        why = "; ".join(derivatives.reasons)
-        text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
+        why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)
+        text = f"the values hold to one side only, or for one of several motions that are as small: {why}"
     every = bars(derivatives, solution.problem)
     none = [bar.name for bar in every if not np.isfinite(bar.value)]
     if none:

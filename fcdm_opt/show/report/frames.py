@@ -21,6 +21,7 @@ from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY, Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.plain import drawn
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
@@ -28,9 +29,6 @@ from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_of
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
-
-MOST_NAMED = 8
-"""Corners of a face that are named one by one."""
 
 Rows = dict[tuple[float, ...], int]
 """Points, each listed once, in the order in which they were first asked for."""
@@ -251,7 +249,8 @@ def _shape(body: Body, element: Element) -> dict[str, Any]:
         triangles = _triangles(rows, face_polygons(body, element))
     else:
         _rows(rows, body.vertices[np.array(element.vertices) - 1])
-    return {"kind": element.kind, "points": drawn(list(rows)), "triangles": triangles, "name": _name(element)}
+    name = f"{told_element(body, element).partition(' (facing')[0]} of {body.name or 'a part'}"
+    return {"kind": element.kind, "points": drawn(list(rows)), "triangles": triangles, "name": name}
 
 
 def _rows(known: Rows, corners: Array) -> list[int]:
@@ -263,12 +262,3 @@ def _triangles(known: Rows, polygons: Iterable[Array]) -> list[list[int]]:
     """Return the triangles of convex polygons, each about its first corner."""
     loops = [_rows(known, polygon) for polygon in polygons]
     return [[loop[0], loop[k], loop[k + 1]] for loop in loops for k in range(1, len(loop) - 1)]
-
-
-def _name(element: Element) -> str:
-    """Return "V6", "E V4-V10" or "F V2,V3,V5"."""
-    labels = [f"V{label}" for label in element.vertices]
-    if element.kind != "F":
-        return labels[0] if element.kind == "V" else f"E {'-'.join(labels)}"
-    more = f", ... ({len(labels)} corners)" if len(labels) > MOST_NAMED else ""
-    return f"F {','.join(labels[:MOST_NAMED])}{more}"

@@ -98,20 +98,23 @@ function show() {
 
 // ------------------------------------------------------------------------------------------------------------ numbers
 
+const MOST_TOLD = 3; // contacts that are told in words
+
 function showNumbers() {
   const frame = currentFrame(), { feature_shapes: shapes } = currentCase();
   const write = (id, text) => (element(id).textContent = text || "\u2013");
   const named = family() ? `${family().label} ${family().shown[state.index]}` : `pose ${poseName()}`;
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
   write("now-motion", frame.motion);
-  write("now-amount", inUnit(digits(frame.amount), currentCase().amount_unit));
+  write("now-amount", inUnit(digits(frame.amount, 4), currentCase().amount_unit));
   write("now-target", pair(frame.target));
   write("now-rho", pair(frame.rho));
   write("now-gap", inUnit(digits(frame.pair_gap, 4), currentCase().unit));
   write("now-state", frame.pair_state);
   write("now-status", (frame.status ?? "").toLowerCase().replaceAll("_", " "));
-  const features = featuresOf(frame).map(k => shapes[k].label).join(" and ");
-  write("now-features", frame.contact?.length || !features ? features : `none here; tracked: ${features}`);
+  const told = [...new Set(featuresOf(frame).map(k => shapes[k].shapes.map(shape => shape.name).join(", ")))];
+  const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
+  write("now-features", frame.contact?.length || !features ? features : `none here; meant: ${features}`);
 }
 
 /** A number with its unit, alone where there is none. */

@@ -1,6 +1,5 @@
 // The bodies in space, their features in contact, and from where they are seen.
 
-const MOST_NAMES = 4, LEAST_WIDTH = 400; // names of features in the scene, and pixels for them
 const VIEW_SIZE = 1.75; // of the scene: the bodies' diagonal in units of the view
 const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
 const NEAR = 3; // how much "to the contact" enlarges
@@ -55,7 +54,6 @@ function drawScene() {
     font: { family: FONT, size: 13, color: colours.ink }, hoverlabel: hoverStyle(colours),
     scene: {
       xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", dragmode: "turntable", ...view,
-      annotations: featureNames(frame, colours),
     },
   };
   gd.setAttribute("aria-label", `Scene in three dimensions. ${element("shown").textContent}`);
@@ -123,7 +121,6 @@ function featuresOf(frame) {
 }
 
 const shapesOf = frame => featuresOf(frame).flatMap(k => currentCase().feature_shapes[k].shapes);
-const shapeName = shape => plain(`P${shape.body + 1} ${shape.name}`);
 
 /** Edges of only one of some triangles: the outline of what they make up. */
 function rim(triangles) {
@@ -137,7 +134,7 @@ function rim(triangles) {
 function featureTraces(frame, colours) {
   const drawn = shapesOf(frame).filter(shape => shape.kind !== "F" || !frame.areas?.length);
   return drawn.flatMap(shape => {
-    const points = placed(shape.points, shape.body, frame), text = shapeName(shape), name = `feature ${text}`;
+    const points = placed(shape.points, shape.body, frame), text = plain(shape.name), name = `feature ${text}`;
     const edge = shape.kind === "E" ? [[0, 1]] : rim(shape.triangles);
     const outline = shape.kind === "V" ? { mode: "markers", ...columns(points) } : { mode: "lines", ...lines(points, edge) };
     const traces = [{
@@ -151,22 +148,6 @@ function featureTraces(frame, colours) {
       });
     }
     return traces;
-  });
-}
-
-/** Names of the features, written over the scene: those of the movable body above their place, the others below. */
-function featureNames(frame, colours) {
-  const seen = new Set(), count = [0, 0];
-  const shapes = shapesOf(frame).filter(shape => !seen.has(shapeName(shape)) && seen.add(shapeName(shape)));
-  if (shapes.length > MOST_NAMES || element("bodies").clientWidth < LEAST_WIDTH) return []; // hovering tells them
-  return shapes.map(shape => {
-    const [x, y, z] = middle(placed(shape.points, shape.body, frame)), step = count[shape.body]++;
-    const side = (step % 2 ? -1 : 1) * (shape.body ? -1 : 1);
-    return {
-      x, y, z, text: shapeName(shape), ax: 55 * side, ay: (shape.body ? 1 : -1) * (64 + 26 * step), captureevents: false,
-      font: { family: FONT, size: 13, color: colours.strong }, bgcolor: colours.raised, bordercolor: colours.good, borderpad: 3,
-      arrowcolor: colours.good, arrowwidth: 1.2, arrowhead: 6, arrowsize: 0.8,
-    };
   });
 }
 
