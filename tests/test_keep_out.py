@@ -483,3 +483,21 @@ def test_plain_data_gives_the_same_scene_bit_for_bit():
     assert set(rebuilt.keep_out_gaps) == {"ring", "post"}
     fewer = first.changed(keep_out=first.keep_out[1:])
     assert [keep_out.name for keep_out in fewer.keep_out] == ["post"]
+
+
+@pytest.mark.parametrize("contacts", [None, "all"])
+def test_a_corner_passes_a_corner_nearer_than_any_face_and_no_more_is_proved(contacts):
+    """Square posts a clearance apart, corner to corner: the least way is aslant, shorter than along either's faces."""
+    off, clearance = 0.1, 0.3
+    block = box((-1, -1, 0), (1, 1, 1), "block", seed=(0, 0, 0.5))
+    floor = box((-9, -9, -1), (9, 9, 0), "floor", seed=(0, 0, -0.5))
+    post = box((1 + off, 1 + off, 0.2), (3, 3, 3), "post")
+    asked = Problem(
+        block, floor, nominal="drawn", target=(1.0, 1.0), motion=X >> Y, goal="seat", contacts=contacts,
+        keep_out=(KeepOut(post, clearance=clearance),),
+    )  # fmt: skip
+    solution = solve(asked)
+    least = clearance - math.sqrt(2.0) * off
+    assert solution.usable
+    assert solution.lower_bound <= least * (1.0 + 1e-9)
+    assert solution.amount == pytest.approx(least if contacts is None else clearance - off, rel=1e-6)

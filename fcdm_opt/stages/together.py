@@ -56,7 +56,7 @@ def together(task: Task) -> Answer | None:
     if z is not None:
         return _answered(own, z)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    if none:
+    if none and own.exact:
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -66,9 +66,9 @@ def among_others(task: Task) -> Answer | None:
 
     Of the motions that the lines leave free, as "shift" finds them, the least on which no other parts overlap: exact.
     """
-    if task.joints or task.goal not in ("at", "seat") or not task.motion.shifts:
-        return None
     own = System(task, (*task.tracked, *task.besides))
+    if task.joints or task.goal not in ("at", "seat") or not own.exact:
+        return None
     z, none = least([own])
     if z is not None:
         return _answered(own, z)
@@ -78,13 +78,17 @@ def among_others(task: Task) -> Answer | None:
 def _answered(own: System, z: Array) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
-    exact = task.motion.shifts
+    exact = own.exact
     count = len(task.joints) or 1
-    active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
-    pairs = {feature.parts for feature in own.features}
+    beside = [task.opponents[j].keep_out >= 0 for j in range(len(task.opponents))]
+    at_need = np.abs(task.pair_gaps(q) - task.needs) <= DEFAULT.active * task.size
+    stopped = {task.named((i, j)): None for i, j in np.argwhere(at_need & beside).tolist()}
+    first = f"{count} contacts at once" if count > 1 else "the contact"
+    active = (first, *(f"{name} stays apart" for name in stopped), *own.at_limits(q))
+    pairs = {feature.parts for feature in own.features} | {(i, j) for i, j in np.argwhere(at_need & beside).tolist()}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
     bound = np.inf if exact else displacement_bound(task)
-    return task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
+    return task.answer(q, LINEAR if task.motion.shifts else NEWTON, bound, active, counts)
 
 
 def all_at_once(
@@ -107,9 +111,10 @@ def all_at_once(
         Look for a bound where motions turn.
     """
     systems = [System.of(task) for task in tasks]
-    exact = all(task.motion.shifts for task in tasks)
-    stage = LINEAR if exact else NEWTON
+    exact = all(own.exact for own in systems)
+    stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
     z, none = least(systems)
+    none = none and exact
     if z is None:
         status = Status.INFEASIBLE if none else Status.NOT_FOUND
         return Answer(status, None, stage, np.inf if none else known, _Told(systems, names).sentences())
@@ -221,6 +226,11 @@ class System:
         """Return the motion parameters."""
         task = self.task
         return np.clip(z * task.size / task.weights, *task.limits.T)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the least motion is found exactly: nothing turns, and nothing is to stay away further than apart."""
+        return self.task.motion.shifts and not (self.task.needs > 0.0).any()
 
     @cached_property
     def moving(self) -> Bools:
