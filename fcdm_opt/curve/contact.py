@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,6 +18,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
+TIGHT = 1e-2  # share of the slack within which parts touch beyond doubt
 Vertices = tuple[int, ...]
 _ORDER = {"F": 0, "E": 1, "V": 2}
 
@@ -199,6 +201,8 @@ class Meeting(NamedTuple):
 def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
     """Return the part pairs that touch at a scale pair to within `slack`, each with what touches.
 
+    Where some touch to within a small share of it, those alone: what is merely near may be named as it never touches.
+
     Parameters
     ----------
     movable, static : Body
@@ -208,7 +212,7 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
     slack : float
         Length; parts this near touch, and directions this near to the widest are tight.
     """
-    found = []
+    found, off = list[Meeting](), list[float]()
     near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
     for i, j in np.argwhere(near).tolist():
         one, two = movable.parts[i], static.parts[j]
@@ -224,7 +228,9 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
                 if _misses(one, two, pose, contact, rho) > slack:
                     contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
-    return found
+            off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
+    most = slack * TIGHT if min(off, default=0.0) <= slack * TIGHT else math.inf
+    return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,6 +109,8 @@ def chosen(situation: Situation) -> Choice:
     for goal in GOALS[situation.state]:
         best: Choice | None = None
         along = Translation(named(situation.normal))
+        if situation.large:  # a motion across many faces is soon told along an axis
+            along = Translation(AXES[int(np.abs(situation.normal).argmax())])
         # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
         shifts = (along, ANY_SHIFT) if goal == "seat" else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
@@ -181,7 +183,7 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
-                limit = SHORT if situation.large else math.inf
+                limit = SHORT if situation.large and motion == ANY_SHIFT else math.inf
                 answer = solutions[letter] = solve(problem, effort="quick", time=limit)
             if contacts == "all" and not answer.usable:
                 break  # all four cases are to be solved

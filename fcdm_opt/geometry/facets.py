@@ -147,7 +147,8 @@ def near_facets(
         Return those alone that meet, or come as near to it as rounding.
     """
     corners = points[one.triangles], others[two.triangles]
-    normals = [unit_normals(own) for own in corners]
+    with np.errstate(invalid="ignore"):  # facets without area are left out: others hold their corners
+        normals = [unit_normals(own) for own in corners]
     count = len(corners[0])
     low = np.concatenate([corners[0].min(axis=1) - band, corners[1].min(axis=1)])
     high = np.concatenate([corners[0].max(axis=1) + band, corners[1].max(axis=1)])
