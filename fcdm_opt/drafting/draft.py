@@ -120,7 +120,7 @@ def draft(
         pacing.at(f"reading {shown(str(path))} and cutting it into convex parts")
         bodies.append(Body.from_file(path, unit=lengths))
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
-    situation = Situation(*bodies, unit=lengths)
+    situation = Situation(bodies[0], bodies[1], lengths)
     choice = chosen(situation)
     warned = remarks(situation, lengths)
     state = state_text(situation, lengths)
