@@ -12,6 +12,7 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
+from fcdm_opt.tolerances import DEFAULT
 
 COLUMNS = (
     "case", "requirement", "goal", "status", "usable", "amount", "lower_bound", "gap", "rho_1", "rho_2", "pair_state",
@@ -94,9 +95,10 @@ def case_rows(cases: Iterable[tuple[str, Solution]]) -> list[dict[str, Any]]:
     rows = []
     for name, solution in cases:
         problem, (rho_1, rho_2) = solution.problem, solution.pair.tolist()
+        gap = 0.0 if abs(solution.pair_gap) <= DEFAULT.weld * problem.size else solution.pair_gap  # rounding
         told = (
             name, problem.requirement, problem.goal, solution.status.name, solution.usable, solution.amount,
-            solution.lower_bound, solution.gap, rho_1, rho_2, solution.pair_state, solution.pair_gap, problem.unit,
+            solution.lower_bound, solution.gap, rho_1, rho_2, solution.pair_state, gap, problem.unit,
         )  # fmt: skip
         row: dict[str, Any] = dict(zip(COLUMNS, told, strict=True))
         for (parameter, kind), value in zip(problem.motion.parameters, solution.parameters.values(), strict=False):

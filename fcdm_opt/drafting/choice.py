@@ -177,7 +177,8 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
 def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
     """Return what a goal and a motion lead to; None where it cannot be asked."""
     solutions: dict[str, Solution | None] = {}
-    bodies, asked = (situation.movable, situation.static), {"goal": goal, "motion": motion, "tolerance": TOLERANCE}
+    bodies = situation.movable, situation.static
+    asked = {"goal": goal, "motion": motion, "tolerance": TOLERANCE, "unit": situation.unit}
     asked |= {"contacts": contacts} if contacts else {}
     for letter in SIGNS:
         try:

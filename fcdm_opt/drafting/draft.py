@@ -44,7 +44,7 @@ TILTED = (
     "the faces that meet are parallel within {:.0e} rad, not exactly (single precision, say); "
     "fcdm_opt takes the corners as the file has them"
 )
-MOST_CONTACTS = 6  # contacts that are listed
+MOST_CONTACTS = 4  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
@@ -120,7 +120,7 @@ def draft(
         pacing.at(f"reading {shown(str(path))} and cutting it into convex parts")
         bodies.append(Body.from_file(path, unit=lengths))
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
-    situation = Situation(*bodies)
+    situation = Situation(bodies[0], bodies[1], lengths)
     choice = chosen(situation)
     warned = remarks(situation, lengths)
     state = state_text(situation, lengths)

@@ -46,10 +46,13 @@ class Situation:
     Attributes
     ----------
     movable, static : Body
+    unit : str
+        Of their lengths, as shown.
     """
 
     movable: Body
     static: Body
+    unit: str = ""
 
     @cached_property
     def size(self) -> float:

@@ -386,7 +386,7 @@ class Body(_Sealed, Shown):
     def __repr__(self) -> str:
         """Return name, counts, seed and extent on one line; the arrays are attributes."""
         extent = " x ".join(f"{x:.4g}" for x in np.ptp(self.vertices, axis=0).tolist())
-        seed = ", ".join(f"{x:.6g}" for x in self.seed.tolist())
+        seed = ", ".join(f"{0.0 if abs(x) <= DEFAULT.weld * self.size else x:.6g}" for x in self.seed.tolist())
         counts = f"{len(self.corners)} corners, {len(self.faces)} faces, convex parts: {len(self.parts)}"
         return f"Body({self.name!r}: {counts}, seed ({seed}), extent {extent})"
 

@@ -63,7 +63,7 @@ def told_element(body: Body, element: Element) -> str:
     )
     if len(sides) == 1 and is_round(sides[0]):
         return sides[0]
-    if element.kind == "V":
+    if element.kind == "V" and not (len(sides) == 2 and any(map(is_round, sides))):  # else on the rim of a round face
         return f"corner {label[0]}"
     if len(sides) == 2:
         return f"edge between {sides[0]} and {sides[1]}"

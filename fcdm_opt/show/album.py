@@ -92,8 +92,8 @@ class Album:
 
     def _write(self, name: str, figure: Figure) -> None:
         try:
-            for path in save(figure, self._directory / name):
-                self._say(f"wrote {path}")
+            picture, *others = save(figure, self._directory / name)
+            self._say(f"wrote {picture}{''.join(f' and {other.suffix}' for other in others)}")
         except OSError as reason:
             self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
             self.failed = True

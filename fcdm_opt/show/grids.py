@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 LINES = 11
 """Sizes of each part that are listed."""
+NOTHING = 1e-5
+"""Of the largest value, what is listed as 0: less than four digits of it tell."""
 
 
 class Grid(NamedTuple):
@@ -46,16 +48,16 @@ def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int
     sizes = [np.linspace(low, high, lines) for low, high in np.asarray(found.box)]
     motion = found.at(sizes[0][:, None], sizes[1][None]).parameters
     heads = [
-        [f"{100.0 * off + 0.0:+.4g} %" for off in np.round(values / nominal - 1.0, 9)]
+        [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
         if nominal
-        else [measured(f"{off + 0.0:+.4g}", found.unit) for off in np.round(values, 9)]
+        else [measured(f"{off:+.4g}", found.unit) if off else "as drawn" for off in np.round(values, 9)]
         for values, nominal in zip(sizes, found.nominal, strict=True)
     ]
     made = []
     for k, (name, kind) in enumerate(parameters):
         turned = kind == "rotation"
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
-        small = 1e-9 * float(np.nanmax(np.abs(values), initial=0.0))
+        small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
         cells = [[number(0.0 if abs(x) <= small else x) for x in row] for row in values.tolist()]
         made.append(Grid(name, "deg" if turned else found.unit, heads[0], heads[1], cells))
     return made

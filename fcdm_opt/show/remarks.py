@@ -26,14 +26,14 @@ LARGE, GROWTH = 0.5, 2.0
 change, may end on another side of the other body."""
 
 
-class Settled(str):
+class GoodNews(str):
     """A remark that is no warning: what is closed, and what is proved of it."""
 
     __slots__ = ()
 
 
 def remarks(solution: Solution) -> list[str]:
-    """Return what a table's row does not say, a sentence each; what is as it is to be as `Settled`."""
+    """Return what a table's row does not say, a sentence each; what is as it is to be as `GoodNews`."""
     told, unit = [], solution.problem.unit
     if solution.stopped and solution.status.found:
         told.append(f"{solution.stopped}; the bound is what was proved by then")
@@ -74,7 +74,7 @@ def _contacts(solution: Solution) -> list[str]:
     told = list[str]()
     if gaps and not solution.open_contacts:
         every = {1: "the contact is", 2: "both contacts are"}.get(len(gaps), f"all {len(gaps)} contacts are")
-        told.append(Settled(f"{every} closed"))
+        told.append(GoodNews(f"{every} closed"))
     numbered = solution.open_contacts or any(map(NUMBERED.search, solution.active))
     for k, feature in enumerate(problem.contacts, 1):
         gap = gaps.get(feature.label, math.nan)
@@ -91,7 +91,7 @@ def _contacts(solution: Solution) -> list[str]:
         box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
         what = "it" if len(problem.contacts) == 1 else "them"
         if within:
-            told.append(Settled(f"no other motion{box} closes {what}: proved"))
+            told.append(GoodNews(f"no other motion{box} closes {what}: proved"))
         elif _leaves_freedom(problem):
             told.append(f"other motions close {what} too" + ": this is the smallest" * (solution.gap < CLOSED))
         else:

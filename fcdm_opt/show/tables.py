@@ -41,6 +41,7 @@ OPTIONAL = ("published\namount", 'least\n"touch"')
 NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\npair")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CUT = ", exactly the solid"  # what a note on a body says first
+MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
 DOUBT_WIDTH = 12  # characters, of what is said below an amount
 
 
@@ -79,14 +80,20 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
             {
                 "switching point": f"SW{p.index}",
                 "rho": _point(p.rho),
-                "kind": p.kind,
-                "contact": "\n".join(_label(feature, curve) for feature in p.contact_features),
-                "at": "\n".join(map(_point, p.contacts)),
+                "kind": _few(p.kind.split(" & "), " & "),
+                "contact": _few([_label(feature, curve) for feature in p.contact_features], "\n"),
+                "at": _few(list(map(_point, p.contacts)), "\n"),
             }
             for p in curve.switching_points
         ]
         if points:
             print_rows(points)
+
+
+def _few(told: Sequence[str], between: str) -> str:
+    """Return what is told of the contacts of a switching point; of many of the first ones, and how many there are."""
+    more = [f"and {len(told) - MOST_MET} more"] if len(told) > MOST_MET else []
+    return between.join([*told[:MOST_MET], *more])
 
 
 def _label(feature: Any, bodies: Any) -> str:

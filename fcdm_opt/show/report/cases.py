@@ -18,7 +18,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import pixels
 from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import Settled, left_out, remarks
+from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
@@ -72,7 +72,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution, advice = case.solution, advised(case)
     every = remarks(solution)
-    said = [text for text in every if not isinstance(text, Settled)]
+    said = [text for text in every if not isinstance(text, GoodNews)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     texts = parameter_texts(problem, solution.parameters)
@@ -129,7 +129,7 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
             "role": role,
             "vertices": len(body.corners),
             "parts": len(body.parts),
-            "seed": finite(body.seed),
+            "seed": finite(np.where(np.abs(body.seed) <= DEFAULT.weld * body.size, 0.0, body.seed)),
             "notes": [note for note in (first, *body.notes) if note],
             "deviation": finite(body.deviation),
         }

@@ -23,8 +23,8 @@ function drawCurve() {
     margin: { l: 8, r: 10, t: 8, b: 8 },
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: colours.paper,
     font: { family: FONT, size: 13, color: colours.ink },
-    xaxis: axis("\u03c1<sub>1</sub>, size of the movable part (1 = as drawn)", x),
-    yaxis: axis("\u03c1<sub>2</sub>, size of the static part (1 = as drawn)", y),
+    xaxis: axis("\u03c1<sub>1</sub>, size of the movable part", x),
+    yaxis: axis("\u03c1<sub>2</sub>, size of the static part", y),
     showlegend: false, hovermode: "closest", hoverlabel: hoverStyle(colours), dragmode: "pan",
     shapes: areas(shown, frame, colours),
   };
