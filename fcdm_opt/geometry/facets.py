@@ -182,9 +182,18 @@ def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints
         Rows of the first, and of the second.
     """
     import coal
+    from scipy.spatial import cKDTree
 
     if not (len(triangles) and len(facing)):
         return math.inf
+    # only facets are of use that are no further from the other surface's box than any two corners are
+    corners, opposite = points[triangles], others[facing]
+    near = cKDTree(opposite[:, 0]).query(corners[:, 0])[0].min()
+    for _ in range(2):
+        low, high = opposite.min(axis=(0, 1)) - near, opposite.max(axis=(0, 1)) + near
+        own = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+        triangles, facing, corners, opposite = facing, triangles[own], opposite, corners[own]
+        points, others = others, points
     here, result = coal.Transform3s(), coal.DistanceResult()
     one, two = _tree(points, triangles), _tree(others, facing)
     return max(0.0, float(coal.distance(one, here, two, here, coal.DistanceRequest(), result)))

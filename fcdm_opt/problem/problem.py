@@ -16,6 +16,7 @@ from typing import Any, get_args
 import numpy as np
 
 from fcdm_opt.curve.carried_over import CarriedOver
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.doors import Shown
@@ -41,7 +42,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
-from fcdm_opt.problem.reach import Rows, modelled_parts
+from fcdm_opt.problem.reach import AROUND, Rows, modelled_parts
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -258,6 +259,13 @@ class Problem(NominalContact, Shown):
         if same:
             return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
+
+    def curve_after(self, transform: Array | None, rho: Array) -> DecisionCurve:
+        """Return the decision curve after a motion, where it shows what touches at a scale pair; of some parts there."""
+        low, high = rho * (1.0 - AROUND), rho * (1.0 + AROUND)
+        about = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+        box = self.box if self.movable.whole is None else about
+        return decision_curve(self.movable, self.static, box=box, transform=transform)
 
     def with_parts(self, rows: Rows) -> Problem:
         """Return the same question with other parts of large bodies modelled, by number; see `problem.reach`."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import Figure, save
@@ -114,7 +114,7 @@ def solution_figure(
     """
     problem = solution.problem
     rho = problem.nominal_pair if solution.rho is None else solution.rho
-    moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+    moved = problem.curve_after(solution.transform, rho)
     keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
     view = view or view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     shown = ShownPair.of(

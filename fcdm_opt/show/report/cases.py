@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.units import measured
@@ -107,8 +106,7 @@ def _configurations(solution: Solution) -> list[str]:
     problem = solution.problem
     contact = problem.nominal_contact
     if solution.transform is not None and solution.rho is not None:
-        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
-        contact = moved.locate(solution.rho)
+        contact = problem.curve_after(solution.transform, solution.rho).locate(solution.rho)
     if contact is None:
         return []
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
