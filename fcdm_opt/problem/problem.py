@@ -261,7 +261,7 @@ class Problem(NominalContact, Shown):
         return Problem(**{**self.request, **arguments})
 
     def curve_after(self, transform: Array | None, rho: Array) -> DecisionCurve:
-        """Return the decision curve after a motion, where it shows what touches at a scale pair; of some parts there."""
+        """Return the decision curve after a motion; of large bodies about a scale pair, to tell what touches there."""
         low, high = rho * (1.0 - AROUND), rho * (1.0 + AROUND)
         about = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
         box = self.box if self.movable.whole is None else about

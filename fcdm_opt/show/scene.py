@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import normals_of_faces
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
@@ -358,11 +360,11 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
     inches = axes.get_position().width * axes.figure.get_figwidth()
     areas = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
-    for contact in contacts:
-        flat = contact.corners @ page
+    for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
+        flat = corners @ page
         if len(flat) > 2 and abs(float(contact.normal @ toward)) > EDGE_ON:
             middle = flat.mean(axis=0)
-            solid.append(contact.corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
+            solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
             way = np.ptp(flat, axis=0).argmax()
             axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
@@ -490,16 +492,35 @@ def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[
     found = curve.locate(rho)
     if found is None:
         return []
-    sets = curve.contact_sets(rho)
+    sets = list(curve.contact_sets(rho))
     features = (
         [each.feature for each in found.touching] if isinstance(found, SwitchingPoint) else [found.feature] * len(sets)
     )
-    made: list[Touching] = []
     near = 1e-6 * max(body.size for body in shown.bodies)
+    whole = {feature: _shared_by_faces(feature, shown.bodies) for feature in features}
+    made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]
     for feature, corners in zip(features, sets, strict=True):
-        if all(np.linalg.norm(corners.mean(axis=0) - one.corners.mean(axis=0)) > near for one in made):
-            made.append(Touching.of(feature, corners, *shown.bodies))
+        alone = all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for one in made)
+        if alone and not len(whole[feature]):
+            made.append(Touching.of(feature, [corners], *shown.bodies))
     return made
+
+
+def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
+    """Return triangles that make up what two faces on one another share, (t, 3, 3); none of others, and of one part."""
+    from manifold3d import CrossSection, FillRule, triangulate
+
+    sides = list(zip(bodies, (feature.one, feature.two), strict=True))
+    if not all(body.skin and element.kind == "F" for body, element in sides):
+        return np.empty((0, 3, 3))
+    faces = [face_polygons(body, element) for body, element in sides]
+    origin, normal = faces[0][0][0], unit_normals(faces[0][0][None])[0]
+    flat = np.linalg.svd(normal[None])[2][1:]
+    one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in faces)
+    outlines = (one ^ two).to_polygons()
+    if not outlines:
+        return np.empty((0, 3, 3))
+    return origin + (np.vstack(outlines) @ flat)[np.array(triangulate(outlines))]
 
 
 @lru_cache(maxsize=32)

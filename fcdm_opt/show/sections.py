@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,24 +27,31 @@ class Touching(NamedTuple):
 
     Attributes
     ----------
-    corners : (k, 3) array
-        Of the area, line or point that they share, world frame.
+    pieces : tuple of (k, 3) arrays
+        Corners of convex polygons that make up the area that they share, or of the line or point, world frame.
     normal : (3,) array
         Across it, a unit vector.
     """
 
-    corners: Array
+    pieces: tuple[Array, ...]
     normal: Array
 
+    @property
+    def middle(self) -> Array:
+        """A point of the contact, as near its middle as any."""
+        middles = np.array([piece.mean(axis=0) for piece in self.pieces])
+        return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
+
     @classmethod
-    def of(cls, feature: Feature, corners: Array, movable: Body, static: Body) -> Touching:
+    def of(cls, feature: Feature, pieces: Sequence[Array], movable: Body, static: Body) -> Touching:
         """Return a contact of bodies as they are shown."""
-        if len(corners) > 2:
-            return cls(corners, np.linalg.svd(corners - corners.mean(axis=0))[2][2])
+        pieces = tuple(pieces)
+        if len(corners := pieces[0]) > 2:
+            return cls(pieces, np.linalg.svd(corners - corners.mean(axis=0))[2][2])
         for body, element in ((movable, feature.one), (static, feature.two)):
             if element.kind == "F":
                 points = body.vertices[np.array(element.vertices) - 1]
-                return cls(corners, np.linalg.svd(points - points.mean(axis=0))[2][2])
+                return cls(pieces, np.linalg.svd(points - points.mean(axis=0))[2][2])
         ends = [
             np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)[0]
             for body, element in ((movable, feature.one), (static, feature.two))
@@ -52,7 +60,7 @@ class Touching(NamedTuple):
         across = np.cross(*ends) if len(ends) == 2 else np.zeros(3)
         if not np.linalg.norm(across) > 1e-9 * movable.size * static.size:
             across = static.seed - movable.seed
-        return cls(corners, across / max(float(np.linalg.norm(across)), 1e-300))
+        return cls(pieces, across / max(float(np.linalg.norm(across)), 1e-300))
 
 
 def draw_section(
@@ -84,8 +92,11 @@ def draw_section(
         Of the contact, where there are several.
     unit : str
     """
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
     movable, static = bodies
-    middle, normal = contact.corners.mean(axis=0), contact.normal
+    middle, normal = contact.middle, contact.normal
     upright = normal[2] if abs(normal[2]) > 1e-9 else normal @ (movable.vertices.mean(axis=0) - middle)
     normal = normal if upright >= 0.0 else -normal  # the same way up as the scene
     facing = toward - (toward @ normal) * normal
@@ -105,16 +116,19 @@ def draw_section(
     for body, colour, look in (
         (static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35}),
     ):  # fmt: skip
-        for polygon in section(body, middle, facing, plane):
-            axes.fill(*polygon.T, facecolor=colour, edgecolor="none", **look)
-            axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=colour, linewidth=1.1)
+        if cut := [
+            Path(polygon[[*range(len(polygon)), 0]], closed=True) for polygon in section(body, middle, facing, plane)
+        ]:
+            whole = Path.make_compound_path(*cut)
+            axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", **look))
+            axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, linewidth=1.1))
     if long > 1e-9 * size:
         for polygon in section(was, middle, facing, plane):
             axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
         arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
-    flat = (contact.corners - middle) @ plane
+    flat = (np.vstack(contact.pieces) - middle) @ plane
     axes.plot([flat[:, 0].min(), flat[:, 0].max()], [0.0, 0.0], color=GREEN, linewidth=3.0, alpha=0.8)
     axes.plot([0.0], [0.0], "o", color=GREEN, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
@@ -130,7 +144,18 @@ def draw_section(
 
 
 def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
-    """Return the polygons in which a plane cuts the parts of a body, (k, 2) each, in coordinates of the plane."""
+    """Return the polygons in which a plane cuts a body, (k, 2) each, in coordinates of the plane.
+
+    Of a solid with a surface of its own its outlines, those of holes the other way round; else what is cut of parts.
+    """
+    from manifold3d import Error, Manifold, Mesh64
+
+    if body.skin:
+        rows = np.array([triangle for face in body.skin for triangle in face])
+        points = (body.vertices - point) @ np.column_stack([plane, normal])
+        solid = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(rows, np.uint64)))
+        if solid.status() == Error.NoError:
+            return [np.asarray(outline) for outline in solid.slice(0.0).to_polygons()]
     found = []
     for part in body.parts:
         heights = (part.vertices - point) @ normal
