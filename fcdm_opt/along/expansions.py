@@ -143,9 +143,6 @@ class Expansion:
         return self._composed(value, 1.0 - value * value, 1.0, _TANH_BEND)
 
 
-# ------------------------------------------------------------------------- what rows of value, slope, bend, terms say
-
-
 def is_tied(expanded: Array) -> Array:
     """Return which expansions are zero to within rounding, (n,)."""
     return np.asarray(np.abs(expanded[:, 0]) <= DEFAULT.tie * expanded[:, 3])

@@ -138,9 +138,6 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
     return part.loops.index(own)
 
 
-# ---------------------------------------------------------------------------------------------------- the conditions
-
-
 def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
     X, Y = one.vertices - one.seed, two.vertices - two.seed

@@ -250,9 +250,6 @@ class March:
         return x, error, False
 
 
-# ---------------------------------------------------------------------------------------------- other part pairs
-
-
 class PairBound(NamedTuple):
     """How far a part pair surely does not overlap, and what ends that: a condition and its expansion, if any does."""
 

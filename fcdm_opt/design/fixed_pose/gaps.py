@@ -57,9 +57,6 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
     return rows[:count], first
 
 
-# ------------------------------------------------------------------------------------------------ one part pair's gap
-
-
 @step
 def _level(rows, k, x, y, shift):
     """Return the right side of a row, of bodies whose seeds are further apart by `shift`."""
@@ -129,9 +126,6 @@ def gaps_of_pairs(rows, first, sizes):
             x, y = sizes[k, 0], sizes[k, 1]
             found[p, k] = pair_gap(rows, first[p], first[p + 1], x, y, (0.0, 0.0, 0.0), _INF, ways[p, k])
     return found, ways
-
-
-# ------------------------------------------------------------------------------------------------ over a cell of poses
 
 
 @step

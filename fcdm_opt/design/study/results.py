@@ -322,9 +322,6 @@ class StudyResult(Shown):
         return {} if key is None else self.answers.get(key, {})
 
 
-# ------------------------------------------------------------------------------------------------------------ the store
-
-
 def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
     together = _together(definition)
     return {
@@ -338,8 +335,6 @@ def _together(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     vary = definition["vary"]
     return {own["label"]: tuple(own["key"]) for own in vary if len(own["key"]) > 1 and not own.get("names")}
 
-
-# ---------------------------------------------------------------------------------------------------------- the columns
 
 OWN = {
     "number", "status", *PLAIN, "pair_gap", "pair_state", *LISTS, "stage", "key",
