@@ -91,8 +91,6 @@ class Expansion:
     def __rtruediv__(self, other: Any) -> Expansion:
         return self._reciprocal() * other
 
-    # ------------------------------------------------------------------------------------------------------ functions
-
     def _composed(self, value: Any, slope: Any, steepest: Any, bend: Any) -> Expansion:
         """Return a function of f with given value and slope at f(x0), and bounds of its derivatives on the span."""
         rate = self._most()[2]

@@ -190,13 +190,7 @@ def _supported(
 
 
 def _flush_rest(
-    problem: Problem,
-    seat: Flush,
-    parts: Parts,
-    own: tuple[int, ...],
-    other: tuple[int, ...],
-    parallel: bool,
-    k: int,
+    problem: Problem, seat: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
 ) -> Rest:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]

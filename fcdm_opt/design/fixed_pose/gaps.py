@@ -13,17 +13,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.curve.games import game
-from fcdm_opt.curve.kernels import (
-    _at,
-    _dot,
-    _entry,
-    _length,
-    _minus,
-    _times,
-    _turned,
-    _turned_back,
-    facet_rows,
-)
+from fcdm_opt.curve.kernels import _at, _dot, _entry, _length, _minus, _times, _turned, _turned_back, facet_rows
 from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 

@@ -131,8 +131,6 @@ class StudyResult(Shown):
             raise InputError(f"not a store of a study ({reason})", file=path) from reason
         return cls(definition=definition, study=study, version=version, points=points, answers=answers)
 
-    # ------------------------------------------------------------------------------------------------------ in numbers
-
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Label -> values, as `Study.axes`; the last one varies fastest in the order of the points."""
@@ -205,8 +203,6 @@ class StudyResult(Shown):
             "assembly_yield": plain(self.assembly_yield),
             "rows": plain(self.rows()),
         }
-
-    # ------------------------------------------------------------------------------------------------------- as tables
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for every point, in order, all with the same columns.
