@@ -157,7 +157,7 @@ class _Compiled(_Dispatcher):
         if isinstance(self._cache, NullCache):  # the first call
             self._find_files()
             kept: Any = self._cache
-            if self.keeps and kept.holds_some:
+            if self.keeps and kept._enabled and kept._cache_file._load_index():  # some version is there
                 self.patience = 0.0
         return not self.overloads and sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
 
@@ -300,11 +300,6 @@ class _Kept(_Files):
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         self._cache_file: Any = _Versions(self._cache_path, self._impl.filename_base, stamp_of(function))
-
-    @property
-    def holds_some(self) -> bool:
-        """Whether any version is there."""
-        return self._enabled and bool(self._cache_file._load_index())
 
 
 _STAMPS: WeakKeyDictionary[Any, str] = WeakKeyDictionary()

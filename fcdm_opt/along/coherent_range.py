@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt.along.conditions import Ray
 from fcdm_opt.along.followed import KINDS, Followed, followed
 from fcdm_opt.along.march import March
-from fcdm_opt.curve.contact import meetings
+from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
@@ -210,12 +210,12 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
         return (), ()
     movable, static = problem.movable, problem.static
     here, beyond = (problem.motion.transform(at * along, movable.seed, static.seed) for at in (x, after))
-    met = meetings(movable, static, relative_pose(movable, static, here), rho, DEFAULT.nominal * problem.size)
+    pose = relative_pose(movable, static, here)
+    merged = touching_features(movable, static, pose, rho, DEFAULT.nominal * problem.size)
     wide = max(WINDOW * float(np.abs(moved - rho).max()), ABOUT * float(rho.max()))
     (a, b), (c, d) = np.column_stack([np.maximum(moved - wide, 0.0), moved + wide]).tolist()
     curve = decision_curve(movable, static, box=((a, b), (c, d)), transform=beyond)
-    merged = dict.fromkeys(meeting.contact.feature for meeting in met)
-    return tuple(merged), tuple(dict.fromkeys(segment.feature for segment in curve.segments))
+    return merged, tuple(dict.fromkeys(segment.feature for segment in curve.segments))
 
 
 def checked_direction(problem: Problem, direction: Any) -> Array:

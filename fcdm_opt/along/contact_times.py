@@ -19,7 +19,7 @@ from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import meetings
+from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -205,8 +205,8 @@ class _OneWay:
 
     def _touch(self, x: float, grazing: bool) -> None:
         one, two, slack = self._problem.movable, self._problem.static, DEFAULT.nominal * self._problem.size
-        met = meetings(one, two, relative_pose(one, two, self._transform(x)), self._pair, slack)
-        self.touches.append(Touch(x, tuple(dict.fromkeys(own.contact.feature for own in met)), grazing))
+        pose = relative_pose(one, two, self._transform(x))
+        self.touches.append(Touch(x, touching_features(one, two, pose, self._pair, slack), grazing))
 
     def _transform(self, x: float) -> Array:
         problem = self._problem

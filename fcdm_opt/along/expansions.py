@@ -91,8 +91,6 @@ class Expansion:
     def __rtruediv__(self, other: Any) -> Expansion:
         return self._reciprocal() * other
 
-    # ------------------------------------------------------------------------------------------------------ functions
-
     def _composed(self, value: Any, slope: Any, steepest: Any, bend: Any) -> Expansion:
         """Return a function of f with given value and slope at f(x0), and bounds of its derivatives on the span."""
         rate = self._most()[2]
@@ -141,9 +139,6 @@ class Expansion:
         """Return the hyperbolic tangent."""
         value = self.value.tanh()
         return self._composed(value, 1.0 - value * value, 1.0, _TANH_BEND)
-
-
-# ------------------------------------------------------------------------- what rows of value, slope, bend, terms say
 
 
 def is_tied(expanded: Array) -> Array:

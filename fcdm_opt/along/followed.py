@@ -138,9 +138,6 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
     return part.loops.index(own)
 
 
-# ---------------------------------------------------------------------------------------------------- the conditions
-
-
 def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
     X, Y = one.vertices - one.seed, two.vertices - two.seed
@@ -193,13 +190,7 @@ def _supported(
 
 
 def _flush_rest(
-    problem: Problem,
-    seat: Flush,
-    parts: Parts,
-    own: tuple[int, ...],
-    other: tuple[int, ...],
-    parallel: bool,
-    k: int,
+    problem: Problem, seat: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
 ) -> Rest:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]

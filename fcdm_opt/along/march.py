@@ -85,8 +85,6 @@ class March:
             stop = self.advanced(stop.x)
         return stop
 
-    # ------------------------------------------------------------------------------------------------- the conditions
-
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
         key = tuple(map(id, rests))
@@ -133,8 +131,6 @@ class March:
         reaches[self._groups] = 0.0
         np.maximum.at(reaches, self._groups, steps)
         return reaches
-
-    # ---------------------------------------------------------------------------------------------------------- steps
 
     def advanced(self, x: float) -> Stop | None:
         """Return where the march from x stops, None where it reaches its end."""
@@ -207,8 +203,6 @@ class March:
                 causes.append(Cause("parallel edges", k, KINDS["parallel edges"]))
         return causes
 
-    # ---------------------------------------------------------------------------------------------------------- seams
-
     def _taken_over(self, stop: Stop) -> bool:
         """Go over to another part pair on which the same features rest, where there is one."""
         for k in sorted({cause.feature for cause in stop.causes if cause.feature >= 0}):
@@ -228,8 +222,6 @@ class March:
         expanded[near, 0] = np.maximum(expanded[near, 0], 0.0)
         return bool(self._reaches(safe_steps(expanded, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
 
-    # ------------------------------------------------------------------------------------------------------- its place
-
     def settled(self, stop: Stop) -> tuple[float, float, bool]:
         """Return where a condition that stops the march fails, how far off that may be, and whether it only grazes."""
         x = stop.x
@@ -248,9 +240,6 @@ class March:
             if better is not None and better > x - wide:
                 return better, VERIFIED * better, False
         return x, error, False
-
-
-# ---------------------------------------------------------------------------------------------- other part pairs
 
 
 class PairBound(NamedTuple):

@@ -80,9 +80,6 @@ def sensitivity(solution: Solution) -> Sensitivity:
     return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons)
 
 
-# ------------------------------------------------------------------------------------------------------ multipliers
-
-
 @dataclass(frozen=True, eq=False)
 class _Balance:
     """The amount's gradient as a sum of constraints' gradients."""
@@ -237,9 +234,6 @@ def _least(task: Task) -> float:
         if answer is not None or name == last:
             return np.inf if answer is None or answer.q is None else task.amount(answer.q)
     return np.inf
-
-
-# ----------------------------------------------------------------------------------------------------- by the data
 
 
 def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:

@@ -298,9 +298,6 @@ def stack_command(
     _each_case(inquiry, asked)
 
 
-# ---------------------------------------------------------------------------------------------------------------- cases
-
-
 def _each_case(
     inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
@@ -331,9 +328,6 @@ def _code(answer: Any) -> int:
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
-
-
-# -------------------------------------------------------------------------------------------------------------- options
 
 
 def _change(text: str) -> tuple[str, Any]:

@@ -233,6 +233,11 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
     return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
 
 
+def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> tuple[Feature, ...]:
+    """Return the features that touch, each once; arguments as `meetings` takes them."""
+    return tuple(dict.fromkeys(met.contact.feature for met in meetings(movable, static, pose, rho, slack)))
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A contact of two bodies, wherever their parts carry it.

@@ -94,7 +94,8 @@ class DecisionCurve(Shown):
                     if run and not same_pair(run[-1].end, span[0]):
                         branches.append(Branch(tuple(run)))
                         run = []
-                    run.append(self._segment(stretch, span, count))
+                    own = piece.feature, piece.line, piece.normal, *span, piece.parts, piece.snug
+                    run.append(Segment(*own, count, stretch))
                 successor = chain[(k + 1) % len(chain)]
                 meets = len(chain) > 1 and np.isfinite(piece.hi) and same_pair(piece.end, successor.whole.start)
                 if meets and in_box(piece.end, self.box):
@@ -160,10 +161,6 @@ class DecisionCurve(Shown):
         # parts that touch at all scales may overlap by rounding, and at a single scale pair parts may just fit
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
-
-    def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
-        piece, (start, end) = run.whole, span
-        return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)
 
     def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]

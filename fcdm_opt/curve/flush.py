@@ -190,15 +190,11 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
         flush
         for flush in found.values()
         if not any(
-            _more(other, flush) and _covers(shared[other.feature], shared[flush.feature], slack)
+            other.touching.kind.count("F") > flush.touching.kind.count("F")
+            and _covers(shared[other.feature], shared[flush.feature], slack)
             for other in found.values()
         )
     )
-
-
-def _more(one: Flush, two: Flush) -> bool:
-    """Tell whether one contact has more faces that touch."""
-    return one.touching.kind.count("F") > two.touching.kind.count("F")
 
 
 def _covers(regions: list[Array], segments: list[Array], slack: float) -> bool:

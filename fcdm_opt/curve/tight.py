@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
+
+POINTS = 64  # switching points of which what was found is kept: many problems share one
 
 
 class TightLine(NamedTuple):
@@ -37,24 +39,13 @@ class TightLine(NamedTuple):
     line: Array
 
 
-_LINES: WeakKeyDictionary[SwitchingPoint, tuple[TightLine, ...]] = WeakKeyDictionary()
-_CHOICES: WeakKeyDictionary[SwitchingPoint, tuple[tuple[Feature, Feature], ...]] = WeakKeyDictionary()
-# what was found once of a switching point, which many problems share
-
-
+@lru_cache(maxsize=POINTS)
 def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
     """Return the contact lines that meet at a switching point, one a feature: those of its segments, then all others.
 
     Those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
     bring any of them to the curve.
     """
-    known = _LINES.get(point)
-    if known is None:
-        known = _LINES[point] = _tight_lines(point)
-    return known
-
-
-def _tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
     movable, static = point.bodies
     sides = zip(point.features, point.pieces, strict=True)
     found = {name: TightLine(name, own.parts, own.site, own.normal, own.line) for name, own in sides}
@@ -80,19 +71,13 @@ def parallel(one: Array, two: Array) -> bool:
     return bool(abs(a * e - b * d) <= DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e))
 
 
+@lru_cache(maxsize=POINTS)
 def choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
     """Return the pairs of features that a switching point may keep under a motion, where three or more lines meet.
 
     Which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a part
     pair's Minkowski difference, or two part pairs'. Empty where there is no choice.
     """
-    known = _CHOICES.get(point)
-    if known is None:
-        known = _CHOICES[point] = _choices(point)
-    return known
-
-
-def _choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
     movable, static = point.bodies
     lines, found = tight_lines(point), []
     if len(lines) < 3:

@@ -93,9 +93,6 @@ def excluded(key: str) -> tuple[str, ...]:
     return ()
 
 
-# ----------------------------------------------------------------------------------------------------------- scenes
-
-
 @dataclass(frozen=True, eq=False)
 class BodyTable:
     """A body or keep-out as a plain table; never changed, so that what follows from it is worked out once.
@@ -288,9 +285,6 @@ def _scene_text(sizes: Any, movable: Mapping[str, Any], static: Mapping[str, Any
 @lru_cache(maxsize=REMEMBERED)
 def _scene(text: str) -> SceneTables:
     return SceneTables.of(json.loads(text))
-
-
-# --------------------------------------------------------------------------------------------------------- questions
 
 
 @dataclass(frozen=True, eq=False)

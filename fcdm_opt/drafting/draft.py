@@ -86,13 +86,7 @@ class Draft(NamedTuple):
     summary: tuple[str, ...]
 
 
-def draft(
-    movable: str | Path,
-    static: str | Path,
-    *,
-    file: str | Path,
-    unit: str | None = None,
-) -> Draft:
+def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: str | None = None) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
 
     Parameters

@@ -97,8 +97,6 @@ class Arrangement:
         """The side (1, 0, -1) of each plane that each point lies on, (p, n)."""
         return self._signs[:, : self._points]
 
-    # --------------------------------------------------------------------------------------------------------- adding
-
     def shared_plane(self, points: Sequence[int]) -> int | None:
         """Return the plane of four points, added if there is none; None where it would spoil planes that are exact."""
         known = np.flatnonzero((self.signs[:, list(points)] == 0).all(axis=1))
@@ -194,8 +192,6 @@ class Arrangement:
         a, b, c, level = self._equations[plane]
         x, y, z = self.exact[point]
         return a * x + b * y + c * z - level
-
-    # -------------------------------------------------------------------------------------------------------- cutting
 
     def on(self, cell: Cell) -> Array:
         """Tell which points of a cell lie on which of its planes, (planes, points), as zeros and ones."""

@@ -53,9 +53,6 @@ def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | N
     return None
 
 
-# ------------------------------------------------------------------------------------------- pairs that are unclear
-
-
 def _folded(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield neighbours across an edge that may lie on each other."""
     sides = Sides.around(triangles.ravel(), 3)
@@ -201,9 +198,6 @@ def overlaps(lows, highs, alone, stack, count, found):
                 stack[count, 0], stack[count, 1] = 2 * i + m, 2 * j + n
                 count += 1
     return count, got
-
-
-# ---------------------------------------------------------------------------------------------- in rational numbers
 
 
 def _meeting(one: Array, two: Array, slack: float) -> tuple[float, float, float] | None:

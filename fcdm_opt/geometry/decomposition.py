@@ -175,9 +175,6 @@ def _fills(mesh: Mesh, space: Arrangement, cells: Sequence[Cell]) -> bool:
     return bool(error <= 2 * space.slack * skin + DEFAULT.nominal * volume)
 
 
-# --------------------------------------------------------------------------------------------------------------- solid
-
-
 class _Solid(NamedTuple):
     """A mesh's facets in an arrangement of its planes, its hull, and the facets inside that."""
 
@@ -218,9 +215,6 @@ class _Solid(NamedTuple):
         border = space.signs[whole.planes] == 0
         inner = [facet for facet in facets if not border[:, facet.loop].all(axis=1).any()]
         return cls(space, facets, space.pruned(whole), inner)
-
-
-# -------------------------------------------------------------------------------------------------------------- convex
 
 
 def _reflex_edges(mesh: Mesh, used: Ints) -> int:

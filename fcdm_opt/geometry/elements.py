@@ -183,9 +183,6 @@ def pyramid_elements(made: Pyramids) -> tuple[Faces, list[Elements]]:
     return faces, elements
 
 
-# ----------------------------------------------------------------------------------------- what lies on the true faces
-
-
 def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -> list[Elements]:
     """Name each part's elements after those of the surface that they lie on."""
     rows = np.unique(np.concatenate([hull.used for hull in hulls]))

@@ -123,9 +123,6 @@ def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Arra
     return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step
 
 
-# ----------------------------------------------------------------------------------------------------- through trimesh
-
-
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
     """Call a loader; a warning that it passed over something becomes an error, others are dropped."""
     with warnings.catch_warnings():
@@ -202,9 +199,6 @@ def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
     return np.concatenate(vertices), faces
 
 
-# ----------------------------------------------------------------------------------------------------------------- STEP
-
-
 def _step(data: bytes) -> Drawn:
     """Return vertices, in metres, and triangles of the solids in a STEP file; plane faces are exact.
 
@@ -270,9 +264,6 @@ def _messages_to_stderr() -> Iterator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
-
-
-# ---------------------------------------------------------------------------------------------------------------- text
 
 
 def _lines(data: bytes) -> list[tuple[int, list[str]]]:

@@ -136,9 +136,6 @@ def _apart(points: Array) -> Ints:
     return first[~dropped]
 
 
-# ---------------------------------------------------------------------------------------------------------------- faces
-
-
 def _closed(corners: Ints, sizes: Ints, key: str) -> Sides:
     """Return the sides of polygons, corners one after another; raise unless they close to a surface."""
     sides = Sides.around(corners, sizes)
@@ -275,9 +272,6 @@ def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:
         return tuple(map(tuple, corners.reshape(-1, 3).tolist()))
     flat, ends = corners.tolist(), np.cumsum(sizes).tolist()
     return tuple(tuple(flat[end - size : end]) for end, size in zip(ends, sizes.tolist(), strict=True))
-
-
-# ----------------------------------------------------------------------------------------------- corners that are none
 
 
 def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:

@@ -117,7 +117,7 @@ def placed(points: Array, frames: Array, moving: bool) -> Array:
     """Return a body's points, (n, 3) from its seed, in each frame, (k, n, 3)."""
     if not moving:
         return frames[:, 1, None, None] * points
-    return frames[:, None, OFFSET:TURN] + frames[:, 0, None, None] * (points @ _turns(frames).mT)
+    return frames[:, None, OFFSET:TURN] + frames[:, 0, None, None] * (points @ frames[:, TURN:].reshape(-1, 3, 3).mT)
 
 
 @light
@@ -588,10 +588,6 @@ def _larger(a, b):
 
 
 # ------------------------------------------------------------------------------------------------------------- vectors
-
-
-def _turns(frames: Array) -> Array:
-    return frames[:, TURN:].reshape(-1, 3, 3)
 
 
 def _dots(u: Array, v: Array) -> Array:

@@ -185,9 +185,6 @@ def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -
     return side not in facing
 
 
-# --------------------------------------------------------------------------------------------------------------- merge
-
-
 def merged(space: Arrangement, cells: Sequence[Cell]) -> list[Cell]:
     """Join cells, two at a time, as long as two of them make a convex one.
 

@@ -250,9 +250,6 @@ def _covered(triangle: Array, points: Array, slack: float) -> bool:
     return bool((inward >= -slack * lengths[:, None]).all(axis=0).any())
 
 
-# ---------------------------------------------------------------------------------------------------------------- sides
-
-
 @dataclass(frozen=True, eq=False)
 class Sides:
     """Directed sides of polygons, three after another of triangles.

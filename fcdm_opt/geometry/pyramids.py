@@ -123,9 +123,6 @@ def _shape(count: int) -> tuple[tuple[tuple[int, ...], ...], Ints]:
     return loops, np.array(base + sides, np.int64)
 
 
-# ----------------------------------------------------------------------------------------------------- how deep they go
-
-
 @kernel
 def fit(corners, starts, middles, normals, triangles, first, others, depths):
     """Halve depths until no triangle of those near a pyramid reaches into it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -312,7 +312,8 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     part, centre = own.part, own.part.vertices.mean(axis=0)
-    levels = _levels(part, own.offsets @ values)
+    base = part.vertices[[loop[0] for loop in part.loops]] - centre
+    levels = (part.normals * base).sum(axis=1) + own.offsets @ values
     middle, radius = _ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
@@ -334,12 +335,6 @@ def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
     rows = np.column_stack([normals, np.ones(len(levels))])
     ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
     return (ball.x[:3], float(ball.x[3])) if ball.status == 0 else (np.zeros(3), -np.inf)
-
-
-def _levels(part: ConvexPart, offsets: Array) -> Array:
-    """Return how far moved facets are from the mean of a part's vertices, outward."""
-    base = part.vertices[[loop[0] for loop in part.loops]] - part.vertices.mean(axis=0)
-    return np.asarray((part.normals * base).sum(axis=1) + offsets)
 
 
 def _firsts(own: MovingPart) -> Ints:
@@ -419,7 +414,7 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
                     found=part.vertices[v].tolist(), allowed=f"at most {MOST_AT_A_CORNER} faces that part at a corner",
                 )  # fmt: skip
             split[v] = True
-            apart.append(around[_triples(len(around))])
+            apart.append(np.array(list(combinations(around.tolist(), 3))))
             continue
         triples, moves = np.concatenate([triples, own]), np.concatenate([moves, its])
         vertices = np.concatenate([vertices, np.full(len(own), v)])
@@ -431,11 +426,6 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
         moves = np.concatenate([moves, np.linalg.solve(part.normals[own], lengths[own])])
     moves = moves + np.einsum("kxy,ty->txk", turns, part.vertices[vertices] - body.seed)
     return MovingPart(part, faces, offsets, triples, vertices, moves, split)
-
-
-@cache
-def _triples(count: int) -> Ints:
-    return np.array(list(combinations(range(count), 3)))
 
 
 def _fan(around: Ints, normals: Array) -> Ints:

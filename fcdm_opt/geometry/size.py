@@ -146,8 +146,6 @@ class Size(Plain):
             raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
         return moved
 
-    # --------------------------------------------------------------------------------------------------------- checks
-
     def _keep(self, **values: Any) -> None:
         for key, value in values.items():
             object.__setattr__(self, key, value)

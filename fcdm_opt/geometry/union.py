@@ -239,9 +239,6 @@ class _Walls:
                     raise InputError(what, key=key, found=found, allowed=str(label(own)))
 
 
-# ---------------------------------------------------------------------------------------------------------------- edges
-
-
 def _true_edges(
     points: Array, hulls: list[Hull], known: Ints, triangles: Array, normals: Array, owners: Ints, slack: float
 ) -> tuple[Ints, Ints]:

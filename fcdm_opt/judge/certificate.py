@@ -9,16 +9,15 @@ conventions) and the bodies' faces and labels; that the nominal contact is one i
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from math import hypot, isfinite, isnan
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected
-from fcdm_opt.geometry.arrays import Array, Flags, frozen
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
@@ -30,6 +29,7 @@ from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
 from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
+SWEPT = 64  # keep-outs of which what they sweep is kept
 CERTIFIED = 1.0001e-4  # gap that evidence is asked for beside closed forms, and rounding
 
 
@@ -151,18 +151,13 @@ def _or_inf(values: Any) -> Array:
     return np.where(np.isnan(values), np.inf, values)
 
 
+@lru_cache(maxsize=SWEPT)
 def _swept(keep_out: KeepOut) -> Body:
     """Return what the parts of a keep-out sweep over its range: of a convex part the hull of both ends."""
-    found = _SWEPT.get(keep_out)
-    if found is None:
-        body, (low, high) = keep_out.body, keep_out.ends
-        arms = [part.vertices - body.seed for part in body.parts]
-        hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
-        found = _SWEPT[keep_out] = replace(body, parts=tuple(hulls))
-    return found
-
-
-_SWEPT: WeakKeyDictionary[KeepOut, Body] = WeakKeyDictionary()
+    body, (low, high) = keep_out.body, keep_out.ends
+    arms = [part.vertices - body.seed for part in body.parts]
+    hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
+    return replace(body, parts=tuple(hulls))
 
 
 def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float) -> list[float]:
@@ -178,12 +173,6 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
         elif separation > gap + limit or (gap > separation + limit and not separation > 0.0):
             found[k] = scaled.exact_separation(pairs[k], transform)
     return list(found)
-
-
-@cache
-def _positions(count: int) -> Array:
-    """Return positions on the motion, 0 to 1: between those at which the solver looks, and both ends."""
-    return frozen(np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]))
 
 
 class _Side(NamedTuple):
@@ -581,7 +570,7 @@ class _Judge:
         problem, steps = self.problem, zip(self.problem.motion.parameters, self.q.tolist(), strict=False)
         turned = sum(abs(x) for (_, kind), x in steps if kind == "rotation")
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
-        s = _positions(count)
+        s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])  # between those that the solver looks at
         poses = np.full((len(s), 4, 4), np.nan)
         if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
             poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)

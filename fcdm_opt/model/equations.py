@@ -113,9 +113,6 @@ def _spans(kind: int, points: Any) -> tuple[Any, Any]:
     return {F1V2: (q - p, r - p), V1F2: (r - q, s - q), E1E2: (q - p, s - r)}[kind]
 
 
-# ------------------------------------------------------------------------------------------ expressions (CasADi SX)
-
-
 @dataclass(frozen=True, eq=False)
 class SymbolicPose:
     """Symbols that all equations share: motion parameters, seeds, and the pose they give.
@@ -173,9 +170,6 @@ def intersection(one: tuple[Any, ...], two: tuple[Any, ...]) -> tuple[Any, Any]:
     (a, b, c, *_), (d, e, f, *_) = one, two
     determinant = a * e - b * d
     return casadi.vertcat((c * e - b * f) / determinant, (a * f - c * d) / determinant), determinant
-
-
-# --------------------------------------------------------------------------------------------- compiled templates
 
 
 def _symbols(motion: Motion) -> tuple[SymbolicPose, list[Any], list[str]]:

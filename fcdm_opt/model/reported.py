@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from fcdm_opt.curve.contact import meetings
-from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.curve.contact import touching_features
+from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
@@ -26,7 +25,8 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-            "features": problem.tracked_features or _touching_features(task, q, slack),
+            "features": problem.tracked_features
+            or touching_features(task.movable, task.static, task.pose(q), task.target, slack),
         }
     return Solution(
         problem=problem,
@@ -42,9 +42,3 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
         unique_within=answer.unique if moved else 0.0,
         **moved,
     )
-
-
-def _touching_features(task: Task, q: Array, slack: float) -> tuple[Feature, ...]:
-    """Return how the target pair touches: one feature a touching part pair, each once; none where it is apart."""
-    pairs = meetings(task.movable, task.static, task.pose(q), task.target, slack)
-    return tuple(dict.fromkeys(meeting.contact.feature for meeting in pairs))

@@ -688,13 +688,10 @@ class Task:
         pose = self.pose(q)
         if not (np.abs(self.line_gaps(q)[1]) <= slack).all():
             return False
-        if not all(np.abs(self.joint_gaps(joint, pose)).min() <= slack for joint in self.joints):
-            return False
+        for joint in self.joints:  # some part pair that carries it touches
+            if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.hosts) <= slack:
+                return False
         return all(seat.holds(pose, self.target, DEFAULT.cut * self.size) for seat in self.seats)
-
-    def joint_gaps(self, joint: Joint, pose: Array) -> Array:
-        """Return the signed separation of each part pair that carries a contact, at the scales made."""
-        return np.array([self.separations(parts, pose)[2].max() for parts in joint.hosts])
 
     @property
     def is_equation(self) -> bool:

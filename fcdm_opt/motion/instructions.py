@@ -123,9 +123,6 @@ class Instructions:
         return outputs
 
 
-# ---------------------------------------------------------------------------------------------------------- scalars
-
-
 def _function(name: str) -> Callable[[Any], Any]:
     def called(x: Any) -> Any:
         if hasattr(x, name):
@@ -155,9 +152,6 @@ SCALARS: Arithmetic = {
 def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
     """Return what a CasADi function of one vector (SX, dense) gives for `SCALARS`, column by column."""
     return Instructions.of(function).carried_out(SCALARS, values)[0]
-
-
-# ---------------------------------------------------------------------------------------------------------- motions
 
 
 @dataclass(frozen=True, eq=False)

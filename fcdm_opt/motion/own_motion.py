@@ -92,12 +92,8 @@ class OwnMotion(Step):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, OwnMotion) and self._key == other._key
 
-    @cached_property
-    def _hash(self) -> int:
-        return hash(self._key)
-
     def __hash__(self) -> int:
-        return self._hash
+        return hash(self._key)
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.plain import Plain, plain
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.solution import LOOSE, Certificate, Solution, Status
+from fcdm_opt.problem.solution import Bounded, Certificate, Solution, Status
 
 
 def kept_apart(one: str, two: str) -> str:
@@ -18,7 +18,7 @@ def kept_apart(one: str, two: str) -> str:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AssemblySolution(Plain):
+class AssemblySolution(Bounded):
     """Answer to an `Assembly`.
 
     Attributes
@@ -68,24 +68,12 @@ class AssemblySolution(Plain):
     @property
     def usable(self) -> bool:
         """Whether motions were found, and the judge passed them."""
-        return self.status.found and self.certificate is not None and self.certificate.passed
+        return self.verified
 
     @property
     def advice(self) -> str:
         """What to do, in words."""
         return self.status.value
-
-    @property
-    def gap(self) -> float:
-        """Relative gap between the amount and its lower bound; nan where there is no motion."""
-        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
-
-    @property
-    def doubt(self) -> str:
-        """What is to be said beside the amount where its bound is far below it."""
-        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
-            return ""
-        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:

@@ -15,7 +15,6 @@ from itertools import combinations
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict
 
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.errors import InputError, placed
@@ -33,10 +32,8 @@ ROLES = ("movable", "static")
 CORNERS = ("low", "high", "middle")
 
 
-class JoinedEntry(Entry):
+class JoinedEntry(Entry, title="Contacts of an assembly"):
     """Two parts of an assembly, and what is asked of them."""
-
-    model_config = ConfigDict(title="Contacts of an assembly")
 
     parts: tuple[str, str] = declared(
         ..., "names of two parts: in labels the first is body 1, the second body 2", ["slide", "frame"]

@@ -9,20 +9,16 @@ from operator import rshift
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict
-
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import BodyEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keys import by_name, each, same_unit, unlike_names
-from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, one_of, read_entry
+from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
 
 
-class PartEntry(BodyEntry):
+class PartEntry(BodyEntry, title="Parts"):
     """A part of the assembly, as drawn in the frame of all; those without a motion are fixed."""
-
-    model_config = ConfigDict(title="Parts", json_schema_extra=one_of(("vertices",), ("file", "unit")))
 
     name: str = declared(..., "name of the part (text), once in a file", "slide")
     motion: list[StepEntry] | None = declared(
@@ -48,18 +44,14 @@ class PartEntry(BodyEntry):
     )
 
 
-class PartSizeEntry(SizeEntry):
+class PartSizeEntry(SizeEntry, title="Sizes of parts"):
     """One named way in which a part can come out different from drawn."""
-
-    model_config = ConfigDict(title="Sizes of parts", json_schema_extra=one_of(("faces",), ("scale",)))
 
     body: str = declared(..., "name of the part (text)", "slide")  # type: ignore[assignment]
 
 
-class MadeEntry(Entry):
+class MadeEntry(Entry, title="Cases of an assembly"):
     """What came out."""
-
-    model_config = ConfigDict(title="Cases of an assembly")
 
     name: str = declared(..., "name of the case (text), once in a file", "slide too large")
     scales: dict[str, Positive] = declared(
@@ -74,10 +66,8 @@ class MadeEntry(Entry):
     )
 
 
-class AssemblyFile(Entry):
+class AssemblyFile(Entry, title="Assembly file"):
     """A whole file of an assembly."""
-
-    model_config = ConfigDict(title="Assembly file")
 
     title: str = declared("", "title (text)", "A key between two wedges")
     note: str = declared("", "what the reader should know (text)", "Lengths in mm.")

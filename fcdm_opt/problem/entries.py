@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -31,10 +31,8 @@ _PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infi
 # ---------------------------------------------------------------------------------------------------------- bodies
 
 
-class BodyEntry(Entry):
+class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit"))):
     """A body with its seed: a union of convex parts, or a mesh from a file."""
-
-    model_config = ConfigDict(title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit")))
 
     name: str | None = declared(
         None, "name in messages and pictures (text); without it movable, static, keep-out k, or the file's name", "peg"
@@ -162,10 +160,8 @@ def _shifted(groups: list[list[int]]) -> list[list[int]]:
     return [[label - 1 for label in group] for group in groups]
 
 
-class Bodies(Entry):
+class Bodies(Entry, title="Both bodies"):
     """The two bodies."""
-
-    model_config = ConfigDict(title="Both bodies")
 
     movable: BodyEntry = declared(
         ..., "the body that moves: a table with vertices, seed, ...", {"file": "peg.stl", "unit": "mm"}
@@ -199,10 +195,8 @@ def plain_body(body: Body) -> dict[str, Any]:
     return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
 
 
-class KeepOutEntry(BodyEntry):
+class KeepOutEntry(BodyEntry, title="Keep-outs"):
     """A further static body that the movable one must keep clear of."""
-
-    model_config = ConfigDict(title="Keep-outs")
 
     scale: Number | Pair = declared(
         1.0, "a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between", 1.0, [0.99, 1.01]
@@ -217,18 +211,14 @@ class KeepOutEntry(BodyEntry):
 # ----------------------------------------------------------------------------------------------------------- sizes
 
 
-class ThroughEntry(Entry):
+class ThroughEntry(Entry, title="Face through a point"):
     """The face that a point lies in."""
-
-    model_config = ConfigDict(title="Face through a point")
 
     through: Point = declared(..., "[x, y, z], length units, a point of the face", [0.0, 1.0, 0.5])
 
 
-class AroundEntry(Entry):
+class AroundEntry(Entry, title="Facets of a cylinder"):
     """All facets of a cylinder."""
-
-    model_config = ConfigDict(title="Facets of a cylinder")
 
     around: Point = declared(..., "[x, y, z], length units, a point of the axis", [0.0, 0.0, 0.0])
     axis: Axis = declared(..., 'its direction: "x", "y", "z" or a vector', "z")
@@ -255,21 +245,17 @@ Selector = Annotated[
 ]
 
 
-class NormalSpreadEntry(Entry):
+class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
     """A normal distribution within a tolerance."""
-
-    model_config = ConfigDict(title="Normal distribution of a size")
 
     cp: Number = declared(1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33)
     shift: Number = declared(0.0, "of the mean from the middle, in units of half the tolerance", 0.1)
 
 
-class SpreadEntry(Entry):
+class SpreadEntry(
+    Entry, title="Distribution of a size", json_schema_extra=one_of(("normal",), ("uniform",), ("measured",))
+):
     """How a size is distributed within its tolerance: exactly one of the keys."""
-
-    model_config = ConfigDict(
-        title="Distribution of a size", json_schema_extra=one_of(("normal",), ("uniform",), ("measured",))
-    )
 
     normal: NormalSpreadEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
     uniform: dict[str, Number] | None = declared(
@@ -280,10 +266,8 @@ class SpreadEntry(Entry):
     )
 
 
-class SizeEntry(Entry):
+class SizeEntry(Entry, title="Sizes", json_schema_extra=one_of(("faces",), ("scale",))):
     """One named way in which a body can come out different from drawn."""
-
-    model_config = ConfigDict(title="Sizes", json_schema_extra=one_of(("faces",), ("scale",)))
 
     name: str = declared(..., "name of the size (text), once in a file", "peg width")
     body: Literal["movable", "static"] = declared(..., '"movable" or "static"', "movable")
@@ -325,10 +309,8 @@ class SizeEntry(Entry):
 # ---------------------------------------------------------------------------------------------------------- motion
 
 
-class TranslationEntry(Entry):
+class TranslationEntry(Entry, title="Translation"):
     """A translation along a fixed axis."""
-
-    model_config = ConfigDict(title="Translation")
 
     translation: Axis = declared(
         ..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z", [0.0, 1.0, 1.0]
@@ -339,10 +321,8 @@ class TranslationEntry(Entry):
         return Translation(self.translation)
 
 
-class RotationEntry(Entry):
+class RotationEntry(Entry, title="Rotation"):
     """A rotation about a fixed direction through a centre."""
-
-    model_config = ConfigDict(title="Rotation")
 
     rotation: Axis = declared(..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z")
     centre: Literal["seed", "origin"] | Point = declared(
@@ -358,19 +338,15 @@ class RotationEntry(Entry):
         return Rotation(self.rotation, centre=self.centre)
 
 
-class LineEntry(Entry):
+class LineEntry(Entry, title="Line"):
     """A directed line."""
-
-    model_config = ConfigDict(title="Line")
 
     point: Point = declared(..., "[x, y, z], length units, a point of the line", [0.0, 0.0, 0.0])
     direction: Point = declared(..., "[x, y, z], not zero; its length does not matter, no unit", [0.0, 0.0, 1.0])
 
 
-class ScrewEntry(Entry):
+class ScrewEntry(Entry, title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS))):
     """A rotation about a directed line and a translation along it, with exactly one of the three pitch keys."""
-
-    model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
 
     screw: Literal["seeds"] | LineEntry = declared(
         ...,
@@ -406,10 +382,8 @@ class ScrewEntry(Entry):
         return Screw(axis, pitch=self.pitch_per_rad or 0.0)
 
 
-class FreeEntry(Entry):
+class FreeEntry(Entry, title="Free motion"):
     """Any motion: a translation, and a rotation about the seed by a rotation vector."""
-
-    model_config = ConfigDict(title="Free motion")
 
     free: Literal[True] = declared(..., "true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", True)
 
@@ -418,10 +392,8 @@ class FreeEntry(Entry):
         return Free()
 
 
-class OwnMotionEntry(Entry):
+class OwnMotionEntry(Entry, title="Own motion"):
     """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
-
-    model_config = ConfigDict(title="Own motion")
 
     casadi: str = declared(..., "the text of an fcdm_opt.OwnMotion")
     parameters: list[tuple[str, Literal["translation", "rotation"]]] = declared(
@@ -478,18 +450,14 @@ StepEntry = Annotated[
 ]
 
 
-class AmountEntry(Entry):
+class AmountEntry(Entry, title="Own amount"):
     """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
-
-    model_config = ConfigDict(title="Own amount")
 
     casadi: str = declared(..., "the text of an OwnAmount")
 
 
-class PublishedEntry(Entry):
+class PublishedEntry(Entry, title="Reference values"):
     """Reference values for one step of the motion."""
-
-    model_config = ConfigDict(title="Reference values")
 
     translation: Number | list[Number] | None = declared(None, "a length, or a list where it has several", 0.25)
     angle_deg: Number | list[Number] | None = declared(None, "an angle in degrees, or a list", 7.0191)

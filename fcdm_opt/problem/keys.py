@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag, WrapValidator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapValidator
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, placed
@@ -102,10 +102,8 @@ class SizeKeys(Entry):
     )
 
 
-class Defaults(SizeKeys):
+class Defaults(SizeKeys, title="Defaults of all cases"):
     """What all cases of a file share; a case may give any of it anew."""
-
-    model_config = ConfigDict(title="Defaults of all cases")
 
     made: Corner | dict[str, Number] | None = declared(
         None,
@@ -206,10 +204,8 @@ class Parts(NamedTuple):
     sizes: tuple[Size, ...] = ()
 
 
-class Case(Defaults):
+class Case(Defaults, title="Cases"):
     """One problem."""
-
-    model_config = ConfigDict(title="Cases")
 
     name: str = declared(..., "name of the case (text), once in a file", "B")
 
@@ -410,10 +406,8 @@ def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[
 # ------------------------------------------------------------------------------------------------------------ files
 
 
-class ProblemFile(Entry):
+class ProblemFile(Entry, title="Problem file"):
     """A whole problem file."""
-
-    model_config = ConfigDict(title="Problem file")
 
     title: str = declared("", "title (text)", "Peg in a plate")
     note: str = declared("", "what the reader should know (text)", "Lengths in mm.")

@@ -224,8 +224,6 @@ class NominalContact:
         named = {line.feature: line for line in self._tight_lines}
         return tuple(named[feature] for feature in self.features)
 
-    # ---------------------------------------------------------------------------------- what follows for the question
-
     def check_number(self) -> None:
         """Refuse the number of a switching point that is not there."""
         if not isinstance(self.nominal, int) or self.nominal <= len(self.curve.switching_points):

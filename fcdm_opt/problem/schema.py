@@ -227,9 +227,6 @@ class Entry(BaseModel):
             raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 
-# -------------------------------------------------------------------------------------------------------------- reading
-
-
 def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
     """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
     file = checked_path(path, kind)

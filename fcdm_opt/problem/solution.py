@@ -176,8 +176,34 @@ class Sensitivity(Plain):
     residual: float
 
 
+class Bounded(Plain):
+    """An answer: a status, an amount with a bound that is proved, and the judge's word."""
+
+    status: Status
+    amount: float
+    lower_bound: float
+    certificate: Certificate | None
+
+    @property
+    def verified(self) -> bool:
+        """Whether a motion was found and the judge passed it, though it may leave the fit."""
+        return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the amount and its lower bound; nan where there is no motion."""
+        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
+
+    @property
+    def doubt(self) -> str:
+        """What is to be said beside the amount where its bound is far below it: by how much it may be too large."""
+        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
+            return ""
+        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solution(Plain, Shown):
+class Solution(Bounded, Shown):
     """Answer to a `Problem`.
 
     Attributes
@@ -271,11 +297,6 @@ class Solution(Plain, Shown):
         return text
 
     @property
-    def verified(self) -> bool:
-        """Whether a motion was found and the judge passed it, though it may leave the fit."""
-        return self.status.found and self.certificate is not None and self.certificate.passed
-
-    @property
     def usable(self) -> bool:
         """Whether a motion was found that stays in the fit, and the judge passed it."""
         return self.verified and self.status is not Status.OUTSIDE_FIT
@@ -299,18 +320,6 @@ class Solution(Plain, Shown):
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
         return upper("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
-
-    @property
-    def gap(self) -> float:
-        """Relative gap between the amount and its lower bound; nan where there is no motion."""
-        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
-
-    @property
-    def doubt(self) -> str:
-        """What is to be said beside the amount where its bound is far below it: by how much it may be too large."""
-        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
-            return ""
-        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
 
     @property
     def keep_out_gaps(self) -> dict[str, float]:

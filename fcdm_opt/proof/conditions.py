@@ -40,8 +40,7 @@ def _two(kind: int, R: Any, u: Any, w: Any, y: Any) -> Any:
 def separation(kind: int) -> Expression:
     """Given (u, w, x, y): n . (d + y - R x), how far y is from x along a direction."""
     return Expression.of(
-        12,
-        lambda R, d, p: _two(kind, R, p[:3], p[3:6], d + p[9:]) - _one(kind, R, p[:3], p[3:6], p[6:9]),
+        12, lambda R, d, p: _two(kind, R, p[:3], p[3:6], d + p[9:]) - _one(kind, R, p[:3], p[3:6], p[6:9])
     )
 
 
@@ -73,13 +72,7 @@ def _tracked_pair(kinds: tuple[int, ...], R: Any, d: Any, p: Any) -> tuple[Any, 
             beside, across = cross(y, R @ u), R @ cross(x, u)
             determinant = -dot(y, across)
         first = dot(d, beside)
-        return (
-            determinant,
-            first,
-            dot(d, across),
-            first - target[0] * determinant,
-            dot(d + target[1] * y, across),
-        )
+        return (determinant, first, dot(d, across), first - target[0] * determinant, dot(d + target[1] * y, across))
     rows = []
     for kind, q in zip(kinds, (p[2:14], p[14:26]), strict=True):
         u, w, x, y = q[:3], q[3:6], q[6:9], q[9:]

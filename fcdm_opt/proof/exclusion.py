@@ -248,7 +248,8 @@ class Exclusion:
         shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
         if seeded and task.must_touch and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
-            away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in self._partners)
+            partners = self.movable, self.opponents[: len(task.static.parts)]
+            away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in partners)
             if least > DEFAULT.nominal:
                 reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
                 for k, step in enumerate(steps):
@@ -299,10 +300,6 @@ class Exclusion:
         centre = {"seed": one, "origin": np.zeros(3)}.get(turns[0].centre) if isinstance(turns[0].centre, str) else None
         return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
 
-    @property
-    def _partners(self) -> tuple[list[Solid], list[Solid]]:
-        return self.movable, self.opponents[: len(self.task.static.parts)]
-
     def amounts(self, cells: Cells, T: Array) -> Array:
         """Return a lower bound of the amount over each cell, (n,)."""
         task = self.task
@@ -325,8 +322,6 @@ class Exclusion:
         off = np.einsum("nvi,nvi->nv", np.abs(way), turned[..., -1])
         low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
         return np.asarray(np.maximum(low.max(axis=1), 0.0))
-
-    # -------------------------------------------------------------------------------------------------------- reasons
 
     def reasons(self, cells: Cells, enough: float = np.inf, tries: int = 1) -> tuple[Ints, Array]:
         """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).

@@ -207,9 +207,6 @@ def _product(factors: Sequence[Interval]) -> Interval:
     return total
 
 
-# ------------------------------------------------------------------------------------------------------ truth values
-
-
 def _truth(sure: Any, never: Any) -> Interval:
     """Return 1 where something is sure, 0 where it never is, and what holds both elsewhere."""
     return Interval(np.where(sure, 1.0, np.where(never, 0.0, 0.5)), np.where(sure | never, 0.0, 0.5))

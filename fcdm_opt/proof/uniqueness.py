@@ -225,9 +225,6 @@ def _independent(slopes: Array, count: int) -> list[int]:
     return sorted(kept[:count])
 
 
-# -------------------------------------------------------------------------------------------------------- equations
-
-
 def _equations(problem: Problem) -> Iterator[Equation]:
     """Yield the equations of all contacts."""
     for feature in problem.contacts:

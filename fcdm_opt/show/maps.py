@@ -110,9 +110,6 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
         axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
 
 
-# ---------------------------------------------------------------------------------------------------------------- yield
-
-
 @styled
 def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
     """Draw how the amounts of all pairs are spread about the budget, and what either body's tolerance contributes.

@@ -112,9 +112,6 @@ def before_after_figure(
     return sheet.figure
 
 
-# --------------------------------------------------------------------------------------------------- parts of a picture
-
-
 def plane(axes: Any, box: ArrayLike) -> None:
     """Set axes up as the plane of scales over a box."""
     (low_1, high_1), (low_2, high_2) = np.asarray(box, dtype=float)
@@ -193,9 +190,6 @@ def draw_points(axes: Any, problem: Problem, rho: Array | None, size: float) -> 
     for place, marker, extent, look, label in points:
         axes.plot(*place, marker=marker, markersize=extent * size, markeredgewidth=1.3 * size, linestyle="none",
                   zorder=5, label=label, **look)  # fmt: skip
-
-
-# -------------------------------------------------------------------------------------------------- the plane of scales
 
 
 def marked(problem: Problem, solution: Solution | None) -> list[Array]:

@@ -158,9 +158,6 @@ def write_stack(stack: StackUp, path: Path) -> None:
             table.writerow([words[what], "", *(getattr(by_name[name], what) for name in stack.names)])
 
 
-# ------------------------------------------------------------------------------------------------------------- pictures
-
-
 @styled
 def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: str = "") -> Figure:
     """Draw what each size contributes, and how the gap is spread about its limits.

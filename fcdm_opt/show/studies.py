@@ -107,9 +107,6 @@ class _StudyAmounts(NamedTuple):
         return self._replace(amounts=self.amounts[index], statuses=self.statuses[index])
 
 
-# ----------------------------------------------------------------------------------------------------- kinds of figures
-
-
 def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis], words: tuple[str, str]) -> Figure:
     """Draw the amount along one axis: the first of several other axes makes panels, the rest makes lines."""
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
@@ -196,9 +193,6 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
 def _look(k: int) -> dict[str, Any]:
     """Return colour and dashes of the k-th line."""
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[(k + k // len(COLOURS)) % len(DASHES)]}
-
-
-# ---------------------------------------------------------------------------------------------------- parts of a figure
 
 
 def _panels(

@@ -191,9 +191,6 @@ def _spans(coherent: CoherentRange, times: ContactTimes) -> str:
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
-# -------------------------------------------------------------------------------------------------------------- what if
-
-
 def print_case(file: str, problem: Problem) -> None:
     """Print which case is asked about, and once what its numbers are in."""
     console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")

@@ -41,9 +41,6 @@ UNUSABLE = {
 """Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
 
 
-# ------------------------------------------------------------------------------------------------------- words, numbers
-
-
 def number(value: float | None, digits: int = DIGITS) -> str:
     """Return a number; a dash for nan and None."""
     if value is None or math.isnan(value):
@@ -87,9 +84,6 @@ def status_text(status: str) -> str:
 def shortened(text: str, longest: int) -> str:
     """Return a text of at most so many letters, its end left out where it is longer."""
     return text if len(text) <= longest else f"{text[: longest - 3]}..."
-
-
-# ------------------------------------------------------------------------------------------------------------- question
 
 
 def asked_text(problem: Problem) -> str:
@@ -137,9 +131,6 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
     """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
     named = zip(parameter_units(problem), telling(problem, list(parameters.values())), strict=False)
     return [measured(f"{in_unit(x, unit):.{DIGITS}g}", unit if unit == "deg" else problem.unit) for unit, x in named]
-
-
-# --------------------------------------------------------------------------------------------------------------- answer
 
 
 def motion_text(solution: Solution, *, unit: bool = True) -> str:

@@ -922,13 +922,6 @@ def _lost(scene, path, hands, z, room):
 
 
 @kernel
-def _room(k):
-    """Return room for what is asked of a motion: parameters, pose and rates, lines, tracked pair, faults."""
-    faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
-    return np.empty(k), np.empty(12 * (k + 1)), np.empty((2, 1, 6)), np.empty((1, 2)), faults
-
-
-@kernel
 def merits(scene, hands, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
@@ -946,7 +939,9 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
         Of a stretch at whose end the contact is lost.
     """
     path, merits = scene[6], np.full(len(angles), 2.0 * FAR)
-    way, z, room = np.empty(2), np.empty(2), _room(2)
+    way, z = np.empty(2), np.empty(2)
+    faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
+    room = np.empty(2), np.empty(12 * 3), np.empty((2, 1, 6)), np.empty((1, 2)), faults
     looks = np.empty((3, len(path)))
     looks[:] = path
     looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it

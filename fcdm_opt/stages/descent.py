@@ -119,8 +119,6 @@ class Descent:
             numbers[k] = 1.0, hand, level
         return table, numbers, len(made)
 
-    # ------------------------------------------------------------------------------------------------- one descent
-
     def settle(
         self, starts: Array, enough: float, chosen: Sequence[Way] = (), closing: Parts | None = None
     ) -> Settled | None:
@@ -200,8 +198,6 @@ class Descent:
             return f"{pair} stays {'apart' if hand > 0 else 'in contact'} on the way"
         return f"{pair} stays apart" if hand > 0 else f"{pair} closes"
 
-    # ------------------------------------------------------------------------------------------------------- starts
-
     @cached_property
     def starts(self) -> Array:
         """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
@@ -217,16 +213,12 @@ class Descent:
         steps = [np.where(self.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
         return np.vstack([ways * own for own in steps])
 
-    # ------------------------------------------------------------------------------------------- tracked contact
-
     def least_tracked(self) -> Settled | None:
         """Return the least motion found that keeps the tracked contact, whatever the target pair's state."""
         best = self.settle(self.starts, np.inf)
         if best is None or best.amount > WIDE[-1]:
             best = self.settle(self._wide(), self._below(best)) or best
         return best
-
-    # ------------------------------------------------------------------------------------------- touch and clear
 
     def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
         """Return (amount to first order, site, separation) of the ways in which a part pair can come apart."""

@@ -48,9 +48,6 @@ class FirstContact(NamedTuple):
     clear_to: float
 
 
-# ------------------------------------------------------------------------------------------------------ one parameter
-
-
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
     if task.tracked or len(task.weights) != 1:
@@ -89,9 +86,6 @@ def _one_way(task: Task, steady: bool) -> Answer | None:
     others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.opponents[parts[1]].keep_out >= 0]
     stops = tuple(dict.fromkeys(map(task.named, others)))
     return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
-
-
-# ------------------------------------------------------------------------------------------------------ first contact
 
 
 def first_contact(
@@ -172,9 +166,6 @@ def _searched(task: Task, direction: Array, limit: float, start: float) -> First
             side = -side
         here, value, clear = ahead, there, cleared
     return FirstContact(math.inf, proved)
-
-
-# ------------------------------------------------------------------------------------------------------- steady rays
 
 
 def on_a_ray(task: Task, known: Answer | None) -> Answer | None:

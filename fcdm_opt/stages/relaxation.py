@@ -219,8 +219,6 @@ class Relaxation:
             features=len(lines) + len(self._features),
         )
 
-    # ------------------------------------------------------------------------------------------- kinds of constraints
-
     def _is_new(self, *key: object) -> bool:
         new = key not in self._known
         self._known.add(key)

@@ -16,19 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.curve.kernels import (
-    E1E2,
-    V1F2,
-    _at,
-    _cross,
-    _dot,
-    _entry,
-    _length,
-    _minus,
-    _times,
-    _turned,
-    _turned_back,
-)
+from fcdm_opt.curve.kernels import E1E2, V1F2, _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
 from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, placed, set_nearest
 
 HALVINGS = 40  # of the time for which two points stay near
@@ -152,7 +140,7 @@ def _near(way, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed, found):
+def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, found):
     """Set what holds at a pose: excess over the needed gap of the partner's parts and of the others, and times.
 
     found: partner's least excess, the others', how long the partner's state lasts (apart or not), and how long one of
@@ -227,7 +215,7 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
     """
     here, proved, sure = start, 0.0, True
     now, ahead = np.empty(4), np.empty(4)
-    _looked(way, here, ones, twos, offset, needs, partner, touch, slack, True, now)
+    _looked(way, here, ones, twos, offset, needs, partner, touch, True, now)
     side = -1.0 if now[0] < 0.0 else 1.0
     for turn in range(most):
         if here >= limit:
@@ -242,7 +230,7 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
         least = floor if turn >= EAGER else finest
         sure = sure and (step >= least or here + step >= limit)
         there = min(here + max(step, least), limit)
-        _looked(way, there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+        _looked(way, there, ones, twos, offset, needs, partner, touch, True, ahead)
         if forbidden and step >= least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
@@ -256,16 +244,16 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, middle, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+                _looked(way, middle, ones, twos, offset, needs, partner, touch, False, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, there, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+            _looked(way, there, ones, twos, offset, needs, partner, touch, False, ahead)
             if ahead[1] >= -slack:
                 return there, proved
-            _looked(way, there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+            _looked(way, there, ones, twos, offset, needs, partner, touch, True, ahead)
             side = -side
         here = there
         now[:] = ahead

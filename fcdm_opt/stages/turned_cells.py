@@ -346,11 +346,6 @@ def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, m
     return count
 
 
-@step
-def _ints(ways, k):
-    return ways[k, 1], ways[k, 2], ways[k, 3]
-
-
 @kernel
 def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch):
     """Return a lower bound for two edges that may be parallel somewhere in a cell.
@@ -402,9 +397,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
 
 
 @kernel
-def _gap_bound(
-    part1, part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
-):
+def _gap_bound(part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch):
     """Return a lower bound over a cell for a pair to touch, and where; x is the way between nearest points, in y.
 
     Along any direction n that may move with body 1, |y| >= separation / |M' n|. Taken are the n at the centre, fixed,
@@ -578,9 +571,8 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                 found, where = base, c
                 if _length(x) > 0.0:
                     found, where = _gap_bound(
-                        part1, part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, cut,
-                        scratch,
-                    )  # fmt: skip
+                        part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, cut, scratch
+                    )
                 if found < lowest:
                     lowest, place = found, where
             bound = max(bound, lowest)
@@ -598,7 +590,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
             turned1 = _mapped(part1[0], turn)
             lowest, place, leave, shallow, out = _INF, c, (FACE_1, 0, 0), _INF, (FACE_1, 0, 0)
             while entry < end:
-                way = _ints(pool, entry)
+                way = pool[entry, 1], pool[entry, 2], pool[entry, 3]
                 if pool[entry, 0] != k:
                     break
                 entry += 1
@@ -628,9 +620,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                 if found < lowest:
                     lowest, place, leave = found, where, way
             if more > 0.0 and shallow < radius * reach:
-                lowest = min(
-                    lowest, _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch)
-                )
+                lowest = min(lowest, _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch))
             bound = max(bound, lowest)
             if plain:
                 if shallow < _INF and (more == 0.0 or shallow > 0.0):
@@ -658,7 +648,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
 
 
 @kernel
-def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
+def _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
     """Return a lower bound over a cell for parts that are apart, but by less than they must be.
 
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.

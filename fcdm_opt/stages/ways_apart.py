@@ -143,9 +143,6 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
     return None if best is None else np.clip(best, low, high)
 
 
-# ------------------------------------------------------------------------------------------------------- linear rows
-
-
 class Linearised(NamedTuple):
     """A motion y and its rates: R and seed of body 1 about s_2, derivatives by y; gaps within `band` matter."""
 

@@ -64,9 +64,6 @@ def affine_rank(points: Sequence[Sequence[fmpz | fmpq]]) -> int:
     return rank([minus(point, points[0]) for point in points[1:]])
 
 
-# ------------------------------------------------------------------------------------------------- floats to integers
-
-
 def common_unit(*arrays: Array) -> int:
     """Return the exponent of the largest power of two that all entries are multiples of; 0 where all are zero."""
     entries = np.concatenate([array.ravel() for array in arrays])
@@ -104,9 +101,6 @@ def scale_pair(rho: Sequence[Number]) -> tuple[fmpq, fmpq]:
     if not (x > 0 and y > 0):
         raise InputError("scales are positive", key="rho", found=rho)
     return x, y
-
-
-# ------------------------------------------------------------------------------------------------- integers to floats
 
 
 def quotient(top: fmpz, bottom: fmpz) -> float:

@@ -74,8 +74,6 @@ class RefinedMesh(SizeMesh):
                 except StopIteration:
                     del asked[search]
 
-    # ----------------------------------------------------------------------------------------------------------- edges
-
     def _look(self, waiting: Sequence[Triangle]) -> None:
         """Look at the edges that have not been looked at."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
@@ -192,8 +190,6 @@ class RefinedMesh(SizeMesh):
                 return (end - start, change) if set(change.sets) == set(sets) else None
             reach *= WIDER
         return None
-
-    # ------------------------------------------------------------------------------------------------------- triangles
 
     def _judge(self, waiting: Sequence[Triangle], *, last: bool) -> None:
         """Finish the triangles that are good enough, and mark what is to be split of the others."""

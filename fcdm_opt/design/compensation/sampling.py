@@ -185,9 +185,6 @@ def covered(problem: Problem, box: Any, over: Any = None) -> tuple[tuple[str, ..
     return tuple(size.name for size in sizes) or SCALES, made
 
 
-# ------------------------------------------------------------------------------------------------- what holds them
-
-
 def active_set(solution: Solution) -> ActiveSet:
     """Return what holds the motion of a solution, read off the geometry: the same whichever stage found it."""
     if solution.status is Status.OUTSIDE_FIT:

@@ -13,17 +13,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.curve.games import game
-from fcdm_opt.curve.kernels import (
-    _at,
-    _dot,
-    _entry,
-    _length,
-    _minus,
-    _times,
-    _turned,
-    _turned_back,
-    facet_rows,
-)
+from fcdm_opt.curve.kernels import _at, _dot, _entry, _length, _minus, _times, _turned, _turned_back, facet_rows
 from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
@@ -55,9 +45,6 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
         count += len(own)
         first[p + 1] = count
     return rows[:count], first
-
-
-# ------------------------------------------------------------------------------------------------ one part pair's gap
 
 
 @step
@@ -129,9 +116,6 @@ def gaps_of_pairs(rows, first, sizes):
             x, y = sizes[k, 0], sizes[k, 1]
             found[p, k] = pair_gap(rows, first[p], first[p + 1], x, y, (0.0, 0.0, 0.0), _INF, ways[p, k])
     return found, ways
-
-
-# ------------------------------------------------------------------------------------------------ over a cell of poses
 
 
 @step

@@ -138,8 +138,6 @@ class Scene:
         gap, owner = kernels.least_gap(lines.rows, lines.first, rho[0], rho[1], (0.0, 0.0, 0.0), 0, way)
         return Extreme(float(gap), frozen(rho), _plain(lines.pairs[owner]), frozen(way))
 
-    # ------------------------------------------------------------------------------------------------ the largest gap
-
     def _most(self, lines: Lines, corners: Array, values: Array) -> tuple[Extreme, float]:
         """Return the largest gap over the box, and by how much a larger one is not ruled out.
 
@@ -177,8 +175,6 @@ class Scene:
         """Return what no mixture of corners (columns) exceeds against all part pairs (rows)."""
         shares = game(np.ascontiguousarray(-values))
         return float((shares @ values).max())
-
-    # -------------------------------------------------------------------------------------------------- the least gap
 
     def _least(self, lines: Lines, corners: Array, values: Array, ways: Array) -> Extreme:
         """Return the least gap over the box: in a corner whose subgradient leads out of the box, or by planes below."""

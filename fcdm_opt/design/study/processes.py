@@ -133,9 +133,6 @@ class _Process:
         self._process.wait()
 
 
-# ------------------------------------------------------------------------------------------------ in the process itself
-
-
 def _serve(handle: int, parent: int) -> None:
     """Do what is asked for, until there is nobody who asks. Keyboard interrupts are the parent's."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -131,8 +131,6 @@ class StudyResult(Shown):
             raise InputError(f"not a store of a study ({reason})", file=path) from reason
         return cls(definition=definition, study=study, version=version, points=points, answers=answers)
 
-    # ------------------------------------------------------------------------------------------------------ in numbers
-
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Label -> values, as `Study.axes`; the last one varies fastest in the order of the points."""
@@ -205,8 +203,6 @@ class StudyResult(Shown):
             "assembly_yield": plain(self.assembly_yield),
             "rows": plain(self.rows()),
         }
-
-    # ------------------------------------------------------------------------------------------------------- as tables
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for every point, in order, all with the same columns.
@@ -322,9 +318,6 @@ class StudyResult(Shown):
         return {} if key is None else self.answers.get(key, {})
 
 
-# ------------------------------------------------------------------------------------------------------------ the store
-
-
 def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
     together = _together(definition)
     return {
@@ -338,8 +331,6 @@ def _together(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     vary = definition["vary"]
     return {own["label"]: tuple(own["key"]) for own in vary if len(own["key"]) > 1 and not own.get("names")}
 
-
-# ---------------------------------------------------------------------------------------------------------- the columns
 
 OWN = {
     "number", "status", *PLAIN, "pair_gap", "pair_state", *LISTS, "stage", "key",

@@ -147,9 +147,6 @@ class StudyRun:
         self.made += made
 
 
-# ------------------------------------------------------------------------------------------------------------- engines
-
-
 def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
     """Refuse arguments of `run_study` that fit no engine."""
     if engine not in ENGINES:
@@ -207,9 +204,6 @@ def workers(
             return rows
 
         yield answers
-
-
-# ------------------------------------------------------------------------------------------------------ how far it is
 
 
 def pace(total: int, done: int, made: int, seconds: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.assembly_file import AssemblyFile
@@ -33,19 +33,15 @@ GridEntry = create_model(
 )
 
 
-class UniformEntry(Entry):
+class UniformEntry(Entry, title="Uniform"):
     """Numbers drawn evenly between two ends."""
-
-    model_config = ConfigDict(title="Uniform")
 
     low: Number = declared(..., "least number that is drawn, in the key's unit", 0.98)
     high: Number = declared(..., "largest number that is drawn, above low, in the key's unit", 1.02)
 
 
-class NormalEntry(Entry):
+class NormalEntry(Entry, title="Normal"):
     """Numbers drawn from a normal distribution that is cut off at both ends."""
-
-    model_config = ConfigDict(title="Normal")
 
     mean: Number = declared(..., "mean before the cut, in the key's unit", 1.0)
     deviation: Number = declared(..., "standard deviation > 0 before the cut, in the key's unit", 0.005)
@@ -53,10 +49,8 @@ class NormalEntry(Entry):
     high: Number = declared(..., "largest number that is drawn, above low, in the key's unit", 1.02)
 
 
-class CsvEntry(Entry):
+class CsvEntry(Entry, title="Measured values", json_schema_extra=one_of(("column",), ("columns",))):
     """Measured values: one column to draw from, or several whose rows are taken as they are."""
-
-    model_config = ConfigDict(title="Measured values", json_schema_extra=one_of(("column",), ("columns",)))
 
     file: str = declared(..., "path of a CSV file with a line of column names, relative to this file", "sizes.csv")
     column: str | None = declared(None, "name of the column to draw from", "peg")
@@ -79,10 +73,8 @@ class CsvEntry(Entry):
         return self
 
 
-class VaryEntry(Entry):
+class VaryEntry(Entry, title="What varies", json_schema_extra=one_of(*((way,) for way in WAYS))):
     """One variable of a study: which key takes which values."""
-
-    model_config = ConfigDict(title="What varies", json_schema_extra=one_of(*((way,) for way in WAYS)))
 
     key: Key | Annotated[list[Key], Field(min_length=1)] = declared(
         ...,
@@ -129,10 +121,8 @@ class VaryEntry(Entry):
         return self
 
 
-class YieldEntry(Entry):
+class YieldEntry(Entry, title="Yield"):
     """What counts as good."""
-
-    model_config = ConfigDict(title="Yield")
 
     budget: Annotated[Number, Field(ge=0.0)] = declared(
         ..., "largest amount >= 0 of a motion that is affordable, length units", 0.25
@@ -170,10 +160,8 @@ class StudyArguments(Entry):
     )
 
 
-class _StudyFile(StudyArguments):
+class _StudyFile(StudyArguments, title="Study file"):
     """A whole study file: a problem file, and what varies of it."""
-
-    model_config = ConfigDict(title="Study file")
 
     problem: str = declared(
         ..., 'path of the problem file, relative to this file: "../example1.toml"', "../peg_square.toml"

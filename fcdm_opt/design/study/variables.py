@@ -159,9 +159,6 @@ def _values(entry: Any, keys: tuple[str, ...], folder: Path) -> tuple[str, Any]:
     return "csv", rows if len(keys) > 1 else [row[0] for row in rows]
 
 
-# --------------------------------------------------------------------------------------------------- grids and draws
-
-
 def shares(sampling: str, count: int, dimensions: int, *, seed: int) -> Array:
     """Return points of the unit cube, (dimensions, count), the same for the same seed.
 

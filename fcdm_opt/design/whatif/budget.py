@@ -231,9 +231,6 @@ def _shape(problem: Problem) -> Array:
     return table / float(table.max())
 
 
-# --------------------------------------------------------------------------------------------------------- the search
-
-
 class _Point(NamedTuple):
     """A tolerance that was solved."""
 

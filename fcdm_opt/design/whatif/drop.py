@@ -8,14 +8,7 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import ClassVar
 
-from fcdm_opt.design.whatif.constraints import (
-    Constraint,
-    PlainMotion,
-    constraints,
-    excesses,
-    problem_of,
-    without,
-)
+from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, problem_of, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem

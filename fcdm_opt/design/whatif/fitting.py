@@ -82,9 +82,6 @@ def fits_up_to(problem: Problem) -> float | None:
     return share * float(problem.tolerance.max())
 
 
-# -------------------------------------------------------------------------------------------------- nested questions
-
-
 class Order(Enum):
     """How the good tolerances of a requirement lie."""
 

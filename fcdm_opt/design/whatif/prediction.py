@@ -69,9 +69,6 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
 
 
-# ------------------------------------------------------------------------------------------------------ what changed
-
-
 def _discrete(old: Problem, new: Problem) -> Told:
     """Yield changes that no derivative speaks of."""
     for name in DISCRETE:
@@ -173,9 +170,6 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
         yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
     else:
         yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
-
-
-# ------------------------------------------------------------------------------------------------------------ bodies
 
 
 def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:

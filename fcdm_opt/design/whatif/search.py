@@ -178,8 +178,6 @@ class ClashSearch:
         """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
         return any(names <= kept for kept in self.kept) or self.alone(names).verified
 
-    # ----------------------------------------------------------------------------------------------------- clashes
-
     def smallest(self, whole: Solution) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
 
@@ -238,8 +236,6 @@ class ClashSearch:
         closed = frozenset().union(*(level for level, name in self.chosen.items() if name in clash.names))
         status = self.solved(without(self.problem, self.names - closed), certify=True).status
         return replace(clash, proved=status is Status.INFEASIBLE, status=status)
-
-    # ------------------------------------------------------------------------------------------------- relaxations
 
     def least_relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept."""

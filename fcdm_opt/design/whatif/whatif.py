@@ -144,9 +144,6 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
     return dropped
 
 
-# ------------------------------------------------------------------------------------------------------- differences
-
-
 def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
     weights = {

@@ -112,9 +112,6 @@ def _configurations(solution: Solution) -> list[str]:
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
 
 
-# -------------------------------------------------------------------------------------------------------------- grounds
-
-
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
     listed = [("movable", problem.movable, ""), ("static", problem.static, "")]
     for keep_out in problem.keep_out:
@@ -175,9 +172,6 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if none:
         text += f"; no derivative by {listed(none) if len(none) <= MOST_TOLD else f'{len(none)} data'}"
     return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
-
-
-# ------------------------------------------------------------------------------------------------------------- pictures
 
 
 def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str, Any]:

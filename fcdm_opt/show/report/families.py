@@ -113,9 +113,6 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------------- coarse to fine
-
-
 def _family(
     frame: Callable[[float], dict[str, Any] | None],
     values: Sequence[float],

@@ -217,9 +217,6 @@ def _place(shares: list[Array]) -> Array:
     return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
 
-# ----------------------------------------------------------------------------------------------------- bodies, elements
-
-
 def scene(problem: Problem) -> dict[str, Any]:
     """Return all bodies of a problem as triangles and true edges; keep-outs at their largest scale.
 

@@ -72,9 +72,6 @@ def page(payload: Data) -> str:
     )
 
 
-# ----------------------------------------------------------------------------------------------------------- assemblies
-
-
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
     """Return the report on assemblies as one self-contained HTML text, without scripts.
 
@@ -133,9 +130,6 @@ def _touching(one: Body, two: Body, solution: Solution) -> str:
     """Return what touches, in words."""
     pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
-
-
-# -------------------------------------------------------------------------------------------------------------- studies
 
 
 def study_page(result: StudyResult) -> str:
