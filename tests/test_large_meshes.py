@@ -7,6 +7,7 @@ import pytest
 from test_decomposition import VOXELS, surface_of
 
 import fcdm_opt as fo
+from fcdm_opt.drafting.choice import chosen
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.crossings import overlapping
@@ -183,3 +184,35 @@ def test_boxes_that_overlap_are_found_as_by_comparing_all() -> None:
         listed = [tuple(pair) for block in found for pair in block]
         assert len(listed) == len(set(listed))
         assert set(listed) == wanted
+
+
+def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift() -> None:
+    """The plate grows about its middle and takes its pin along: the ring must follow aside, or it does not seat."""
+    from manifold3d import Manifold
+
+    def meshed(solid: Manifold, name: str) -> fo.Body:
+        mesh = solid.to_mesh64()
+        return fo.Body.from_mesh(
+            np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), decomposition="surface", name=name
+        )
+
+    pin = Manifold.cylinder(12.0, 4.0, 4.0, 48).translate((50.0, 0.0, 0.0))
+    plate = meshed(Manifold.cube((140.0, 60.0, 5.0)).translate((-70.0, -30.0, -5.0)) + pin, "plate")
+    ring = Manifold.cylinder(6.0, 9.0, 9.0, 48) - Manifold.cylinder(20.0, 4.2, 4.2, 48).translate((0, 0, -5.0))
+    situation = Situation(meshed(ring.translate((50.0, 0.0, 0.0)), "ring"), plate)
+    choice = chosen(situation)
+    assert choice.goal == "seat"
+    assert len(choice.motion.steps) == 3
+    assert sorted(choice.usable) == ["A", "B", "C", "D"]
+    middle = plate.seed[2]
+    for letter, (one, two) in {"A": (1.02, 1.02), "D": (0.98, 0.98)}.items():
+        answer = choice.usable[letter]
+        up = (
+            -(two - 1.0) * middle + (one - 1.0) * 3.0
+        )  # the plate's top about its seed, the ring's bottom about its own
+        assert answer.parameters["TZ"] == pytest.approx(up, abs=1e-9)
+        least = abs((two - 1.0) * (50.0 - plate.seed[0])) - (4.2 * one - 4.0 * two)
+        assert abs(answer.parameters["TX"]) >= least - 1e-9
+        assert answer.lower_bound == pytest.approx(answer.amount, rel=1e-9)
+        unasked = fo.solve(answer.problem.changed(contacts=None))  # whole faces, where no contact is named
+        assert unasked.amount == pytest.approx(answer.amount, rel=1e-9)

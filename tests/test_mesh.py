@@ -546,3 +546,25 @@ def test_the_same_pairs_are_found_among_many_triangles(seed):
         assert (min(one, two), max(one, two)) in wrong
         left = left[left != one]
     assert not wrong & set(itertools.combinations(left.tolist(), 2))
+
+
+def folded(by: float) -> tuple[np.ndarray, list[list[int]]]:
+    """Return a unit cube whose lid is four triangles about a point that lies so far out over an edge of it."""
+    corners = np.array([*((x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))), (0.5, -by, 1.0)])
+    sides = [[k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4] for k in range(4)]
+    lid = [[4 + k, 4 + (k + 1) % 4, 8] for k in range(4)]
+    return corners, [[3, 2, 1, 0], *sides, *lid]
+
+
+@pytest.mark.parametrize("by", [1e-8, 1e-5])
+def test_a_sliver_folded_over_an_edge_falls_away_and_it_is_said_how_far_the_surface_moved(by: float) -> None:
+    mesh = checked_mesh(*folded(by), name="cube")
+    assert any("folded" in repair for repair in mesh.repairs)
+    assert by / 2.0 <= mesh.moved <= 1e-4
+    assert mesh.volume == pytest.approx(1.0, abs=2.0 * by)
+    assert first_crossing(mesh.vertices, mesh.triangles, 1e-12) is None
+
+
+def test_a_wide_fold_is_refused_by_face_and_place() -> None:
+    with pytest.raises(InputError, match=r"body 'cube': faces \d+ and \d+ cross, overlap"):
+        checked_mesh(*folded(0.01), name="cube")

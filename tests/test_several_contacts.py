@@ -7,6 +7,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from ordinary import box
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation as Turn
 
@@ -572,3 +573,16 @@ def test_a_corner_that_a_size_splits_stands_with_those_that_it_becomes(moved: fl
     assert solution.usable
     # the side's plane goes up the middle of the side across by half of sqrt(5) times as much
     assert solution.parameters["TZ"] == pytest.approx(min(0.0, 1.25**0.5 * moved), abs=1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.004])
+def test_a_flush_contact_is_brought_back_beside_a_wall_that_stands_in_the_way(gap: float) -> None:
+    """A cube 2 % larger about its middle: up by 0.01, and aside by what it grows into the wall; nothing less does."""
+    cube = box((gap, 0, 0), (1 + gap, 1, 1), "cube")
+    corner = fo.Body.from_parts(
+        [box((-1, -3, -1), (4, 4, 0)).vertices, box((-1, -3, 0), (0, 4, 4)).vertices], seed=(0, 0, 0), name="corner"
+    )
+    solution = fo.solve(fo.Problem(cube, corner, target=(1.02, 1.0), motion=SHIFTS, goal="seat", pair="touch"))
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx([0.01 - gap, 0.0, 0.01], abs=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)

@@ -159,7 +159,7 @@ def _made_anew(surface: Faces, triangles: Ints, shell: Ints, slack: float) -> It
     if joined is not None and not any(first_crossing(surface.points, some, slack) for some in own):
         return None if joined.triangles is None else [joined]
     finest = DEFAULT.fold * float(np.ptp(surface.points, axis=0).max())
-    return (simplified(surface.points, triangles, share * finest) for share in FOLDS)
+    return (simplified(surface.points, triangles, share * finest, 2.0 * finest) for share in FOLDS)
 
 
 def _first_solid(surfaces: Iterable[JoinedShells | None], given: Faces, name: str) -> Mesh | None:

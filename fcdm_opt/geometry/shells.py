@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.measures import volume_and_centroid
+from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.tolerances import DEFAULT
 
 
@@ -80,8 +82,8 @@ def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShell
     return JoinedShells(*made, float(whole.get_tolerance()), remark)
 
 
-def simplified(points: Array, triangles: Ints, off: float) -> JoinedShells | None:
-    """Return a closed surface without what is finer than `off`, by manifold3d; None where that cannot be told.
+def simplified(points: Array, triangles: Ints, off: float, most: float) -> JoinedShells | None:
+    """Return a closed surface without what is finer than `off`, by manifold3d; None where it moves by more than `most`.
 
     Coordinates rounded to a file's digits leave slivers that are folded over their neighbours or pierce them: these
     fall away with their shortest edges.
@@ -93,9 +95,37 @@ def simplified(points: Array, triangles: Ints, off: float) -> JoinedShells | Non
     if given.status() != Error.NoError or solid.is_empty():
         return None
     mesh = solid.to_mesh64()
-    made = np.asarray(mesh.tri_verts).astype(np.int64)
+    places, made = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    # corners that fell away and edges that are new: how far either surface is from the other, nearly
+    every, rows = np.unique(np.concatenate([points, places]), axis=0, return_inverse=True)
+    old, new = rows[: len(points)][triangles], rows[len(points) :][made]
+    fallen = every[np.setdiff1d(old, new)]
+    a, b = every[
+        np.setdiff1d(_edges(new, len(every)), _edges(old, len(every)))[:, None] // [len(every), 1] % len(every)
+    ].swapaxes(0, 1)
+    beside = np.concatenate([(1.0 - share) * a + share * b for share in (0.25, 0.5, 0.75)])
+    far = max(_farthest(fallen, every[new], most), _farthest(beside, every[old], most))
+    if far > most:
+        return None
     remark = (
         f"{len(triangles)} triangles made {len(made)}, some being folded or pierced by others: the surface moved by "
-        f"less than {off / np.ptp(points, axis=0).max():.2g} of its size"
+        f"{far / np.ptp(points, axis=0).max():.2g} of its size"
     )
-    return JoinedShells(np.asarray(mesh.vert_properties)[:, :3], made, off, remark)
+    return JoinedShells(places, made, far, remark)
+
+
+def _farthest(points: Array, surface: Array, most: float) -> float:
+    """Return how far the farthest of some points is from triangles, (t, 3, 3); infinite beyond `most`."""
+    near = np.full(len(points), np.inf)
+    low = np.concatenate([points - most, surface.min(axis=1)])
+    high = np.concatenate([points + most, surface.max(axis=1)])
+    for one, two in overlapping(low, high, np.repeat([0, 1], [len(points), len(surface)])):
+        own, other = np.minimum(one, two), np.maximum(one, two) - len(points)
+        np.minimum.at(near, own, distances(points[own][:, None], surface[other])[:, 0])
+    return float(np.where(near <= most, near, np.inf).max(initial=0.0))
+
+
+def _edges(triangles: Ints, count: int) -> Ints:
+    """Return the edges of triangles of `count` points, as numbers: the lower row times the count, and the other."""
+    ends = np.sort(np.stack([triangles, np.roll(triangles, 1, axis=1)]), axis=0)
+    return np.unique(ends[0] * count + ends[1])

@@ -52,11 +52,11 @@ def together(task: Task) -> Answer | None:
     if task.goal == FIT:
         return _fitted(task)
     own = System.of(task)
-    z, none = least([own])
+    z, sure = least([own])
     if z is not None:
-        return _answered(own, z)
+        return _answered(own, z, exact=sure)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    if none and own.exact:
+    if sure:
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -66,19 +66,18 @@ def among_others(task: Task) -> Answer | None:
 
     Of the motions that the lines leave free, as "shift" finds them, the least on which no other parts overlap: exact.
     """
-    own = System(task, (*task.tracked, *task.besides))
-    if task.joints or task.goal not in ("at", "seat") or not own.exact:
+    if task.joints or task.goal not in ("at", "seat") or not task.motion.shifts:
         return None
-    z, none = least([own])
-    if z is not None:
-        return _answered(own, z)
-    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if none else None
+    own = System(task, (*task.tracked, *task.besides))
+    z, sure = least([own])
+    if not sure:
+        return None
+    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if z is None else _answered(own, z, exact=True)
 
 
-def _answered(own: System, z: Array) -> Answer:
+def _answered(own: System, z: Array, *, exact: bool) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
-    exact = own.exact
     count = len(task.joints) or 1
     beside = [task.opponents[j].keep_out >= 0 for j in range(len(task.opponents))]
     at_need = np.abs(task.pair_gaps(q) - task.needs) <= DEFAULT.active * task.size
@@ -111,13 +110,11 @@ def all_at_once(
         Look for a bound where motions turn.
     """
     systems = [System.of(task) for task in tasks]
-    exact = all(own.exact for own in systems)
     stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
-    z, none = least(systems)
-    none = none and exact
+    z, exact = least(systems)
     if z is None:
-        status = Status.INFEASIBLE if none else Status.NOT_FOUND
-        return Answer(status, None, stage, np.inf if none else known, _Told(systems, names).sentences())
+        status = Status.INFEASIBLE if exact else Status.NOT_FOUND
+        return Answer(status, None, stage, np.inf if exact else known, _Told(systems, names).sentences())
     q = systems[0].q(z)
     amount = float(np.linalg.norm(tasks[0].weights * q))
     bound = amount if exact else known
@@ -226,11 +223,6 @@ class System:
         """Return the motion parameters."""
         task = self.task
         return np.clip(z * task.size / task.weights, *task.limits.T)
-
-    @property
-    def exact(self) -> bool:
-        """Whether the least motion is found exactly: nothing turns, and nothing is to stay away further than apart."""
-        return self.task.motion.shifts and not (self.task.needs > 0.0).any()
 
     @cached_property
     def moving(self) -> Bools:
@@ -351,7 +343,8 @@ class System:
 def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
 
-    Without one, whether none does: of motions that turn Newton's method may have missed one, and never tells.
+    None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
+    may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
@@ -360,14 +353,22 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
     for _ in range(STEPS):
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
-        closing = systems if exact and blocked else touching
-        choices = Choices.of([], len(z)).and_also(
-            *(own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q) for k, own in enumerate(systems)),
-            *(own.closings(first.start if exact else q) for own in closing),
-        )
-        found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
+        sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
+        only = exact and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum()
+        if only and not blocked:  # what no motion is left to part needs no way apart
+            found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
+        else:
+            closing = systems if exact and blocked else touching
+            choices = Choices.of([], len(z)).and_also(
+                *(
+                    own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q)
+                    for k, own in enumerate(systems)
+                ),
+                *(own.closings(first.start if exact else q) for own in closing),
+            )
+            found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
-            return None, exact and complete
+            return None, sure and complete
         step, z = float(np.abs(found - z).max()), found
         if step > CONTRACTED and not exact:
             continue
@@ -377,8 +378,8 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
                 return None, False
             continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
-            return (z if exact or blocked or touching else _polished(systems, z)), False
-        if exact and not touching and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum():
+            return (z if exact or blocked or touching else _polished(systems, z)), sure
+        if only:
             return None, not all(own.meets(q, DEFAULT.line) for own in systems)
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
