@@ -18,7 +18,7 @@ from strategies import random_rotation
 
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats, read_mesh
+from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
@@ -30,6 +30,11 @@ TURN = Rotation.from_rotvec([0.3, 0.5, 0.7]).as_matrix()
 L_ENDS = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 L_POINTS = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in np.roll(L_ENDS, 2, axis=0)])
 L_FACES = [tuple(range(6))[::-1], tuple(range(6, 12)), *((k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6) for k in range(6))]
+
+
+def read_mesh(path, **options):
+    """Return vertices and faces of a mesh file."""
+    return drawn_mesh(path, **options)[:2]
 
 
 def obj(points, faces, corner=str):

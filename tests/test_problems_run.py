@@ -80,7 +80,7 @@ def test_every_mesh_is_used_and_every_format_but_step_occurs():
 @pytest.mark.parametrize("name", VOLUMES)
 def test_a_mesh_needs_no_repair_and_has_its_volume(name):
     path = PROBLEMS / "meshes" / name
-    vertices, faces = fo.geometry.files.read_mesh(path, unit="mm")
+    vertices, faces, *_ = fo.geometry.files.drawn_mesh(path, unit="mm")
     mesh = fo.geometry.mesh.checked_mesh(vertices, faces)
     assert mesh.volume == pytest.approx(VOLUMES[name], rel=1e-12)
     assert mesh.repairs == ()

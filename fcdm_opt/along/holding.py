@@ -6,7 +6,6 @@ apart the pair may leave either, of two pairs that touch either may be the one t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,7 +25,6 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Parts, Task
-from fcdm_opt.problem.problem import MOST_TURNED
 from fcdm_opt.tolerances import DEFAULT
 
 LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # elements of a site
@@ -269,13 +267,11 @@ class Holding:
     def _coherence(self) -> list[Alternatives]:
         """Return what keeps the tracked contact real at its end, and at the points of the way that are looked at."""
         task = self.task
-        turned = sum(abs(x) for (_, kind), x in zip(task.motion.parameters, self.q, strict=True) if kind == "rotation")
-        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
         groups: list[Alternatives] = []
-        for s in np.linspace(1.0, 0.0, count + 1)[: count if task.coherent else 1]:
+        for s in task.path_positions(self.q) if task.coherent else [1.0]:
             rho, pose, tracked = task.tracked_contact(self.q, s)
             if np.isfinite(rho).all() and rho.min() > 0:
-                groups += self._real(float(s), rho, pose, tracked)
+                groups += self._real(s, rho, pose, tracked)
         return groups
 
     def _real(self, s: float, rho: Array, pose: Array, tracked: tuple[Tracked, ...]) -> list[Alternatives]:

@@ -31,11 +31,6 @@ NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000
 Drawn = tuple[Array, list[Polygon]]
 
 
-def read_mesh(path: str | Path, *, unit: str, file_unit: str | None = None) -> Drawn:
-    """Return vertices and faces from a mesh or STEP file: the first two of what `drawn_mesh` returns."""
-    return drawn_mesh(path, unit=unit, file_unit=file_unit)[:2]
-
-
 def drawn_mesh(
     path: str | Path, *, unit: str, file_unit: str | None = None
 ) -> tuple[Array, list[Polygon], tuple[str, ...], float]:

@@ -608,9 +608,9 @@ class Task:
         if not self.coherent:
             return (1.0,)
         found = self._telling_shift(q) if self.motion.shifts_by(q) else None
-        return self._along(q) if found is None else found
+        return self.path_positions(q) if found is None else found
 
-    def _along(self, q: Array) -> list[float]:
+    def path_positions(self, q: Array) -> list[float]:
         """Return path positions, from the end back, near enough to one another."""
         turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
@@ -643,7 +643,7 @@ class Task:
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None and (one.elements.spans or two.elements.spans):
-                places = self._along(q)
+                places = self.path_positions(q)
                 ways = [self.tracked_contact(q, s)[1::-1] for s in places]
                 contact = supporting_contact(one, two, feature.normal, ways[0][0])
                 names = features_along(one, two, contact, ways)

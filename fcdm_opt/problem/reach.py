@@ -29,10 +29,11 @@ FEW = 10_000  # part pairs that are all modelled
 AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
-FIRST, FARTHEST = 1e-3, 0.3  # of the size: how near parts are that are taken up where those modelled never touch
+DISTANCES = 1e-3 * 2.0 ** np.arange(9)  # of the size: how near parts are taken up where those modelled never touch
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
 Rows = tuple[Ints, Ints]
+Reason = tuple[Ints, Array]  # pairs of parts that matter, -1 for a keep-out, and how far apart they are
 _FIRST: WeakKeyDictionary[Body, dict[tuple[Any, ...], tuple[Body, Body]]] = WeakKeyDictionary()
 
 
@@ -125,54 +126,57 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     movable, static = problem.movable.whole, problem.static.whole
     if movable is None or static is None:
         return None
-    kept = [np.isin(np.arange(len(body.parts)), own.rows) for body, own in _bodies(problem)]
-    size, found = problem.size, [np.empty((0, 2), np.int64)]
-    clear = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
-    pose = np.eye(4) if transform is None else transform
-    near = _near(movable, static, problem.target, pose, clear + DEFAULT.cut * size, crossing=not clear)
-    depth = near.heights.max(axis=1) - clear
-    found.append(_new(near.parts[depth < -DEFAULT.cut * size], depth[depth < -DEFAULT.cut * size], kept, most))
+    known, pose = (problem.movable.rows, problem.static.rows), np.eye(4) if transform is None else transform
+    kept = [np.isin(np.arange(len(own.parts)), rows) for own, rows in zip((movable, static), known, strict=True)]
+    reasons = [_overlapping(problem, movable, static, pose), *_beside_keep_outs(problem, movable, pose)]
+    found = [_new(*reason, kept, most) for reason in reasons]
     if "touch" in (problem.goal, problem.pair) and not problem.contacts:
-        fastest = float(np.linalg.norm(_rates(problem) / problem.weights))
-        shifts = _shifts(problem) if problem.motion.shifts else np.empty((0, 3))
-        line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
-        for most_amount in [amount] if math.isfinite(amount) else _farther(problem, near, fastest):
-            near = _near(movable, static, problem.target, np.eye(4), fastest * most_amount)
-            near = near.some(_unknown(near.parts, kept))
-            needed = near.furthest(_along(problem), DEFAULT.cut * size, most_amount, line)
-            sooner = needed < most_amount * (1.0 - DEFAULT.nominal)
-            found.append(_new(near.parts[sooner], needed[sooner], kept, most))
-            if len(found[-1]):
-                break
+        sooner = (_new(*reason, kept, most) for reason in _touching_sooner(problem, movable, static, amount, kept))
+        found += next(([new] for new in sooner if len(new)), [])
+    new = np.concatenate(found)
+    if not len(new):
+        return None
+    # those known keep their numbers, see `Problem.with_parts`
+    more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
+    return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+
+
+def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> Reason:
+    """Return the parts that overlap at a pose, or are nearer each other than they must be."""
+    clear = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+    slack = DEFAULT.cut * problem.size
+    near = _near(movable, static, problem.target, pose, clear + slack, crossing=not clear)
+    depth = near.heights.max(axis=1) - clear
+    return near.parts[depth < -slack], depth[depth < -slack]
+
+
+def _beside_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[Reason]:
+    """Yield the parts of body 1 that are too near a keep-out at a pose, for each and either end of its scales."""
     for keep_out in problem.keep_out:
         for scale in keep_out.ends:
             near = _near(movable, keep_out.body, np.array([problem.target[0], scale]), pose, keep_out.clearance)
             depth = near.heights.max(axis=1) - keep_out.clearance
             rows = near.parts[depth < 0.0]
             rows[:, 1] = -1
-            found.append(_new(rows, depth[depth < 0.0], kept, most))
-    new = np.concatenate(found)
-    if not len(new):
-        return None
-    known = problem.movable.rows, problem.static.rows  # these keep their numbers, see `Problem.with_parts`
-    more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
-    return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+            yield rows, depth[depth < 0.0]
 
 
-def _farther(problem: Problem, near: NearFacets, fastest: float) -> Iterator[float]:
-    """Yield larger and larger amounts within which parts are looked for that may touch, where none known does."""
-    amount = max(FIRST, float(near.heights.max(axis=1).min(initial=0.0) / problem.size)) * problem.size / fastest
-    while amount * fastest <= FARTHEST * problem.size:
-        yield amount
-        amount *= 2.0
+def _touching_sooner(
+    problem: Problem, movable: Body, static: Body, amount: float, kept: list[Flags]
+) -> Iterator[Reason]:
+    """Yield parts not modelled that may touch after a motion of less than an amount.
 
-
-def _bodies(problem: Problem) -> tuple[tuple[Body, Body], tuple[Body, Body]]:
-    """Return both bodies, each as a whole and as modelled."""
-    (one, two), own = (problem.movable.whole, problem.static.whole), (problem.movable, problem.static)
-    assert one is not None
-    assert two is not None
-    return (one, own[0]), (two, own[1])
+    Of an infinite one within larger and larger ones, as far as anything is looked for.
+    """
+    fastest, size = float(np.linalg.norm(_rates(problem) / problem.weights)), problem.size
+    shifts = _shifts(problem) if problem.motion.shifts else np.empty((0, 3))
+    line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
+    for largest in [amount] if math.isfinite(amount) else (DISTANCES * size / fastest).tolist():
+        near = _near(movable, static, problem.target, np.eye(4), fastest * largest)
+        near = near.some(_unknown(near.parts, kept))
+        needed = near.furthest(_along(shifts, fastest), DEFAULT.cut * size, largest, line)
+        sooner = needed < largest * (1.0 - DEFAULT.nominal)
+        yield near.parts[sooner], needed[sooner]
 
 
 def _unknown(pairs: Ints, kept: list[Flags]) -> Flags:
@@ -189,15 +193,13 @@ def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
     return np.asarray(pairs[first[:most]])
 
 
-def _along(problem: Problem) -> Callable[[Array], Array]:
+def _along(shifts: Array, fastest: float) -> Callable[[Array], Array]:
     """Return what tells how far a unit of amount displaces points of body 1 along unit vectors, (m, 3), at most.
 
     A column for each way to move: both of a single shift, one for all of other motions.
     """
-    if not problem.motion.shifts:
-        fastest = float(np.linalg.norm(_rates(problem) / problem.weights))
+    if not len(shifts):
         return lambda ways: np.full((len(ways), 1), fastest)
-    shifts = _shifts(problem)
     if len(shifts) == 1:
         return lambda ways: ways @ np.vstack([shifts, -shifts]).T
     return lambda ways: np.linalg.norm(ways @ shifts.T, axis=1, keepdims=True)

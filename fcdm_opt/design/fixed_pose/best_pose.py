@@ -213,7 +213,22 @@ def best_pose(
         bound = min(_proved(search), value)
     done = value - bound <= max(accuracy * abs(value), slack)
     status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
-    return _told(worst, best, status, value, bound, done, asked, search, time.perf_counter() - start)
+    ends, transform = best.off.extremes, worst.transform(best.q)
+    least, most = (EndOfRange.of(worst.scene, best.off.lines, end) for end in (ends.least, ends.most))
+    return _told(
+        problem, best.q, least, most, best.off.value, start,
+        status=status,
+        transform=frozen(transform),
+        amount=best.amount,
+        value=value,
+        lower_bound=bound,
+        certified=bool(done),
+        cells=len(search.nodes),
+        checks=judged(problem, asked, transform, least.gap, most.gap, (ends.least.rho, ends.most.rho)),
+        sizes=asked,
+        window=(low, high),
+        evidence=PoseEvidence.of(search) if search.nodes else None,
+    )  # fmt: skip
 
 
 def _of_sizes(
@@ -224,19 +239,14 @@ def _of_sizes(
     q, ends, slack = outcome.q + 0.0, outcome.range, problem.contact_slack
     amount = float(np.linalg.norm(problem.weights * q))
     value = amount if inside else ends.off
-    names = [parameter.name for parameter in problem.motion.parameters]
     transform = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
     failed = NONE if outcome.bound > slack else UNDECIDED
-    return BestPose(
+    least, most = (EndOfRange.of_sizes(outcome.touching, *end) for end in (ends.least, ends.most))
+    return _told(
+        problem, q, least, most, ends.off, start,
         status=(INSIDE if inside else failed) if windowed else BEST,
-        parameters=dict(zip(names, q.tolist(), strict=True)),
-        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
         transform=frozen(transform),
         amount=amount,
-        worst_gap=max(abs(ends.least[0]), abs(ends.most[0])),
-        violation=max(ends.off, 0.0),
-        least=EndOfRange.of_sizes(outcome.touching, *ends.least),
-        most=EndOfRange.of_sizes(outcome.touching, *ends.most),
         value=value,
         lower_bound=min(outcome.bound, value),
         certified=bool(value - outcome.bound <= max(accuracy * abs(value), slack)),
@@ -245,9 +255,7 @@ def _of_sizes(
         sizes=Sizes(outcome.touching.box),
         window=(low, high),
         evidence=None,
-        seconds=time.perf_counter() - start,
-        unit=problem.unit,
-    )
+    )  # fmt: skip
 
 
 def _confirmed(problem: Problem, transform: Array, ends: named.GapRange, slack: float) -> tuple[Check, ...]:
@@ -270,11 +278,14 @@ def _confirmed(problem: Problem, transform: Array, ends: named.GapRange, slack: 
     def off(gap: float, told: float) -> float:
         return told - gap if told > 0.0 else abs(told - gap)
 
-    errors = (
-        ("least gap", off(gaps[0], least), "at the sizes named"),
-        ("largest gap", off(gaps[1], most), "at the sizes named"),
-        ("range", max(least - min(gaps), min(max(gaps[2:]), 0.0) - most), f"at {MADE} other sizes"),
-    )
+    beyond = max(least - min(gaps), min(max(gaps[2:]), 0.0) - most)
+    return _checks(off(gaps[0], least), off(gaps[1], most), beyond, slack, MADE)
+
+
+def _checks(least: float, most: float, beyond: float, slack: float, others: int) -> tuple[Check, ...]:
+    """Return the checks of a range of the gap: how far off either end is, and how far others are beyond them."""
+    named = (("least gap", least, "at the sizes named"), ("largest gap", most, "at the sizes named"))
+    errors = (*named, ("range", beyond, f"at {others} other sizes"))
     return tuple(Check(name, bool(error <= slack), float(error), slack, note) for name, error, note in errors)
 
 
@@ -323,41 +334,20 @@ def _bounded(worst: Worst, limits: Array) -> Array:
 
 
 def _told(
-    worst: Worst,
-    best: Found,
-    status: str,
-    value: float,
-    bound: float,
-    done: bool,
-    sizes: Sizes,
-    search: Search,
-    seconds: float,
+    problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
 ) -> BestPose:
-    """Return the result, with the collision library's word on the pose."""
-    problem, scene, off = worst.problem, worst.scene, best.off
-    ends = off.extremes
-    transform = worst.transform(best.q)
-    names = [parameter.name for parameter in problem.motion.parameters]
+    """Return the result for a pose, by the ends of the range of its gaps and how far they are off the window."""
+    parameters, q = [parameter.name for parameter in problem.motion.parameters], q + 0.0
     return BestPose(
-        status=status,
-        parameters=dict(zip(names, (best.q + 0.0).tolist(), strict=True)),
-        motion=problem.motion.describe((best.q + 0.0).tolist(), unit=problem.unit),
-        transform=frozen(transform),
-        amount=best.amount,
-        worst_gap=max(abs(ends.least.gap), abs(ends.most.gap)),
-        violation=max(off.value, 0.0),
-        least=EndOfRange.of(scene, off.lines, ends.least),
-        most=EndOfRange.of(scene, off.lines, ends.most),
-        value=value,
-        lower_bound=bound,
-        certified=bool(done),
-        cells=len(search.nodes),
-        checks=judged(problem, sizes, transform, ends.least.gap, ends.most.gap, (ends.least.rho, ends.most.rho)),
-        sizes=sizes,
-        window=(worst.low, worst.high),
-        evidence=PoseEvidence.of(search) if search.nodes else None,
-        seconds=seconds,
+        parameters=dict(zip(parameters, q.tolist(), strict=True)),
+        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
+        worst_gap=max(abs(least.gap), abs(most.gap)),
+        violation=max(off, 0.0),
+        least=least,
+        most=most,
+        seconds=time.perf_counter() - start,
         unit=problem.unit,
+        **told,
     )
 
 
@@ -379,9 +369,5 @@ def judged(
     asked = np.vstack([*extremes, others])
     gaps = ScaledPair(problem.movable, problem.static).signed_distances(asked, np.tile(transform, (len(asked), 1, 1)))
     slack = max(problem.contact_slack, DEFAULT.touch * problem.size)
-    errors = (
-        ("least gap", abs(gaps[0] - least), "at the sizes named"),
-        ("largest gap", abs(gaps[1] - most), "at the sizes named"),
-        ("range", max(least - gaps.min(), gaps.max() - most), f"at {len(others)} other sizes"),
-    )
-    return tuple(Check(name, bool(error <= slack), float(error), slack, note) for name, error, note in errors)
+    beyond = max(least - gaps.min(), gaps.max() - most)
+    return _checks(abs(gaps[0] - least), abs(gaps[1] - most), beyond, slack, len(others))
