@@ -30,6 +30,7 @@ from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.rays import ON_THE_WAY
 from fcdm_opt.stages.relaxation import choices
+from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
@@ -82,7 +83,7 @@ def shift(task: Task) -> Answer | None:
     if task.meets(q, DEFAULT.requirement):
         return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
-        return None  # there are others, larger
+        return among_others(task)
     left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
     return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
 

@@ -17,7 +17,7 @@ from fcdm_opt.stages.full import full
 from fcdm_opt.stages.linear import shift, straight, translations
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
-from fcdm_opt.stages.together import among_others, together
+from fcdm_opt.stages.together import together
 from fcdm_opt.stages.turns import turns
 from fcdm_opt.tolerances import DEFAULT
 
@@ -35,7 +35,6 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "together": together,  # several contacts at once: nothing after it takes them
     # linear in the motion: closed forms and least distances
     "shift": shift,
-    "among others": among_others,
     "straight": straight,
     "translations": translations,
     # marching to the first contact

@@ -62,11 +62,11 @@ def together(task: Task) -> Answer | None:
 
 
 def among_others(task: Task) -> Answer | None:
-    """Stage 1 for "at" and "seat": the least shift that brings the tracked lines to the target pair, others kept apart.
+    """Return the least shift that brings tracked lines to the target pair and keeps other parts apart; exact.
 
-    Of the motions that the lines leave free, as "shift" finds them, the least on which no other parts overlap: exact.
+    None where that is not sure, and of other motions.
     """
-    if task.joints or task.goal not in ("at", "seat") or not task.motion.shifts:
+    if task.goal not in ("at", "seat") or not task.motion.shifts:
         return None
     own = System(task, (*task.tracked, *task.besides))
     z, sure = least([own])
