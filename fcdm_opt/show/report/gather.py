@@ -27,7 +27,7 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
-FAMILIES, PROOFS, PROOF = 3.0, 4.0, 1.5
+FAMILIES, PROOFS, PROOF = 1.5, 4.0, 1.5
 """Seconds that the frames of all cases, and their proofs, may take by default, and the proof of one case: a page is
 wanted while one waits."""
 KEPT = 0.2  # of those for frames, kept back for each case that is still to come
