@@ -100,9 +100,8 @@ def simplified(points: Array, triangles: Ints, off: float, most: float) -> Joine
     every, rows = np.unique(np.concatenate([points, places]), axis=0, return_inverse=True)
     old, new = rows[: len(points)][triangles], rows[len(points) :][made]
     fallen = every[np.setdiff1d(old, new)]
-    a, b = every[
-        np.setdiff1d(_edges(new, len(every)), _edges(old, len(every)))[:, None] // [len(every), 1] % len(every)
-    ].swapaxes(0, 1)
+    added = np.setdiff1d(_edges(new, len(every)), _edges(old, len(every)))
+    a, b = every[added // len(every)], every[added % len(every)]
     beside = np.concatenate([(1.0 - share) * a + share * b for share in (0.25, 0.5, 0.75)])
     far = max(_farthest(fallen, every[new], most), _farthest(beside, every[old], most))
     if far > most:
