@@ -85,6 +85,11 @@ def listening(listener: Listener) -> Iterator[None]:
         _listeners.remove(listener)
 
 
+def unheard() -> None:
+    """Tell nobody any more: those who listen do so in the process that this one is a copy of."""
+    _listeners.clear()
+
+
 def heard() -> bool:
     """Whether anybody listens."""
     return bool(_listeners)

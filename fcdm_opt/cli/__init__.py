@@ -5,6 +5,7 @@ Nothing heavy is imported before it is needed: `--help` loads no numerical libra
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Annotated, Any
@@ -13,6 +14,9 @@ import typer
 
 from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
+
+COLLECTED = 100_000, 50, 50
+"""Thresholds of the garbage collector, of which a short run over many small objects makes little."""
 
 COMMANDS: dict[str, dict[str, Any]] = {
     "How do I begin?": {"init": starting.init_command, "schema": starting.schema_command},
@@ -124,4 +128,5 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # names in any script, on terminals of any
             stream.reconfigure(errors="backslashreplace")
+    gc.set_threshold(*COLLECTED)
     app(prog_name="fcdm-opt")

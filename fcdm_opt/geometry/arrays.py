@@ -76,6 +76,20 @@ def row_lists(lists: Any, count: int, key: str, noun: str, *, repeats: bool = Fa
     return found
 
 
+def distinct_rows(rows: Array | Ints) -> tuple[Ints, Ints]:
+    """Return the first place of each distinct row, in order of the rows, and which of these each row equals.
+
+    Far faster than numpy's unique rows, which it compares byte by byte.
+    """
+    if not len(rows):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    order = np.lexsort(rows.T[::-1])
+    new = np.r_[True, (rows[order[1:]] != rows[order[:-1]]).any(axis=1)]
+    same = np.empty(len(rows), np.int64)
+    same[order] = np.cumsum(new) - 1
+    return order[new], same
+
+
 def crossed(u: Array, v: Array) -> Array:
     """Return the cross product of two vectors, (3,), in a tenth of the time that numpy's takes."""
     (a, b, c), (x, y, z) = u.tolist(), v.tolist()

@@ -86,10 +86,11 @@ def closed(faces: Faces, slack: float, key: str) -> Faces:
         Where no certain repair closes the surface; names edges and faces.
     """
     faces = _with_area(faces, slack)
-    readings = [_joined(_distinct(faces, fins=fins), slack) for fins in (True, False)]
-    for read in readings:
-        if read.polygons and not Sides.of(read.polygons).odd.size:
-            return _wound(read, key)
+    readings = list[Faces]()
+    for fins in (True, False):
+        readings.append(_joined(_distinct(faces, fins=fins), slack))
+        if readings[-1].polygons and not Sides.of(readings[-1].polygons).odd.size:
+            return _wound(readings[-1], key)
     raise _open(readings[0], faces, key)
 
 

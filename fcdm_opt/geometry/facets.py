@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import not_separated, overlapping
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
@@ -44,7 +44,7 @@ class Facets:
     def shells(self) -> list[Ints]:
         """Rows of some corners of each closed surface, those at its ends along the axes too."""
         used = np.unique(self.triangles)
-        same = np.unique(self.points[used], axis=0, return_inverse=True)[1].ravel()
+        same = distinct_rows(self.points[used])[1]
         place = np.zeros(len(self.points), np.int64)
         place[used] = same
         corners = place[self.triangles]

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.errors import InputError, checked_path
-from fcdm_opt.geometry.arrays import LARGEST, Array
+from fcdm_opt.geometry.arrays import LARGEST, Array, distinct_rows
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import Polygon
@@ -235,9 +235,10 @@ def _sharpened(mesh: Any) -> Array:
     if owner is None or not any(planes):
         return vertices
     slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
-    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+    first, same = distinct_rows(vertices)
+    distinct = vertices[first]
     known = np.array([k < len(planes) and planes[k] is not None for k in owner.tolist()])
-    pairs = np.column_stack([same.reshape(-1)[mesh.faces[known]].ravel(), np.repeat(owner[known], 3)])
+    pairs = np.column_stack([same[mesh.faces[known]].ravel(), np.repeat(owner[known], 3)])
     corner, plane = np.unique(pairs, axis=0).T
     normals, origins = (np.array([getattr(planes[k], name) for k in plane.tolist()]) for name in ("normal", "origin"))
     misses = ((origins - distinct[corner]) * normals).sum(axis=1)
@@ -245,7 +246,7 @@ def _sharpened(mesh: Any) -> Array:
     moved = onto_planes(distinct, corner[near], normals[near], misses[near])
     far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
     moved[far] = distinct[far]
-    return moved[same.reshape(-1)]
+    return moved[same]
 
 
 @contextmanager

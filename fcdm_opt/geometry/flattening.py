@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
 from fcdm_opt.tolerances import DEFAULT
@@ -32,8 +32,8 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
     joined : bool
         Whether triangles that lie in one plane within `slack` are one face, too.
     """
-    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
-    same = same.reshape(-1)
+    first, same = distinct_rows(vertices)
+    distinct = vertices[first]
     groups, triangles = list[Ints](), np.empty((0, 3), np.int64)
     for _, corners in by_size(faces):
         if corners.shape[1] == 3:

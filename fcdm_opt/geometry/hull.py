@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.polygons import Sides, components
 from fcdm_opt.tolerances import DEFAULT
@@ -66,8 +66,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     frame = axes.T * (stretch[0] / stretch)
     triangles, normals = _triangulated(local, np.arange(len(points)), frame, key)
     if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
-        first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-        triangles = first[same.ravel()][triangles]
+        first, same = distinct_rows(points)
+        triangles = first[same][triangles]
     while (dropped := _needless(local, triangles, normals)).size:
         kept = np.setdiff1d(triangles, dropped)
         triangles, normals = _triangulated(local, kept, frame, key)
@@ -81,8 +81,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
 
 def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
     """Say why points span no volume: too few are distinct, or the line or plane that they lie in."""
-    first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    owners = first[same.ravel()]
+    first, same = distinct_rows(points)
+    owners = first[same]
     distinct, names = np.unique(owners), rows + 1
     again = np.flatnonzero(owners != np.arange(len(points)))
     if len(distinct) < 4 and again.size:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, distinct_rows, frozen, numbers, row_lists
 from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
@@ -228,8 +228,8 @@ def _welded(points: Array, slack: float, share: float) -> tuple[Ints, Ints, tupl
 
 def _ranked(rows: Array | Ints) -> tuple[Ints, Ints]:
     """Return the first places of distinct rows, ascending, and which of these each row is equal to."""
-    first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)[1:]
-    return np.sort(first), np.argsort(np.argsort(first))[same.ravel()]
+    first, same = distinct_rows(rows)
+    return np.sort(first), np.argsort(np.argsort(first))[same]
 
 
 def _shortened(polygons: list[Polygon], owners: Ints, key: str) -> tuple[tuple[Polygon, ...], tuple[int, ...]]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.geometry.polygons import distances
@@ -97,7 +97,9 @@ def simplified(points: Array, triangles: Ints, off: float, most: float) -> Joine
     mesh = solid.to_mesh64()
     places, made = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
     # corners that fell away and edges that are new: how far either surface is from the other, nearly
-    every, rows = np.unique(np.concatenate([points, places]), axis=0, return_inverse=True)
+    both = np.concatenate([points, places])
+    first, rows = distinct_rows(both)
+    every = both[first]
     old, new = rows[: len(points)][triangles], rows[len(points) :][made]
     fallen = every[np.setdiff1d(old, new)]
     added = np.setdiff1d(_edges(new, len(every)), _edges(old, len(every)))

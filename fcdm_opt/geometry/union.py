@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.polygons import area, between, clipped, components, fans, hold, inside, normals_of, triangulated
@@ -23,7 +23,7 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     exposed = [walls.exposed(k) for k in range(len(walls.loops))]
     shown = [k for k, pieces in enumerate(exposed) if pieces]
     groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
-    _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    first, place = distinct_rows(points)
     same = first[place].tolist()  # parts may list a corner each for themselves: edges too are named by its first row
     faces = [sorted({same[v] for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
     corners, triangles, owners, normals = list(points), list[Ints](), list[int](), list[Array]()
@@ -247,8 +247,8 @@ def _true_edges(
     The union's are the parts' edges on two of its faces that are not in one plane, joined; hidden is what is on none
     wherever one looks.
     """
-    first, back = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    same = first[back.ravel()]  # the first of equal points
+    first, back = distinct_rows(points)
+    same = first[back]  # the first of equal points
     ends = np.unique(np.vstack([np.sort(same[hull.used[hull.edges[:, :2]]], axis=1) for hull in hulls]), axis=0)
     known, cut = np.unique(same[known]), dict[tuple[int, int], list[tuple[int, int]]]()
     for a, b in ends.tolist():

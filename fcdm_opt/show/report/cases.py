@@ -29,12 +29,17 @@ from fcdm_opt.tolerances import DEFAULT
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ACROSS = 900  # pixels of the picture of an answer
+ANSWERED = (
+    "status", "outside", "motion", "verdict", "amount_unit", "least", "amount", "lower_bound", "doubt", "pair_state",
+    "usable",
+)  # fmt: skip
+"""Keys of what a case, and a cell of the table of requirements, says of an answer."""
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
 
-def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> tuple[dict[str, Any], float]:
-    """Return the data of one case, and the time that the frames of both families took, for which `seconds` are given.
+def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
+    """Return the data of one case, the frames of whose two families may take so many `seconds`.
 
     `problem` is as asked; that of the solution names the features that were chosen.
     """
@@ -48,9 +53,7 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> tuple[
         "sensitivities": _sensitivities(solution),
     }
     picture = b64encode(pixels(solution_figure(solution), across=ACROSS)).decode()
-    start = perf_counter()
-    shown = _pictures(problem, solution, seconds)
-    return {**_answer(problem, case), "picture": picture, **grounds, **shown}, perf_counter() - start
+    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, seconds)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:

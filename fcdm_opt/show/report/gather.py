@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-from fcdm_opt import pacing
+from fcdm_opt import beside, pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.report.cases import answered, case_report
+from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
@@ -30,8 +29,11 @@ SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for i
 FAMILIES, PROOFS, PROOF = 1.5, 4.0, 1.5
 """Seconds that the frames of all cases, and their proofs, may take by default, and the proof of one case: a page is
 wanted while one waits."""
-KEPT = 0.2  # of those for frames, kept back for each case that is still to come
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
+
+
+LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
+"""What every case needs: loaded once, before processes copy this one."""
 
 
 def gather(
@@ -52,8 +54,8 @@ def gather(
     say : callable, optional
         Gets a line for each case, and what is wrong with one.
     seconds : float, optional
-        About how long the frames of one case may take; default what others leave of `FAMILIES`. A family has three
-        frames at least, and says where there are fewer than it could have.
+        About how long the frames of one case may take; default its share of `FAMILIES`. A family has three frames at
+        least, and says where there are fewer than it could have.
 
     Returns
     -------
@@ -61,37 +63,42 @@ def gather(
         Lists, dicts, texts and finite numbers. The same files give the same data but for date and times, and for how
         many frames the time allowed.
     """
-    listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     files = list(files)
-    count = waiting = sum(len(file.problems) for file in files)
-    spare = FAMILIES
+    asked = [problem for file in files for problem in file.problems]
+    together = beside.cores(len(asked))
+    given = FAMILIES * together / max(len(asked), 1) if seconds is None else seconds
+
+    def case(number: int) -> dict[str, Any]:
+        problem, share = asked[number], min(1.0, together / (len(asked) - number))
+        with pacing.working_on(f"case {problem.name}"), pacing.sharing(share):
+            with pacing.sharing(SOLVED):
+                solved = solved_case(problem, certify=certify, seconds=min(PROOFS / len(asked), PROOF))
+            pacing.at("drawing")
+            with pacing.unlimited():
+                return case_report(problem, solved, seconds=min(given, pacing.left()))
+
+    for name in LOADED:
+        import_module(name)
+    answers = beside.each(case, range(len(asked)))
+    listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         errors = [file.error] if file.error else []
-        answers = list[tuple[int, Problem, Solution]]()
+        first, known = len(cases), list[Problem]()
         for problem in file.problems:
             if say:
                 say(f"{file.path.name}: case {problem.name}")
             try:
-                with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
-                    with pacing.sharing(SOLVED):
-                        case = solved_case(problem, certify=certify, seconds=min(PROOFS / count, PROOF))
-                    pacing.at("drawing")
-                    given = max(spare - KEPT * (waiting - 1), FAMILIES / count) if seconds is None else seconds
-                    with pacing.unlimited():
-                        data, taken = case_report(problem, case, seconds=min(given, pacing.left()))
-                    spare -= taken
+                with pacing.working_on(f"case {problem.name}"):
+                    pacing.at("solving and drawing", len(cases), len(asked))
+                    cases.append({"file": number, **next(answers)()})
+                known.append(problem)
             except InputError as reason:
                 errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
-                waiting -= 1
-                continue
-            waiting -= 1
-            answers.append((len(cases), problem, case.solution))
-            cases.append({"file": number, **data})
-        tables += [{"file": number, **table} for table in matrices(answers)]
-        listed.append({**head(file), "meshes": meshes, "cases": [number for number, *_ in answers]})
+        tables += [{"file": number, **table} for table in matrices(known, cases, first)]
+        listed.append({**head(file), "meshes": meshes, "cases": list(range(first, len(cases)))})
         if errors:
             listed[-1]["error"] = "; ".join(errors)
     return {
@@ -104,15 +111,15 @@ def gather(
     }
 
 
-def matrices(answers: Sequence[tuple[int, Problem, Solution]]) -> list[dict[str, Any]]:
-    """Return the tables of a file's cases: the number of each in the report, the question and the answer.
+def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first: int) -> list[dict[str, Any]]:
+    """Return the tables of a file's problems, whose cases in the report are those from number `first` on.
 
     Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
     share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
     ask for is solved with the motion of the table's first case. Without a requirement a case has no table.
     """
-    tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
-    for number, problem, solution in answers:
+    tables: list[tuple[Any, Problem, dict[str, int]]] = []
+    for number, problem in enumerate(problems, first):
         if problem.requirement is None:
             continue
         told = problem.to_dict()
@@ -122,32 +129,35 @@ def matrices(answers: Sequence[tuple[int, Problem, Solution]]) -> list[dict[str,
         if cells is None:
             cells = {}
             tables.append((question, problem, cells))
-        cells[letter] = number, solution
+        cells[letter] = number
     return [
         {
-            "title": f"cases {', '.join(solution.problem.name for _, solution in known.values())}",
-            "tolerance": tolerance_text(first),
+            "title": f"cases {', '.join(cases[number]['name'] for number in known.values())}",
+            "tolerance": tolerance_text(leading),
             "cells": {
-                letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS
+                letter: _cell(known[letter], cases[known[letter]], problems[known[letter] - first].published_text)
+                if letter in known
+                else _missing(leading, letter)
+                for letter in SIGNS
             },
         }
-        for _, first, known in tables
+        for _, leading, known in tables
     ]
 
 
-def _missing(first: Problem, letter: str) -> dict[str, Any]:
+def _missing(leading: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
-    note = f"not a case of the file: solved for this table as case {first.name} is"
+    note = f"not a case of the file: solved for this table as case {leading.name} is"
     try:
-        asked = first.changed(requirement=letter, name="", published=None, published_text="")
+        asked = leading.changed(requirement=letter, name="", published=None, published_text="")
         solution = solve(asked, effort="quick", time=BESIDE)
     except InputError as reason:
         return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
-    return _cell(None, solution, note=f"{note}; {solution.stopped}" if solution.stopped else note)
+    return _cell(None, answered(solution), "", note=f"{note}; {solution.stopped}" if solution.stopped else note)
 
 
-def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:
-    return {"case": case, **answered(solution), "published": solution.problem.published_text or None, "note": note}
+def _cell(case: int | None, told: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
+    return {"case": case, **{key: told[key] for key in ANSWERED}, "published": published or None, "note": note}
 
 
 def _title(files: Sequence[dict[str, Any]]) -> dict[str, str]:
