@@ -119,7 +119,8 @@ class Union:
                 k, number = self._visible.owners[stretch.piece].tolist()
                 cut = self.regions[k].piece(number).cut(stretch.lo, stretch.hi)
                 piece = _named(self.regions[k], cut, stretch.snug)
-                made.append(self._equals(piece) if stretch.dropped or self.shared[k] else [piece])
+                several = (stretch.dropped or self.shared[k]) and not (self.movable.hollow or self.static.hollow)
+                made.append(self._equals(piece) if several else [piece])
             chains.append(_one_each(made))
         return [_joined(chain) for chain in _sorted(chains)]
 

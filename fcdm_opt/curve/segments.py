@@ -133,8 +133,9 @@ class SwitchingPoint:
         others = meetings(*self.bodies, self.pose, self.rho, slack)
         others = [other for other in others if other.parts not in pairs]
         # parts that are cut along a larger contact touch along its border too
-        within = [any(_holds(whole, other) for whole in (*known, *others)) for other in others]
-        return (*known, *(other for other, inner in zip(others, within, strict=True) if not inner))
+        features = dict.fromkeys(own.contact.feature for own in (*known, *others))
+        within = {small for small in features if any(_holds(large, small) for large in features)}
+        return (*known, *(other for other in others if other.contact.feature not in within))
 
     @property
     def contact_features(self) -> tuple[Feature, ...]:
@@ -166,13 +167,10 @@ class SwitchingPoint:
         return " & ".join(feature.label for feature in self.contact_features)
 
 
-def _holds(whole: Meeting, other: Meeting) -> bool:
+def _holds(large: Feature, small: Feature) -> bool:
     """Tell whether a contact is between corners of the elements of a larger one."""
-    large, small = (
-        [set(element.vertices) for element in (own.contact.feature.one, own.contact.feature.two)]
-        for own in (whole, other)
-    )
-    return large != small and all(inner <= outer for inner, outer in zip(small, large, strict=True))
+    inner, outer = ([set(element.vertices) for element in (own.one, own.two)] for own in (small, large))
+    return inner != outer and all(some <= all_ for some, all_ in zip(inner, outer, strict=True))
 
 
 def middle(sets: Sequence[Array]) -> Array:

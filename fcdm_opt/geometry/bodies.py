@@ -418,13 +418,31 @@ class Body(_Sealed, Shown):
         if element.kind == "V":
             return labels.issubset(self.corners)
         if element.kind == "E":
-            return any(labels.issubset(face) for face in self.faces)
-        return tuple(sorted(labels)) in self.faces
+            return bool(self.faces_with(element.vertices))
+        return tuple(sorted(labels)) in self.face_rows
+
+    @cached_property
+    def face_rows(self) -> dict[tuple[int, ...], int]:
+        """Row of each face in `faces`."""
+        return {face: k for k, face in enumerate(self.faces)}
+
+    @cached_property
+    def _faces_at(self) -> dict[int, list[tuple[int, ...]]]:
+        found: dict[int, list[tuple[int, ...]]] = {}
+        for face in self.faces:
+            for label in face:
+                found.setdefault(label, []).append(face)
+        return found
+
+    def faces_with(self, labels: Sequence[int]) -> list[tuple[int, ...]]:
+        """Return the faces that have all of some corners, in order."""
+        first, *others = labels
+        return [face for face in self._faces_at.get(first, ()) if all(label in face for label in others)]
 
     @cached_property
     def facet_faces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
         """For each facet of each part the rows of `faces` that it lies on; none for a cut between parts."""
-        place = {face: k for k, face in enumerate(self.faces)}
+        place = self.face_rows
 
         def of(part: ConvexPart, k: int) -> tuple[int, ...]:
             span = part.elements.spans.get(("F", k))
@@ -460,7 +478,9 @@ class Body(_Sealed, Shown):
 
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])
-        parts = tuple(part.placed(rows(part.vertices), seed) for part in self.parts)
+        ends = np.cumsum([len(part.vertices) for part in self.parts])[:-1]
+        mapped = np.split(rows(np.concatenate([part.vertices for part in self.parts])), ends)
+        parts = tuple(part.placed(own, seed) for part, own in zip(self.parts, mapped, strict=True))
         whole = None if self.whole is None else self.whole._mapped(rows)
         return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts, whole=whole)
 
@@ -470,7 +490,7 @@ class Body(_Sealed, Shown):
         factor = numbers(rho, key)
         if factor.shape != () or not (np.isfinite(factor) and self.size * factor > SMALLEST):
             raise InputError("a scale is a positive number", key=key, found=rho)
-        return self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        return self if factor == 1.0 else self._mapped(lambda x: self.seed + factor * (x - self.seed))
 
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""

@@ -144,7 +144,7 @@ def near_facets(
         The distance. Facets that are further apart by boxes, or across the plane of one of them, are not near, nor
         are those that lie behind one of the planes by more.
     crossing : bool
-        Return those alone that meet, or come as near to it as rounding.
+        Return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
     """
     corners = points[one.triangles], others[two.triangles]
     with np.errstate(invalid="ignore"):  # facets without area are left out: others hold their corners
@@ -164,6 +164,8 @@ def near_facets(
             close = (levels.min(axis=1) <= band) & (levels.max(axis=1) >= -band)
             rows, heights = rows[close], heights[:, close]
         if crossing:
+            deep = heights.max(axis=0) < -band
+            rows, heights = rows[deep], heights[:, deep]
             left = not_separated(corners[0][rows[:, 0]], corners[1][rows[:, 1]])
             rows, heights = rows[left], heights[:, left]
         i, j = rows.T

@@ -58,9 +58,7 @@ def told_element(body: Body, element: Element) -> str:
         name, side = names.get(label, ("face", ""))
         told = f"{name} face" if name in SIDES else _rounded(name)
         return f"{told} (facing {side})" if side else told
-    sides = list(
-        dict.fromkeys(_rounded(names[face][0]) for face in body.faces if {*label} <= {*face} and face in names)
-    )
+    sides = list(dict.fromkeys(_rounded(names[face][0]) for face in body.faces_with(label) if face in names))
     if len(sides) == 1 and is_round(sides[0]):
         return sides[0]
     if element.kind == "V" and not (len(sides) == 2 and any(map(is_round, sides))):  # else on the rim of a round face

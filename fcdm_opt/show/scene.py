@@ -424,8 +424,8 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
 
     A part that overlaps others may carry the face beyond where it is the solid's.
     """
-    if body.skin and face.vertices in body.faces:
-        return [body.vertices[list(triangle)] for triangle in body.skin[body.faces.index(face.vertices)]]
+    if body.skin and face.vertices in body.face_rows:
+        return list(body.vertices[np.array(body.skin[body.face_rows[face.vertices]])])
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
@@ -500,8 +500,9 @@ def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[
     whole = {feature: _shared_by_faces(feature, shown.bodies) for feature in features}
     made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]
     for feature, corners in zip(features, sets, strict=True):
-        alone = all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for one in made)
-        if alone and not len(whole[feature]):
+        if len(whole[feature]):
+            continue
+        if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for one in made):
             made.append(Touching.of(feature, [corners], *shown.bodies))
     return made
 
@@ -516,11 +517,15 @@ def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
     faces = [face_polygons(body, element) for body, element in sides]
     origin, normal = faces[0][0][0], unit_normals(faces[0][0][None])[0]
     flat = np.linalg.svd(normal[None])[2][1:]
-    one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in faces)
+    one, two = (CrossSection(_projected(own, origin, flat), FillRule.NonZero) for own in faces)
     outlines = (one ^ two).to_polygons()
     if not outlines:
         return np.empty((0, 3, 3))
     return origin + (np.vstack(outlines) @ flat)[np.array(triangulate(outlines))]
+
+
+def _projected(polygons: list[Array], origin: Array, flat: Array) -> list[Array]:
+    return np.split((np.concatenate(polygons) - origin) @ flat.T, np.cumsum(list(map(len, polygons)))[:-1])
 
 
 @lru_cache(maxsize=32)
@@ -530,6 +535,8 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
     be seen, and where corners keep apart.
     """
+    from scipy.spatial import ConvexHull
+
     one, two = curve.movable.scaled(nominal[0]), curve.static.scaled(nominal[1])
     sets = list(curve.contact_sets(nominal)) if curve.locate(nominal) is not None else []
     points = np.vstack([one.vertices, two.vertices])
@@ -545,6 +552,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
     spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
     size = float(np.ptp(points, axis=0).max())
+    points = points[ConvexHull(points).vertices]
 
     def merit(view: tuple[float, float]) -> float:
         page = page_directions(*view)

@@ -20,6 +20,7 @@ from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
+from fcdm_opt.show.scene import view_of
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised, asked_text, bound_line, listed, motion_text, parameter_texts, shown, telling
@@ -52,7 +53,8 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
-    picture = b64encode(pixels(solution_figure(solution), across=ACROSS)).decode()
+    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    picture = b64encode(pixels(solution_figure(solution, view=view), across=ACROSS)).decode()
     return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, seconds)}
 
 
