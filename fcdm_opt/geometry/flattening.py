@@ -75,12 +75,15 @@ def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> A
     normals, misses : (k, 3) and (k,) arrays
         Of that plane, and how far it is from the point.
     """
-    order, place = np.argsort(corner, kind="stable"), points.copy()
-    moved, starts, counts = np.unique(corner[order], return_index=True, return_counts=True)
-    for count in np.unique(counts):
-        own = counts == count
-        rows = order[starts[own][:, None] + np.arange(count)]
-        place[moved[own]] += (np.linalg.pinv(normals[rows], rcond=DEFAULT.sharp) @ misses[rows][:, :, None])[:, :, 0]
+    moved, own = np.unique(corner, return_inverse=True)
+    grams, pulls = np.zeros((len(moved), 3, 3)), np.zeros((len(moved), 3))
+    np.add.at(grams, own, normals[:, :, None] * normals[:, None])
+    np.add.at(pulls, own, misses[:, None] * normals)
+    squares, axes = np.linalg.eigh(grams)  # of singular values
+    fixed = squares > DEFAULT.sharp**2 * squares[:, 2:]
+    steps = (pulls[:, None] @ axes)[:, 0] * fixed / np.where(fixed, squares, 1.0)
+    place = points.copy()
+    place[moved] += (axes @ steps[:, :, None])[:, :, 0]
     return place
 
 

@@ -221,7 +221,7 @@ def _welded(points: Array, slack: float, share: float) -> tuple[Ints, Ints, tupl
     pairs = cKDTree(points[distinct] - points[0]).query_pairs(slack, output_type="ndarray")
     if not len(pairs):
         return distinct, owners, ()
-    least, group = _ranked(components(pairs, len(distinct)))
+    least, group = _ranked(components(pairs, len(distinct))[:, None])
     remark = f"made one with others nearer than {share:.1g} of the size: {len(distinct) - len(least)} vertices"
     return distinct[least], group[owners], (remark,)
 

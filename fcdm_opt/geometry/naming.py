@@ -11,7 +11,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.tolerances import DEFAULT
 
@@ -98,6 +98,12 @@ def names_of_rows(body: Body) -> list[str]:
 
 def normals_of_faces(body: Body) -> dict[Label, Array]:
     """Return a normal of each face that a part carries."""
+    if body.skin:
+        corners = body.vertices[np.concatenate([np.array(face) for face in body.skin])]
+        owners = np.repeat(np.arange(len(body.skin)), list(map(len, body.skin)))
+        sums = np.zeros((len(body.skin), 3))
+        np.add.at(sums, owners, cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+        return dict(zip(body.faces, sums / norms(sums)[:, None], strict=True))
     normals: dict[Label, Array] = {}
     for part in body.parts:
         for k, face in enumerate(part.elements["F"]):
