@@ -44,8 +44,15 @@ def names_of_faces(body: Body) -> dict[Label, str]:
 
 @lru_cache(maxsize=16)
 def _names_of_faces(body: Body) -> dict[Label, str]:
+    normals, rounds = _looks(body)
+    return {**_plane(body, normals, MANY), **rounds}
+
+
+@lru_cache(maxsize=16)
+def _looks(body: Body) -> tuple[dict[Label, Array], dict[Label, str]]:
+    """Return a normal of each face, and the names of those that are round."""
     normals = normals_of_faces(body)
-    return {**_plane(body, normals, MANY), **_round(body, normals)}
+    return normals, _round(body, normals)
 
 
 def told_element(body: Body, element: Element) -> str:
@@ -77,12 +84,16 @@ def _rounded(name: str) -> str:
     return name.replace(" radius ", " of radius ")
 
 
-@lru_cache(maxsize=16)
 def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    normals = normals_of_faces(body)
+    return _told_faces(body.whole or body)
+
+
+@lru_cache(maxsize=16)
+def _told_faces(body: Body) -> dict[Label, tuple[str, str]]:
+    normals, rounds = _looks(body)
     named = {}
-    for face, name in {**_plane(body, normals, 0), **_round(body, normals)}.items():
+    for face, name in {**_plane(body, normals, 0), **rounds}.items():
         normal = normals[face]
         along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
         sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]

@@ -114,10 +114,11 @@ def _large(solution: Solution) -> list[str]:
     if not solution.status.found or solution.transform is None or solution.status.name == "OUTSIDE_FIT":
         return []
     problem = solution.problem
-    movable, static = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])
-    turned = movable.moved(solution.transform).vertices - movable.vertices
-    moved = float(np.linalg.norm(turned, axis=1).max())
-    extents = np.array([np.ptp(body.vertices, axis=0) for body in (movable, static)])
+    poses = (np.eye(4), np.eye(4), solution.transform)
+    bodies, scales = (problem.movable, problem.static, problem.movable), solution.pair[[0, 1, 0]]
+    rest, other, end = (own.placed_vertices(*at) for own, *at in zip(bodies, scales, poses, strict=True))
+    moved = float(np.linalg.norm(end - rest, axis=1).max())
+    extents = np.array([np.ptp(rest, axis=0), np.ptp(other, axis=0)])
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
     open_way = problem.curve.gap(solution.pair) * (1.0 + DEFAULT.touch)  # none can be met sooner
