@@ -206,11 +206,9 @@ def _tree(points: Array, triangles: Ints) -> Any:
     import coal
 
     used, rows = np.unique(triangles, return_inverse=True)
-    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    corners.extend(list(points[used]))
-    faces.extend([coal.Triangle(*three) for three in rows.reshape(-1, 3).tolist()])
     tree = coal.BVHModelOBBRSS()
-    tree.beginModel(len(faces), len(corners))
-    tree.addSubModel(corners, faces)
+    tree.beginModel(len(triangles), len(used))
+    tree.addVertices(points[used])
+    tree.addTriangles(rows.reshape(-1, 3))
     tree.endModel()
     return tree

@@ -85,16 +85,11 @@ class WholeSurfaces:
         if not self._bodies[two].hollow and len(self._bodies[two].parts) > 1:
             return 0  # facets of cuts wind round points too; such parts fill the solid, and overlaps show
         found, near = 0, FIRST * self._size
+        low, high = solid.min(axis=1) - near, solid.max(axis=1) + near
         for rows in self._own[one].shells:
             points = self._points[one][rows]
-            free = np.array(
-                [not _on(point, solid, near) for point in points]
-            )  # at corners that touch, rounding chooses
+            boxes = [solid[((low <= point) & (point <= high)).all(axis=1)] for point in points]
+            on = [(distances(point[None, None], own) <= near).any() for point, own in zip(points, boxes, strict=True)]
+            free = ~np.array(on)  # at corners that touch, rounding chooses
             found += bool(free.any()) and bool(np.median(winding_numbers(points[free], solid)) > 0.5)
         return found
-
-
-def _on(point: Array, triangles: Array, slack: float) -> bool:
-    """Tell whether a point is on a surface."""
-    boxes = (triangles.min(axis=1) - slack <= point) & (point <= triangles.max(axis=1) + slack)
-    return bool((distances(point[None, None], triangles[boxes.all(axis=1)]) <= slack).any())
