@@ -40,7 +40,7 @@ PROOF = "proof"
 
 
 def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
-    """Return the data of one case, the frames of whose two families may take so many `seconds`.
+    """Return the data of one case, the frames of whose two families may take so many `seconds`; < 0 for one each.
 
     `problem` is as asked; that of the solution names the features that were chosen.
     """

@@ -29,6 +29,7 @@ SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for i
 FAMILIES, PROOFS, PROOF = 1.5, 4.0, 1.5
 """Seconds that the frames of all cases, and their proofs, may take by default, and the proof of one case: a page is
 wanted while one waits."""
+AMPLE = 5.0  # times what the frames may take: with less time left there is but the answer's own
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
@@ -74,8 +75,9 @@ def gather(
             with pacing.sharing(SOLVED):
                 solved = solved_case(problem, certify=certify, seconds=min(PROOFS / len(asked), PROOF))
             pacing.at("drawing")
+            frames = given if pacing.left() > AMPLE * given else -1.0
             with pacing.unlimited():
-                return case_report(problem, solved, seconds=min(given, pacing.left()))
+                return case_report(problem, solved, seconds=frames)
 
     for name in LOADED:
         import_module(name)
