@@ -17,6 +17,7 @@ from fcdm_opt.problem.problem import Problem
 
 SOLIDS = [name for name, (cells, *_) in VOXELS.items() if len(cells) > 1]
 SIDES = 520
+GROWN = 9  # cubes of a solid that is grown
 PEG, HOLE, DEEP = 9.0, 9.1, 4.0
 
 
@@ -49,10 +50,39 @@ def bored() -> fo.Body:
     return fo.Body.from_mesh(*prism_ring(SIDES, HOLE, 15.0, DEEP), seed=(0, 0, 0), name="plate")
 
 
-@pytest.mark.parametrize("name", SOLIDS)
-def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str) -> None:
-    vertices, faces = surface_of(VOXELS[name][0])
+def grown(number: int) -> set[tuple[int, ...]]:
+    """Return cubes grown face by face from one, none of which meets another along an edge or at a corner alone."""
+    rng, cubes = np.random.default_rng(number), {(0, 0, 0)}
+
+    def joined(one: tuple[int, ...], two: tuple[int, ...]) -> bool:
+        box = [sorted({a, b}) for a, b in zip(one, two, strict=True)]
+        near, todo = {one}, [one]
+        while todo:
+            at = todo.pop()
+            for cube in cubes - near:
+                if (
+                    all(x in span for x, span in zip(cube, box, strict=True))
+                    and np.abs(np.subtract(at, cube)).sum() == 1
+                ):
+                    near.add(cube)
+                    todo.append(cube)
+        return two in near
+
+    while len(cubes) < GROWN:
+        start = sorted(cubes)[rng.integers(len(cubes))]
+        new = tuple((np.array(start) + rng.permutation([rng.choice([-1, 1]), 0, 0])).tolist())
+        cubes.add(new)
+        if not all(joined(new, cube) for cube in cubes if np.abs(np.subtract(new, cube)).max() == 1):
+            cubes.remove(new)
+    return cubes
+
+
+@pytest.mark.parametrize("name", [*SOLIDS, *range(10)])
+def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str | int) -> None:
+    vertices, faces = surface_of(grown(name) if isinstance(name, int) else VOXELS[name][0])
     vertices = np.asarray(vertices, dtype=float)
+    if isinstance(name, int):
+        vertices = vertices @ (np.eye(3) + np.random.default_rng(name).uniform(-0.2, 0.2, (3, 3)))
     exact, surface = (
         fo.Body.from_mesh(vertices, faces, decomposition=method, seed=vertices.mean(axis=0), name="solid")
         for method in ("exact", "surface")
