@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -65,13 +66,20 @@ def each(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Call
 def _worked(work: Callable[[Any], Any], item: Any, out: Connection) -> None:
     """Do a piece of work in this process, which ends with it; the other one is told of interrupts, and ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_other, daemon=True).start()
     pacing.unheard()
     try:
         told = True, work(item)
     except Exception as reason:
         told = False, ExceptionWithTraceback(reason, reason.__traceback__)
-    with suppress(BrokenPipeError):  # nobody waits any more
-        out.send(told)
+    out.send(told)
+
+
+def _end_with_the_other() -> None:
+    other = multiprocessing.parent_process()
+    assert other is not None
+    wait([other.sentinel])
+    os._exit(1)
 
 
 def _told(done: bool, found: Any) -> Any:

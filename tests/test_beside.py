@@ -1,0 +1,74 @@
+"""Work in processes beside this one: results in order, what it raises, and nothing left when nobody waits."""
+
+import os
+import time
+
+import pytest
+
+from fcdm_opt import beside
+from fcdm_opt.errors import FcdmError, InputError
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch):
+    monkeypatch.setattr(beside, "cores", lambda most: min(2, most))
+
+
+def test_results_come_in_order_whatever_ends_first():
+    def work(number):
+        time.sleep(0.05 * (5 - number))
+        return number, os.getpid()
+
+    found = [result() for result in beside.each(work, range(5))]
+    assert [number for number, _ in found] == list(range(5))
+    assert len({pid for _, pid in found} | {os.getpid()}) == 6
+
+
+def test_a_single_piece_of_work_is_done_here():
+    (result,) = beside.each(lambda _: os.getpid(), [0])
+    assert result() == os.getpid()
+
+
+def test_what_work_raises_is_raised_where_its_result_is_asked_for():
+    def work(number):
+        if number == 1:
+            raise InputError("no such thing", key="tolerance", found=7, allowed="less")
+        return "x" * 10**6  # more than a pipe holds
+
+    first, second, third = beside.each(work, range(3))
+    assert len(first()) == len(third()) == 10**6
+    with pytest.raises(InputError, match="tolerance: no such thing; found 7; allowed: less") as caught:
+        second()
+    assert (caught.value.key, caught.value.found) == ("tolerance", 7)
+    assert "in work" in str(caught.value.__cause__)
+
+
+def test_a_process_that_dies_is_told():
+    def work(number):
+        if number:
+            os._exit(3)
+        return number
+
+    first, second = beside.each(work, range(2))
+    assert first() == 0
+    with pytest.raises(FcdmError, match="ended with code 3"):
+        second()
+
+
+def test_work_that_nobody_waits_for_any_more_is_ended(tmp_path):
+    def work(number):
+        if number:
+            (tmp_path / "begun").touch()
+            time.sleep(60.0)
+            (tmp_path / "ended").touch()
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.01)
+        return os.getpid()
+
+    results = beside.each(work, range(2))
+    next(results)()
+    results.close()
+    assert not beside.multiprocessing.active_children()
+    assert not (tmp_path / "ended").exists()
