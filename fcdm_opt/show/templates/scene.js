@@ -31,7 +31,7 @@ function shrunk(points) {
 }
 const columns = points => ({ x: points.map(p => p[0]), y: points.map(p => p[1]), z: points.map(p => p[2]) });
 const lines = (points, edges) => columns(edges.flatMap(([i, j]) => [points[i], points[j], [null, null, null]]));
-const LIGHT = { ambient: 0.6, diffuse: 0.6, specular: 0, roughness: 1, fresnel: 0 };
+const LIGHT = { facenormalsepsilon: 0, vertexnormalsepsilon: 0, ambient: 0.6, diffuse: 0.6, specular: 0, roughness: 1, fresnel: 0 };
 
 function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies");
