@@ -2005,6 +2005,33 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
 
 @light
 @kernel
+def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, along, need, level):
+    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions.
+
+    (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
+    are. Directions that the way changes by no more than `level` are those all along.
+    """
+    found = np.empty((len(pairs), 4))
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
+        rows = facet_rows(own1, table1, own2, table2, pose)[1]
+        low, high, beside = -_INF, _INF, -_INF
+        for m in range(len(rows)):
+            excess = rows[m, 5] - rows[m, 3] * rho[0] - rows[m, 4] * rho[1] - need
+            rate = _dot(_at(rows, m), _entry(along, 0))
+            if np.abs(rate) <= level:
+                beside = max(beside, excess)
+            elif rate > 0.0:
+                low = max(low, excess / rate)
+            else:
+                high = min(high, excess / rate)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, beside, len(rows)
+    return found
+
+
+@light
+@kernel
 def widest_rows(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs):
     """Return of part pairs, (k, 2), the row of the facet direction of their largest separation, (k, 6)."""
     widest = np.empty((len(pairs), 6))

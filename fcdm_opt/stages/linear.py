@@ -176,54 +176,46 @@ def straight(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along, pose = DEFAULT.line * task.size, _shifts(task)[0], task.pose(task.rest)
-    met: dict[Parts, tuple[float, float]] = {}
-    blocked: dict[Parts, tuple[float, float]] = {}
-    normals: dict[Parts, Array] = {}  # before and beyond what a clearance blocks
-    features: dict[Parts, int] = {}
-    for i, j in np.argwhere(_meeting(task, along)).tolist():
+    slack, along = DEFAULT.line * task.size, _shifts(task)[0]
+    pairs = np.argwhere(_meeting(task, along))
+    needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
+    low, high, beside, features = task.spans(pairs, along).T
+    met = (beside <= slack) & (low <= high + slack)
+    normals = dict[int, Array]()  # before and beyond what a clearance blocks
+    for k in np.flatnonzero(met & (needs > 0.0)).tolist():
         pacing.check()
-        parts, need = (i, j), task.opponents[j].need
-        _, rows, separations = task.separations(parts, pose)
-        rates, excess = rows[:, :3] @ along, separations - need
-        level = np.abs(rates) <= DEFAULT.tie
-        beside, closing = excess[level].max(initial=-np.inf), rates[~level]
-        at = excess[~level] / closing
-        low, high = at[closing > 0].max(initial=-np.inf), at[closing < 0].min(initial=np.inf)
-        if beside > slack or low > high + slack:
-            continue
-        if need > 0.0:
-            normals[parts] = np.zeros((2, 3))
-            low, high, distance = nearer_than(need, *_placed(task, parts), along, low, high, normals[parts])
-            beside = max(beside, distance - need)
-        if low <= high + slack:
-            met[parts], features[parts] = (low, high), len(rows)
-            if beside < -slack and low < high - slack:
-                blocked[parts] = low, high
-    others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
-    places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0])
+        normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
+        low[k], high[k], distance = nearer_than(needs[k], *_placed(task, (i, j)), along, low[k], high[k], normals[k])
+        beside[k] = max(beside[k], distance - needs[k])
+    met &= low <= high + slack
+    blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
+    places = np.clip([0.0, *low[met], *high[met]], *task.limits[0])
     if task.must_touch:
-        first, last = np.array([met[parts] for parts in met.keys() - others]).reshape(-1, 2).T
-        places = places[_within(places, first - slack, last + slack, "right")]
+        own = met & ~others
+        places = places[_within(places, low[own] - slack, high[own] + slack, "right")]
     places = places[np.argsort(np.abs(places), kind="stable")]
-    stage, stop = "1: one translation, intervals of overlap", set[Parts]()
-    keys, ends = list(blocked), np.array(list(blocked.values())).reshape(-1, 2)
-    lows, highs = ends[:, 0] + slack, ends[:, 1] - slack
+    stage = "1: one translation, intervals of overlap"
+    lows, highs = low[blocked] + slack, high[blocked] - slack
     free = np.flatnonzero(~_within(places, lows, highs, "left"))
     if not free.size:
         return _impossible(stage)
     least = float(places[free[0]])
-    for place in places[: free[0]].tolist() if others else ():
-        in_the_way = {keys[k] for k in np.flatnonzero((lows < place) & (place < highs)).tolist()}
-        stop |= in_the_way if in_the_way <= others else set()
+    stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
+    for place in places[: free[0]].tolist() if others.any() else ():
+        in_the_way = blocked[(lows < place) & (place < highs)]
+        stops[in_the_way] |= others[in_the_way].all()
     q = np.array([least])
-    ways = {parts: normals[parts][int(2.0 * least > sum(blocked[parts]))] for parts in normals.keys() & blocked}
+    ways = {
+        tuple(pairs[k].tolist()): normals[k][int(2.0 * least > low[k] + high[k])]
+        for k in blocked.tolist()
+        if k in normals
+    }
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
-    stop |= {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
-    names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
-    near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
-    counts = task.modelled(near, variables=1, constraints=len(near), features=sum(features[parts] for parts in near))
+    names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))
+    near = met & (np.maximum(low, -high) <= abs(least) + slack)
+    kept = [(i, j) for i, j in pairs[near].tolist()]
+    counts = task.modelled(kept, variables=1, constraints=len(kept), features=int(features[near].sum()))
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
 
 
