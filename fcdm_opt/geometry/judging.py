@@ -25,6 +25,7 @@ TIE, PARALLEL, SIDE, TOUCH, SAME = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFA
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
+FEW = 1000  # part pairs asked first
 APART = 1e-3  # of the extent of two flush elements: further apart, how far is not asked; no check allows it
 
 
@@ -183,12 +184,16 @@ def nearest_first(bounds: Array, least: Array) -> Iterator[tuple[int, Ints]]:
     As long as there are any: whoever asks lowers `least`, (k,), meanwhile. nan is below nothing.
     """
     lowest = np.fmin.reduce(bounds, axis=0, initial=np.inf)
-    for pair in np.argsort(lowest).tolist():
-        if not lowest[pair] <= np.fmax.reduce(least, initial=-np.inf):
-            return
-        at = np.flatnonzero(bounds[:, pair] <= least)
-        if at.size:
-            yield pair, at
+    first = np.argpartition(lowest, FEW)[:FEW] if len(lowest) > FEW else np.arange(len(lowest))
+    for rest in (False, True):  # of millions few are left after these
+        rows = np.flatnonzero(lowest <= np.fmax.reduce(least, initial=-np.inf)) if rest else first
+        rows = np.setdiff1d(rows, first, assume_unique=True) if rest else rows
+        for pair in rows[np.argsort(lowest[rows], kind="stable")].tolist():
+            if not lowest[pair] <= np.fmax.reduce(least, initial=-np.inf):
+                return
+            at = np.flatnonzero(bounds[:, pair] <= least)
+            if at.size:
+                yield pair, at
 
 
 def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Array:
