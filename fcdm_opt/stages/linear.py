@@ -12,9 +12,9 @@ motion comes too near.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,7 @@ MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 # Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
 # after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 200
+AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
 ACROSS = 16  # directions across one translation, in which part pairs that it leads past each other are told
@@ -261,26 +262,40 @@ def translations(task: Task) -> Answer | None:
     The shifts that bring two parts nearer than a clearance fill their Minkowski difference and what is nearer to it:
     a convex set. A polytope within it forbids no more than it does, the difference itself to begin with. Where the
     least shift outside all polytopes still brings parts too near, the point of the set's border ahead of it joins the
-    polytope, and it is sought anew.
+    polytope, and it is sought anew. Of many pairs few decide: one is looked at once it overlaps after the least shift,
+    and as the one to touch once its gap is less than that shift.
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    shifts = _shifts(task)
-    lines = {parts: _lines(task, parts, shifts) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
-    walls, closings = _walls(task, lines), _closings(task, lines)
-    if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
-        return None
-    stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
-    for _ in range(SHARPENED):
+    shifts, walls, polytopes = _shifts(task), dict[Parts, Rows](), dict[Parts, Array]()
+    closings, later = list[tuple[Parts | None, Rows]](), _touching(task, shifts)
+    if not later:
+        closings.append((None, Rows(np.empty((0, len(task.weights))), np.empty(0))))
+    stage, curved, sharpened = "1: translations, best first over the ways apart", False, 0
+    while sharpened < SHARPENED:
         pacing.check()
         least = _least(task, walls, closings)
         if least is None:
             return None
         x, pairs, constraints = least
+        length = np.inf if x is None else float(np.linalg.norm(x))
+        sooner = [parts for bound, parts in later[:AT_ONCE] if bound < length]
+        if sooner:
+            later = later[len(sooner) :]
+            closings += [
+                (parts, rows) for parts in sooner if (rows := _closing(_lines(task, parts, shifts))) is not None
+            ]
+            continue
         if x is None:
             return _impossible(stage)
         q = x * task.size / task.weights
-        ahead = _too_near(task, q, shifts)
+        new = {parts: _wall(_lines(task, parts, shifts)) for parts in _overlapping(task, q, walls)}
+        if any(len(wall.levels) > MOST_WAYS for wall in new.values()) and task.part_pairs > 1:
+            return None
+        if new:
+            walls |= new
+            continue
+        ahead, sharpened = _too_near(task, q, shifts), sharpened + 1
         curved = curved or bool(ahead.keys() & polytopes)  # not at a facet moved out, where all is exact
         for parts, place in ahead.items():
             points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
@@ -357,32 +372,39 @@ def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
     return Rows(lines[~flat], -planes[~flat, 3] / task.size)
 
 
-def _walls(task: Task, lines: dict[Parts, Rows]) -> dict[Parts, Rows]:
-    """Return the ways apart, clearances left out, of each part pair that some motion brings in each other's way."""
-    walls = {}
-    for parts, (normals, separations) in lines.items():
-        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-        if np.isfinite(task.needs[parts[1]]) and not (separations[flat] >= -DEFAULT.cut).any():
-            walls[parts] = Rows(-normals[~flat], -separations[~flat])
-    return walls
+def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
+    """Return the part pairs that overlap most after a motion, but for known ones."""
+    gaps = np.where(np.isfinite(task.needs), task.pair_gaps(q), np.inf)
+    codes = np.flatnonzero(gaps < -DEFAULT.cut * task.size)
+    codes = codes[np.argsort(gaps.ravel()[codes], kind="stable")]
+    pairs = (divmod(code, gaps.shape[1]) for code in codes.tolist())
+    return list(islice((parts for parts in pairs if parts not in known), AT_ONCE))
 
 
-def _closings(task: Task, lines: dict[Parts, Rows]) -> list[tuple[Parts | None, Rows]]:
-    """Return for each pair that may be the one to touch the rows under which it does not stay apart.
+def _wall(lines: Rows) -> Rows:
+    """Return a pair's ways apart, clearances left out."""
+    moved = np.linalg.norm(lines.normals, axis=1) > DEFAULT.tie
+    return Rows(-lines.normals[moved], -lines.levels[moved])
 
-    A single pair that overlaps at rest touches as soon as it is not overlapping: it needs none.
+
+def _touching(task: Task, shifts: Array) -> list[tuple[float, Parts]]:
+    """Return the pairs that may be the one to touch, and no x is less that makes them; the nearest first.
+
+    None where one does in any case: what overlaps at rest touches as soon as it does not.
     """
-    nothing = Rows(np.empty((0, len(task.weights))), np.empty(0))
-    if not task.must_touch:
-        return [(None, nothing)]
-    closings: list[tuple[Parts | None, Rows]] = []
-    for parts, (normals, separations) in lines.items():
-        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-        if task.part_pairs == 1 and separations.max() <= 0.0 and task.allows(task.rest):
-            closings.append((parts, nothing))
-        elif parts[1] < len(task.static.parts) and (separations[flat] <= DEFAULT.cut).all():
-            closings.append((parts, Rows(normals[~flat], separations[~flat])))
-    return closings
+    gaps = task.pair_gaps(task.rest)[:, : len(task.static.parts)]
+    if not task.must_touch or (gaps.min() <= 0.0 and task.allows(task.rest) and not task.keep_out):
+        return []
+    fastest = float(np.linalg.norm(shifts / task.weights[:, None], 2))
+    order = np.argsort(gaps, axis=None, kind="stable").tolist()
+    bounds = (gaps.ravel()[order] / fastest / task.size).tolist()
+    return [(bound, divmod(code, gaps.shape[1])) for bound, code in zip(bounds, order, strict=True)]
+
+
+def _closing(lines: Rows) -> Rows | None:
+    """Return the rows under which a pair does not stay apart; None where it always does."""
+    flat = np.linalg.norm(lines.normals, axis=1) <= DEFAULT.tie
+    return Rows(lines.normals[~flat], lines.levels[~flat]) if (lines.levels[flat] <= DEFAULT.cut).all() else None
 
 
 def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
