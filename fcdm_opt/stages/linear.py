@@ -36,7 +36,7 @@ from fcdm_opt.tolerances import DEFAULT
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 # Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
 # after one node for any number of directions: they are tried the nearest first.
-MOST_NODES, MOST_WAYS = 2000, 200
+MOST_NODES, MOST_WAYS = 2000, 2000
 AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
