@@ -34,9 +34,9 @@ from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
-# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
-# after one node for any number of directions: they are tried the nearest first.
-MOST_NODES, MOST_WAYS = 2000, 2000
+# Nodes looked at, and times as many as the most directions of one of several pairs, before the task is left to stage 4.
+# A single pair is done after one node for any number of directions: they are tried the nearest first.
+MOST_NODES, MOST_WAYS = 2000, 500_000
 AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
@@ -290,8 +290,6 @@ def translations(task: Task) -> Answer | None:
             return _impossible(stage)
         q = x * task.size / task.weights
         new = {parts: _wall(_lines(task, parts, shifts)) for parts in _overlapping(task, q, walls)}
-        if any(len(wall.levels) > MOST_WAYS for wall in new.values()) and task.part_pairs > 1:
-            return None
         if new:
             walls |= new
             continue
@@ -443,7 +441,9 @@ def _least(
     everywhere = box.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
     starts = [everywhere.and_also(*rows) for _, rows in closings]
     choices = Choices.of_single_rows(list(walls.values()), count)
-    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=MOST_NODES, most=1.0 / NOWHERE)
+    ways = max((len(wall.levels) for wall in walls.values()), default=1) if task.part_pairs > 1 else 1
+    nodes = min(MOST_NODES, MOST_WAYS // ways)
+    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=nodes, most=1.0 / NOWHERE)
     if least.y is None:
         return (None, [], 0) if least.complete else None
     closing, pairs = closings[least.start][0], list(walls)
