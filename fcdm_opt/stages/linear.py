@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import islice, product
+from typing import Literal
 
 import numpy as np
 
@@ -25,8 +26,9 @@ from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
-from fcdm_opt.stages.rays import ON_THE_WAY, overlaps, placed, within
+from fcdm_opt.stages.rays import ON_THE_WAY
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
@@ -38,6 +40,7 @@ MOST_NODES, MOST_WAYS = 2000, 500_000
 AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
+ACROSS = 16  # directions across one translation, in which part pairs that it leads past each other are told
 LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -175,20 +178,30 @@ def straight(task: Task) -> Answer | None:
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
     slack, along = DEFAULT.line * task.size, _shifts(task)[0]
-    pairs, (low, high, beside, features), normals = overlaps(task, along)
-    others = pairs[:, 1] >= len(task.static.parts)
-    blocked = np.flatnonzero((beside < -slack) & (low < high - slack))
-    places = np.clip([0.0, *low, *high], *task.limits[0])
+    pairs = np.argwhere(_meeting(task, along))
+    needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
+    low, high, beside, features = task.spans(pairs, along).T
+    met = (beside <= slack) & (low <= high + slack)
+    normals = dict[int, Array]()  # before and beyond what a clearance blocks
+    for k in np.flatnonzero(met & (needs > 0.0)).tolist():
+        pacing.check()
+        normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
+        low[k], high[k], distance = nearer_than(needs[k], *_placed(task, (i, j)), along, low[k], high[k], normals[k])
+        beside[k] = max(beside[k], distance - needs[k])
+    met &= low <= high + slack
+    blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
+    places = np.clip([0.0, *low[met], *high[met]], *task.limits[0])
     if task.must_touch:
-        places = places[within(places, low[~others] - slack, high[~others] + slack, "right")]
+        own = met & ~others
+        places = places[_within(places, low[own] - slack, high[own] + slack, "right")]
     places = places[np.argsort(np.abs(places), kind="stable")]
     stage = "1: one translation, intervals of overlap"
     lows, highs = low[blocked] + slack, high[blocked] - slack
-    free = np.flatnonzero(~within(places, lows, highs, "left"))
+    free = np.flatnonzero(~_within(places, lows, highs, "left"))
     if not free.size:
         return _impossible(stage)
     least = float(places[free[0]])
-    stops = others & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
+    stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
     for place in places[: free[0]].tolist() if others.any() else ():
         in_the_way = blocked[(lows < place) & (place < highs)]
         stops[in_the_way] |= others[in_the_way].all()
@@ -201,10 +214,43 @@ def straight(task: Task) -> Answer | None:
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))
-    near = np.maximum(low, -high) <= abs(least) + slack
+    near = met & (np.maximum(low, -high) <= abs(least) + slack)
     kept = [(i, j) for i, j in pairs[near].tolist()]
     counts = task.modelled(kept, variables=1, constraints=len(kept), features=int(features[near].sum()))
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
+
+
+def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Bools:
+    """Tell which places lie in some interval: "left" strictly inside, "right" on its ends too."""
+    order = np.argsort(lows, kind="stable")
+    before = np.searchsorted(lows[order], places, side)  # so many begin before
+    ends = np.append(-np.inf, np.maximum.accumulate(highs[order]))[before]
+    return np.asarray(ends > places if side == "left" else ends >= places)
+
+
+def _meeting(task: Task, along: Array) -> Bools:
+    """Tell which part pairs may come within their clearance somewhere along a shift: by their extents across it."""
+    seed, T = task.static.seed, task.transform(task.rest)
+    n = along / np.linalg.norm(along)
+    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+    angles = np.arange(ACROSS) * np.pi / ACROSS
+    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
+    ways /= np.linalg.norm(first)
+    scaled = [[(part, task.target[0]) for part in task.movable.parts]]
+    scaled.append([(opponent.part, opponent.scale) for opponent in task.opponents])
+    low, high = [], []
+    for moved, own in zip((True, False), scaled, strict=True):
+        points = np.concatenate([part.seed + scale * (part.vertices - part.seed) for part, scale in own])
+        points = points @ T[:3, :3].T + T[:3, 3] if moved else points
+        starts, heights = np.cumsum([0, *(len(part.vertices) for part, _ in own[:-1])]), (points - seed) @ ways.T
+        low.append(np.minimum.reduceat(heights, starts, axis=0))
+        high.append(np.maximum.reduceat(heights, starts, axis=0))
+    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    near: Bools = np.ones((len(low[0]), len(low[1])), bool)
+    for k in range(ACROSS):
+        near &= low[0][:, None, k] <= high[1][:, k] + room
+        near &= low[1][:, k] <= high[0][:, None, k] + room
+    return near
 
 
 # ------------------------------------------------------------------------------------------------- several translations
@@ -292,7 +338,7 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
     """
     from scipy.spatial import ConvexHull
 
-    moved, other = placed(task, parts)
+    moved, other = _placed(task, parts)
     if len(moved) * len(other) > MOST_DIFFERENCES:
         return None
     differences = (other[:, None] - moved[None]).reshape(-1, 3)
@@ -303,6 +349,13 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
     middles[hull.vertices] /= np.linalg.norm(middles[hull.vertices], axis=1)[:, None]
     facets = differences[hull.simplices] + need * outward[:, None]
     return np.vstack([facets.reshape(-1, 3), (differences + need * middles)[hull.vertices]])
+
+
+def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
+    """Return the vertices of two parts as made, at rest, about s_2."""
+    one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
+    moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
+    return moved, opponent.scale * (opponent.part.vertices - opponent.part.seed) + (opponent.part.seed - centre)
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:

@@ -1,9 +1,8 @@
 """First contact of the target pair along a ray of motions, by conservative advancement.
 
-Along a shift each part pair overlaps in an interval. Along a ray that turns body 1 steadily about a line, steps of
-second order miss no contact, see `steady`. Along others the signed distance changes by no more than the largest
-displacement of a vertex, so from a gap g the pair cannot pass its needed gap within an amount |g - need| / rate: of
-that rate no bound is used, and such steps are a rule of search.
+Along a ray that turns body 1 steadily about a line, steps of second order miss no contact, see `steady`. Along others
+the signed distance changes by no more than the largest displacement of a vertex, so from a gap g the pair cannot pass
+its needed gap within an amount |g - need| / rate: of that rate no bound is used, and such steps are a rule of search.
 """
 
 from __future__ import annotations
@@ -12,18 +11,17 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, crossed, frozen
+from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Free, Step, Translation
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
 
@@ -31,7 +29,6 @@ STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
-ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
 LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
@@ -117,8 +114,6 @@ def first_contact(
     if plain or not is_steady(task, direction):
         return _searched(task, direction, limit, start)
     way, (movable, others, needs) = _way(task, direction), _solids(task)
-    if way[2, 0] == 0.0:
-        return _shifted(task, way[0] * way[2, 1], limit, start)
     found = steady.first(
         way,
         movable,
@@ -135,76 +130,6 @@ def first_contact(
         DEFAULT.line * task.size,
     )
     return FirstContact(*found)
-
-
-def _shifted(task: Task, along: Array, limit: float, start: float) -> FirstContact:
-    """Return the first contact along a shift, where nothing overlaps strictly: at the end of an interval of overlap."""
-    slack = DEFAULT.line * task.size / math.sqrt(along @ along)
-    pairs, (low, high, beside, _), _ = overlaps(task, along, start, limit)
-    own, blocked = pairs[:, 1] < len(task.static.parts), (beside < -slack) & (low < high - slack)
-    places = np.concatenate([low[own], high[own]] if task.must_touch else [[start], high])
-    places = np.sort(places[(places >= start) & (places < limit)])
-    free = places[~within(places, low[blocked] + slack, high[blocked] - slack, "left")]
-    return FirstContact(*(2 * (float(free[0]),) if len(free) else (math.inf, limit)))
-
-
-def overlaps(
-    task: Task, along: Array, start: float = -math.inf, end: float = math.inf
-) -> tuple[Ints, tuple[Array, ...], dict[int, Array]]:
-    """Return which part pairs meet along a shift, (k, 2), and between which multiples of it.
-
-    Those that are nearer than they need: from where, to where, by how much they are apart more than that all along, and
-    how many facet directions tell it, (k,) each. Then directions before and beyond what a clearance blocks, by pair.
-    """
-    slack = DEFAULT.line * task.size
-    pairs = np.argwhere(_meeting(task, along, start, end))
-    low, high, beside, features = task.spans(pairs, along).T
-    met, needs, normals = (beside <= slack) & (low <= high + slack), task.needs[pairs[:, 1]], dict[int, Array]()
-    for k in np.flatnonzero(met & (needs > 0.0)).tolist():
-        pacing.check()
-        normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
-        low[k], high[k], distance = nearer_than(needs[k], *placed(task, (i, j)), along, low[k], high[k], normals[k])
-        beside[k] = max(beside[k], distance - needs[k])
-    met &= low <= high + slack
-    numbers = np.cumsum(met) - 1
-    normals = {int(numbers[k]): own for k, own in normals.items() if met[k]}
-    return pairs[met], (low[met], high[met], beside[met], features[met]), normals
-
-
-def placed(task: Task, parts: Parts) -> tuple[Array, Array]:
-    """Return the vertices of two parts as made, at rest, about s_2."""
-    one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
-    moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
-    return moved, opponent.scale * (opponent.part.vertices - opponent.part.seed) + (opponent.part.seed - centre)
-
-
-def within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Flags:
-    """Tell which places lie in some interval: "left" strictly inside, "right" on its ends too."""
-    order = np.argsort(lows, kind="stable")
-    before = np.searchsorted(lows[order], places, side)  # so many begin before
-    ends = np.append(-np.inf, np.maximum.accumulate(highs[order]))[before]
-    return np.asarray(ends > places if side == "left" else ends >= places)
-
-
-def _meeting(task: Task, along: Array, start: float, end: float) -> Flags:
-    """Tell which part pairs may come within their clearance on a stretch of a shift: by extents across and along it."""
-    n = along / np.linalg.norm(along)
-    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
-    angles = np.arange(ACROSS) * np.pi / ACROSS
-    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
-    ways = np.vstack([ways / np.linalg.norm(first), n])
-    low, high = [], []
-    for points, _, _, places in _solids(task)[:2]:
-        heights, starts = ways @ points.T, places[:-1, 0]
-        low.append(np.minimum.reduceat(heights, starts, axis=1))
-        high.append(np.maximum.reduceat(heights, starts, axis=1))
-    offset = ways @ (task.movable.seed - task.static.seed)
-    swept = np.append(np.zeros((ACROSS, 2)), [np.array([start, end]) * (n @ along)], axis=0) + offset[:, None]
-    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
-    near = np.ones((low[0].shape[1], low[1].shape[1]), bool)
-    for one, two, least, most, (back, forth) in zip(*low, *high, swept, strict=True):
-        near &= (one[:, None] + back <= most + room) & (two <= least[:, None] + forth + room)
-    return near
 
 
 def _searched(task: Task, direction: Array, limit: float, start: float) -> FirstContact:
