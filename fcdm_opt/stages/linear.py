@@ -28,7 +28,7 @@ from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
-from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.rays import ON_THE_WAY, meeting
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
@@ -40,7 +40,6 @@ MOST_NODES, MOST_WAYS = 2000, 500_000
 AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
-ACROSS = 16  # directions across one translation, in which part pairs that it leads past each other are told
 LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -178,7 +177,7 @@ def straight(task: Task) -> Answer | None:
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
     slack, along = DEFAULT.line * task.size, _shifts(task)[0]
-    pairs = np.argwhere(_meeting(task, along))
+    pairs = meeting(task, along)
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
     low, high, beside, features = task.spans(pairs, along).T
     met = (beside <= slack) & (low <= high + slack)
@@ -226,31 +225,6 @@ def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "rig
     before = np.searchsorted(lows[order], places, side)  # so many begin before
     ends = np.append(-np.inf, np.maximum.accumulate(highs[order]))[before]
     return np.asarray(ends > places if side == "left" else ends >= places)
-
-
-def _meeting(task: Task, along: Array) -> Bools:
-    """Tell which part pairs may come within their clearance somewhere along a shift: by their extents across it."""
-    seed, T = task.static.seed, task.transform(task.rest)
-    n = along / np.linalg.norm(along)
-    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
-    angles = np.arange(ACROSS) * np.pi / ACROSS
-    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
-    ways /= np.linalg.norm(first)
-    scaled = [[(part, task.target[0]) for part in task.movable.parts]]
-    scaled.append([(opponent.part, opponent.scale) for opponent in task.opponents])
-    low, high = [], []
-    for moved, own in zip((True, False), scaled, strict=True):
-        points = np.concatenate([part.seed + scale * (part.vertices - part.seed) for part, scale in own])
-        points = points @ T[:3, :3].T + T[:3, 3] if moved else points
-        starts, heights = np.cumsum([0, *(len(part.vertices) for part, _ in own[:-1])]), (points - seed) @ ways.T
-        low.append(np.minimum.reduceat(heights, starts, axis=0))
-        high.append(np.maximum.reduceat(heights, starts, axis=0))
-    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
-    near: Bools = np.ones((len(low[0]), len(low[1])), bool)
-    for k in range(ACROSS):
-        near &= low[0][:, None, k] <= high[1][:, k] + room
-        near &= low[1][:, k] <= high[0][:, None, k] + room
-    return near
 
 
 # ------------------------------------------------------------------------------------------------- several translations

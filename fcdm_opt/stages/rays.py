@@ -29,6 +29,7 @@ STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
+ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
 LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
@@ -114,12 +115,17 @@ def first_contact(
     if plain or not is_steady(task, direction):
         return _searched(task, direction, limit, start)
     way, (movable, others, needs) = _way(task, direction), _solids(task)
+    if way[2, 0] == 0.0:
+        pairs = meeting(task, way[0] * way[2, 1], start, limit)
+    else:
+        pairs = np.argwhere(np.ones((len(task.movable.parts), len(task.opponents)), bool))
     found = steady.first(
         way,
         movable,
         others,
         task.static.seed - task.movable.seed,
         needs,
+        pairs,
         len(task.static.parts),
         task.must_touch,
         limit,
@@ -130,6 +136,27 @@ def first_contact(
         DEFAULT.line * task.size,
     )
     return FirstContact(*found)
+
+
+def meeting(task: Task, along: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
+    """Return which part pairs may come as near as they need on a stretch of a shift, (k, 2): by extents in its ways."""
+    n = along / np.linalg.norm(along)
+    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+    angles = np.arange(ACROSS) * np.pi / ACROSS
+    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
+    ways = np.vstack([ways / np.linalg.norm(first), n])
+    low, high = [], []
+    for points, _, _, places in _solids(task)[:2]:
+        heights, starts = ways @ points.T, places[:-1, 0]
+        low.append(np.minimum.reduceat(heights, starts, axis=1))
+        high.append(np.maximum.reduceat(heights, starts, axis=1))
+    offset = ways @ (task.movable.seed - task.static.seed)
+    swept = np.append(np.zeros((ACROSS, 2)), [np.array([start, end]) * (n @ along)], axis=0) + offset[:, None]
+    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    near = np.ones((low[0].shape[1], low[1].shape[1]), bool)
+    for one, two, own, other, (back, forth) in zip(*low, *high, swept, strict=True):
+        near &= (one[:, None] + back <= other + room) & (two <= own[:, None] + forth + room)
+    return np.argwhere(near)
 
 
 def _searched(task: Task, direction: Array, limit: float, start: float) -> FirstContact:

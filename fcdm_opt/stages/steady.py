@@ -140,8 +140,8 @@ def _near(way, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, enough, found):
-    """Set what holds at a pose: excess over the needed gap of the partner's parts and of the others, and times.
+def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, found):
+    """Set what holds at a pose of some part pairs: excess over the needed gap of partner's parts and others, and times.
 
     found: partner's least excess, the others', how long the partner's state lasts (apart or not), how long one of the
     others is too near, and a pair too near for `enough`, -1 without: where there are no others nothing more is asked
@@ -156,12 +156,11 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, enoug
     points2, faces2, edges2, places2 = twos
     site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
     excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
-    n2, before = len(places2) - 1, int(found[4])
-    alone = partner == n2 or not touch
+    before, alone = int(found[4]), partner == len(places2) - 1 or not touch
     found[4] = -1.0
-    for turn in range(-1 if timed and alone and before >= 0 else 0, (len(places1) - 1) * n2):
+    for turn in range(-1 if timed and alone and before >= 0 else 0, len(pairs)):
         code = before if turn < 0 else turn
-        i, c = code // n2, code % n2
+        i, c = pairs[code, 0], pairs[code, 1]
         need = needs[c]
         if need == -np.inf:
             continue
@@ -212,7 +211,7 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, enoug
 
 
 @kernel
-def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, finest, most, fine, slack):
+def first(way, ones, twos, offset, needs, pairs, partner, touch, limit, start, floor, finest, most, fine, slack):
     """Return (amount, clear to) of the first motion that does, see `rays.FirstContact`.
 
     With `touch` a change of side at which nothing else is too near; without, where all that is needed is reached.
@@ -220,7 +219,7 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
     """
     here, proved, sure = start, 0.0, True
     now, ahead = np.full(5, -1.0), np.full(5, -1.0)
-    _looked(way, here, ones, twos, offset, needs, partner, touch, True, floor, now)
+    _looked(way, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, now)
     side = -1.0 if now[0] < 0.0 else 1.0
     for turn in range(most):
         if here >= limit:
@@ -235,7 +234,7 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
         least = floor if turn >= EAGER else finest
         sure = sure and (step >= least or here + step >= limit)
         there, ahead[4] = min(here + max(step, least), limit), now[4]
-        _looked(way, there, ones, twos, offset, needs, partner, touch, True, floor, ahead)
+        _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
         if forbidden and step >= least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
@@ -249,16 +248,16 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, middle, ones, twos, offset, needs, partner, touch, False, floor, ahead)
+                _looked(way, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, there, ones, twos, offset, needs, partner, touch, False, floor, ahead)
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
             if ahead[1] >= -slack:
                 return there, proved
-            _looked(way, there, ones, twos, offset, needs, partner, touch, True, floor, ahead)
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
             side = -side
         here = there
         now[:] = ahead
