@@ -253,7 +253,7 @@ def translations(task: Task) -> Answer | None:
             return None
         x, pairs, constraints = least
         length = np.inf if x is None else float(np.linalg.norm(x))
-        sooner = [parts for bound, parts in later[:AT_ONCE] if bound < length]
+        sooner = [parts for bound, parts in later[: max(AT_ONCE, len(closings))] if bound < length]
         if sooner:
             later = later[len(sooner) :]
             closings += [
