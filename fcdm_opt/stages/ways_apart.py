@@ -212,7 +212,7 @@ class Linearised(NamedTuple):
         two, need = opponent.part, opponent.need
         sites, lines, gaps = task.separations(parts, task.pose(self.q))
         if not self.turns.any() and need <= 0.0:  # a shift: one row for all vertices
-            some = gaps >= need - self.band
+            some = np.argsort(-gaps)[: int((gaps >= need - self.band).sum())]  # one that nothing can join comes first
             return list(zip(-(lines[some, None, :3] @ self.shifts.T), gaps[some, None], strict=True))
         x = task.target[0] * (one.vertices - one.seed)
         p = two.seed - task.static.seed + opponent.scale * (two.vertices - two.seed)
