@@ -93,8 +93,8 @@ def chosen(situation: Situation) -> Choice:
     Parts that touch at several places are to do so again, if shifts can bring that about in all cases; else those of
     them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
     others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
-    is solved: a case in which the parts do not fit is an answer. Translations along one axis come before those along
-    three wherever they are as small, of large meshes wherever they settle the cases, and rotations after both.
+    is solved: a case in which the parts do not fit is an answer, one for which no time was left is none. Translations
+    along one axis come before those along three wherever they are as small, and rotations after both.
     """
     together = len(situation.contacts) > 1 and not situation.large
     for goal in ("seat", "at") if together else ():
@@ -109,21 +109,20 @@ def chosen(situation: Situation) -> Choice:
     for goal in GOALS[situation.state]:
         best: Choice | None = None
         along = Translation(named(situation.normal))
-        if situation.large:  # a motion across many faces is soon told along an axis, and any other takes long
+        if situation.large:  # a motion across many faces is soon told along an axis
             along = Translation(AXES[int(np.abs(situation.normal).argmax())])
-        # what is flush stays so by a shift along its normal, if by any
-        shifts = (along, ANY_SHIFT) if goal == "seat" or situation.large else (ANY_SHIFT, along)
+        # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
+        shifts = (along, ANY_SHIFT) if goal == "seat" else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
                 break
-            first = situation.large or motion != ANY_SHIFT
-            if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and first)):
+            if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
             pacing.at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
             tried = _tried(situation, goal, motion)
             if tried is None:
                 break
-            if best is None or len(tried.usable) > len(best.usable):
+            if best is None or (len(tried.usable), tried.settled) > (len(best.usable), best.settled):
                 best = tried
         if best is not None and best.usable:
             return _simpler(situation, best)
