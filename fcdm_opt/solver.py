@@ -93,7 +93,7 @@ def _solved_all(problem: Problem, how: _How) -> Solution:
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    problem, most = more_parts(problem, None, 0.0) or problem, AT_ONCE
+    problem, most = (None if pacing.over() else more_parts(problem, None, 0.0)) or problem, AT_ONCE
     if problem.movable.whole is None:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -105,8 +105,8 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = more_parts(problem, pose, least, most)
-        if further is None or pacing.over():
+        further = None if pacing.over() else more_parts(problem, pose, least, most)
+        if further is None:
             if impossible and apart:  # of the parts modelled: others may touch farther off
                 answer = replace(answer, status=Status.NOT_FOUND, lower_bound=0.0)
             break

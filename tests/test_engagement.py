@@ -16,6 +16,7 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
 from fcdm_opt.judge.engagement import passage
+from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
@@ -96,6 +97,20 @@ def test_the_part_inside_may_be_the_one_that_stands_still() -> None:
     assert (found.inside, found.inner, found.outer) == (1, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
     assert verdict(problem).startswith("does not fit: nut 19.79 mm in slot 19.60 mm, between its face ")
     assert fo.solve(problem).status is Status.OUTSIDE_FIT
+
+
+@pytest.mark.parametrize("movable", [t_nut, t_rail])
+def test_walls_further_apart_than_sizes_change_tell_nothing(movable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Part pairs that bounds leave too far apart to close are left out: with all of them the same is found."""
+    static = t_rail if movable is t_nut else t_nut
+    asked = [nut_in_rail(tau, letter, movable=movable(), static=static()) for tau in (0.015, 0.02) for letter in "ABCD"]
+    near = [len(fit._walls(problem, 2.0 * fit._change(problem))[0]) for problem in asked]
+    assert max(near) < len(fit._walls(asked[0], np.inf)[0])
+    found = [misfit(problem) for problem in asked]
+    assert 0 < sum(each is not None for each in found) < len(asked)
+    misfit.cache_clear()
+    monkeypatch.setattr(fit, "_change", lambda problem: np.inf)
+    assert [misfit(problem) for problem in asked] == found
 
 
 def test_sizes_that_go_together_have_no_misfit() -> None:

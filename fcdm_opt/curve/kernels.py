@@ -1959,12 +1959,25 @@ def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1,
 @kernel
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     """Return lower bounds of all part pairs' signed gaps at a scale pair, (parts 1, parts 2), from a few directions."""
-    n1, n2 = len(places1) - 1, len(places2) - 1
-    quick, _, _ = quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, rho[0], rho[1])
-    bounds = np.full((n1, n2), -_INF)
-    for k in range(len(quick)):
-        i, j = k // _WAYS // n2, k // _WAYS % n2
-        bounds[i, j] = max(bounds[i, j], quick[k, 2] - quick[k, 0] * rho[0] - quick[k, 1] * rho[1])
+    d, bounds = _entry(pose, 9), np.full((len(places1) - 1, len(places2) - 1), -_INF)
+    heights = np.empty(bounds.shape[1])
+    for way in range(_WAYS - 1):
+        u = _direction(way)
+        inward, back, level = _turned_back(pose, 0, u), _times(-1.0, u), _dot(u, d)
+        for j in range(bounds.shape[1]):
+            heights[j] = _height(reals2, places2[j, 0], ints2[places2[j, 1]], back) * rho[1]
+        for i in range(len(bounds)):
+            own = level - _height(reals1, places1[i, 0], ints1[places1[i, 1]], inward) * rho[0]
+            for j in range(bounds.shape[1]):
+                bounds[i, j] = max(bounds[i, j], own - heights[j])
+    middles1, middles2 = _middles(reals1, ints1, places1), _middles(reals2, ints2, places2)
+    for i in range(len(bounds)):
+        middle = _times(rho[0], _turned(pose, 0, _at(middles1, i)))
+        for j in range(bounds.shape[1]):
+            n = _between(d, middle, _times(-rho[1], _at(middles2, j)))
+            own = _dot(n, d) - _height(reals1, places1[i, 0], ints1[places1[i, 1]], _turned_back(pose, 0, n)) * rho[0]
+            other = _height(reals2, places2[j, 0], ints2[places2[j, 1]], _times(-1.0, n)) * rho[1]
+            bounds[i, j] = max(bounds[i, j], own - other)
     return bounds
 
 
@@ -1992,15 +2005,53 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
 
 @light
 @kernel
-def widest_rows(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
-    """Return of every part pair, i n_2 + j, the row of the facet direction of its largest separation, (pairs, 6)."""
-    n2 = len(places2) - 1
-    widest = np.empty(((len(places1) - 1) * n2, 6))
-    for code in range(len(widest)):
-        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, code // n2, code % n2)
+def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, along, need, level):
+    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions.
+
+    (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
+    are. Directions that the way changes by no more than `level` are those all along.
+    """
+    found = np.empty((len(pairs), 4))
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
+        rows = facet_rows(own1, table1, own2, table2, pose)[1]
+        low, high, beside = -_INF, _INF, -_INF
+        for m in range(len(rows)):
+            excess = rows[m, 5] - rows[m, 3] * rho[0] - rows[m, 4] * rho[1] - need
+            rate = _dot(_at(rows, m), _entry(along, 0))
+            if np.abs(rate) <= level:
+                beside = max(beside, excess)
+            elif rate > 0.0:
+                low = max(low, excess / rate)
+            else:
+                high = min(high, excess / rate)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, beside, len(rows)
+    return found
+
+
+@light
+@kernel
+def widest_rows(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs):
+    """Return of part pairs, (k, 2), the row of the facet direction of their largest separation, (k, 6)."""
+    widest = np.empty((len(pairs), 6))
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
         _, rows = facet_rows(own1, table1, own2, table2, pose)
-        widest[code] = rows[np.argmax(rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1])]
+        widest[k] = rows[np.argmax(rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1])]
     return widest
+
+
+@light
+@kernel
+def heights(reals, ints, places, parts, directions):
+    """Return how far parts, (k,), reach from the seed along a direction each, (k, 3), in the body's axes."""
+    found = np.empty(len(parts))
+    for k in range(len(parts)):
+        first = places[parts[k]]
+        found[k] = _height(reals, first[0], ints[first[1]], _at(directions, k))
+    return found
 
 
 _WAYS = 15  # directions of the quick test: both ways along the axes and along the diagonals of a cube, and another
@@ -2044,13 +2095,19 @@ def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
     for i in range(n1):
         middle = _times(x, _turned(pose, 0, _at(middles1, i)))
         for j in range(n2):
-            n = _minus(_minus(d, middle), _times(-y, _at(middles2, j)))
-            length, k = _length(n), (i * n2 + j) * _WAYS + _WAYS - 1
-            n = _times(1.0 / length, n) if length > 0.0 else (1.0, 0.0, 0.0)
+            n, k = _between(d, middle, _times(-y, _at(middles2, j))), (i * n2 + j) * _WAYS + _WAYS - 1
             lines[k, 0] = _height(reals1, places1[i, 0], ints1[places1[i, 1]], _turned_back(pose, 0, n))
             lines[k, 1] = _height(reals2, places2[j, 0], ints2[places2[j, 1]], _times(-1.0, n))
             lines[k, 2] = _dot(n, d)
     return lines, most1, most2
+
+
+@step
+def _between(d, middle, other):
+    """Return the unit direction from one part's middle to that of another, less `d`; any where they coincide."""
+    n = _minus(_minus(d, middle), other)
+    length = _length(n)
+    return _times(1.0 / length, n) if length > 0.0 else (1.0, 0.0, 0.0)
 
 
 @kernel

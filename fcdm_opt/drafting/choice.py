@@ -93,8 +93,8 @@ def chosen(situation: Situation) -> Choice:
     Parts that touch at several places are to do so again, if shifts can bring that about in all cases; else those of
     them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
     others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
-    is solved: a case in which the parts do not fit is an answer. Translations along one axis come before those along
-    three wherever they are as small, and rotations after both.
+    is solved: a case in which the parts do not fit is an answer, one for which no time was left is none. Translations
+    along one axis come before those along three wherever they are as small, and rotations after both.
     """
     together = len(situation.contacts) > 1 and not situation.large
     for goal in ("seat", "at") if together else ():
@@ -122,7 +122,7 @@ def chosen(situation: Situation) -> Choice:
             tried = _tried(situation, goal, motion)
             if tried is None:
                 break
-            if best is None or len(tried.usable) > len(best.usable):
+            if best is None or (len(tried.usable), tried.settled) > (len(best.usable), best.settled):
                 best = tried
         if best is not None and best.usable:
             return _simpler(situation, best)

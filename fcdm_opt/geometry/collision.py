@@ -193,11 +193,9 @@ class ScaledPair:
         if settled is not None:
             bounds[settled.reshape(bounds.shape)] = np.nan
         least = np.where(known, np.inf, np.nan)
-        for pair in np.argsort(np.fmin.reduce(bounds, axis=0)).tolist():
-            at = np.flatnonzero(bounds[:, pair] <= least)
-            if at.size:
-                values = self._asked(first[pair // len(second)], second[pair % len(second)], frames[at])
-                least[at] = np.minimum(least[at], values)
+        for pair, at in judging.nearest_first(bounds, least):
+            values = self._asked(first[pair // len(second)], second[pair % len(second)], frames[at])
+            least[at] = np.minimum(least[at], values)
         return least
 
     def _asked(self, one: _Hull, two: _Hull, frames: Array) -> Array:

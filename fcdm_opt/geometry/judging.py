@@ -9,7 +9,7 @@ rho_1, rho_2, the unit's length, o, and R row by row. All of it is nan where sca
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ TIE, PARALLEL, SIDE, TOUCH, SAME = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFA
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
+FEW = 1000  # part pairs asked first
 APART = 1e-3  # of the extent of two flush elements: further apart, how far is not asked; no check allows it
 
 
@@ -167,15 +168,32 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
         return _widest(ones[0], twos[0], frames, True)
     with np.errstate(all="ignore"):
         bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
-    least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
-    for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():
+    least, unknown = np.where(np.isnan(frames[:, UNIT]), np.nan, np.inf), np.full(len(frames), np.inf)
+    for pair, at in nearest_first(bounds, least):
         one, two = ones[pair // len(twos)], twos[pair % len(twos)]
         if len(one.edges) * len(two.edges) > most:
-            unknown = np.fmin(unknown, bounds[:, pair])
-            continue
-        at = np.flatnonzero(bounds[:, pair] <= least)
-        least[at] = np.minimum(least[at], _widest(one, two, frames[at], True))
-    return np.where(np.isnan(frames[:, UNIT]) | ~(unknown > least), np.nan, least)
+            unknown[at] = np.fmin(unknown[at], bounds[at, pair])
+        else:
+            least[at] = np.minimum(least[at], _widest(one, two, frames[at], True))
+    return np.where(unknown > least, least, np.nan)
+
+
+def nearest_first(bounds: Array, least: Array) -> Iterator[tuple[int, Ints]]:
+    """Yield part pairs by lower bounds of their gaps, (k, pairs), and the frames in which one may be below `least`.
+
+    As long as there are any: whoever asks lowers `least`, (k,), meanwhile. nan is below nothing.
+    """
+    lowest = np.fmin.reduce(bounds, axis=0, initial=np.inf)
+    first = np.argpartition(lowest, FEW)[:FEW] if len(lowest) > FEW else np.arange(len(lowest))
+    for rest in (False, True):  # of millions few are left after these
+        rows = np.flatnonzero(lowest <= np.fmax.reduce(least, initial=-np.inf)) if rest else first
+        rows = np.setdiff1d(rows, first, assume_unique=True) if rest else rows
+        for pair in rows[np.argsort(lowest[rows], kind="stable")].tolist():
+            if not lowest[pair] <= np.fmax.reduce(least, initial=-np.inf):
+                return
+            at = np.flatnonzero(bounds[:, pair] <= least)
+            if at.size:
+                yield pair, at
 
 
 def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults, overlaps_between
 from fcdm_opt.curve.contact import Joint, features_along, located, supporting_contact
@@ -34,6 +35,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]
+AT_ONCE = 20_000  # part pairs that are looked at before the time is
 REMEMBERED = 8  # motions whose poses and gaps are kept: stages and report ask about rest and the answer again
 
 
@@ -510,6 +512,19 @@ class Task:
             seen = self._against(opponent, pose)
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
+
+    def spans(self, pairs: Ints, along: Array) -> Array:
+        """Return from where to where part pairs, (k, 2), are too near along a shift from rest, see `kernels.spans`."""
+        found, pose = np.empty((len(pairs), 4)), self.pose(self.rest)
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
+            both, seen = (*self.movable.packed, *packed), self._against(opponent, pose)
+            rows = np.flatnonzero((columns.start <= pairs[:, 1]) & (pairs[:, 1] < columns.stop))
+            for some in np.split(rows, range(AT_ONCE, len(rows), AT_ONCE)):
+                pacing.check()
+                own = pairs[some] - (0, columns.start)
+                found[some] = kernels.spans(*both, *seen, own, along, opponent.need, DEFAULT.tie)
+        return found
 
     @cached_property
     def _groups(self) -> tuple[tuple[slice, tuple[Array, Ints, Ints]], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,29 +28,38 @@ def _drawn(problem: Problem) -> tuple[Body, Body]:
     return own["movable"], own["static"]
 
 
-def _walls(problem: Problem) -> tuple[Array, Array, Ints]:
-    """Return how part pairs keep apart as drawn: normals, (k, 3), how far the parts made reach, and which, (k, 2).
+def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
+    """Return how part pairs keep apart as drawn: normals, (k, 3), and which they are, (k, 2).
 
-    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none.
-    The reaches, (k, 2), are those of body 1 along the normal and of body 2 against it, from the origin: the parts made
-    are apart in this direction by minus their sum.
+    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none,
+    nor of those that bounds tell to be further apart than `most`.
     """
     made = problem.movable, problem.static
     movable, static = drawn = _drawn(problem)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
-        return np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 2), np.int64)
-    pose, slack = relative_pose(movable, static, REST), DEFAULT.snap * problem.size
-    rows = kernels.widest_rows(*movable.packed, *static.packed, pose, problem.nominal_pair)
-    apart = np.flatnonzero(rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -slack)
-    normals, places = rows[apart, :3], np.column_stack(np.divmod(apart, len(static.parts)))
-    reaches = np.empty((len(apart), 2))
-    for own, (body, rho, side) in enumerate(zip(made, problem.target, (1.0, -1.0), strict=True)):
-        order = np.argsort(places[:, own], kind="stable")
-        for met in np.split(order, np.flatnonzero(np.diff(places[order, own])) + 1) if len(order) else ():
-            part = body.parts[places[met[0], own]]
-            corners = part.seed + rho * (part.vertices - part.seed)
-            reaches[met, own] = (side * normals[met] @ corners.T).max(axis=1)
-    return normals, reaches, places
+        return np.empty((0, 3)), np.empty((0, 2), np.int64)
+    both, slack = (*movable.packed, *static.packed), DEFAULT.snap * problem.size
+    placed = relative_pose(movable, static, REST), problem.nominal_pair
+    pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
+    rows = kernels.widest_rows(*both, *placed, pairs)
+    apart = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -slack
+    return rows[apart, :3], pairs[apart]
+
+
+def _change(problem: Problem) -> float:
+    """Return how much two parts may come nearer each other along any direction as they are made; length units."""
+    change = 0.0
+    for drawn, made, before, after in zip(
+        _drawn(problem), (problem.movable, problem.static), problem.nominal_pair, problem.target, strict=True
+    ):
+        was, now = (
+            [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
+            for body, rho in ((drawn, before), (made, after))
+        )
+        if [*map(len, was)] != [*map(len, now)]:
+            return np.inf
+        change += float(np.linalg.norm(np.concatenate(now) - np.concatenate(was), axis=1).max())
+    return change
 
 
 def holds(problem: Problem) -> bool:
@@ -57,9 +67,13 @@ def holds(problem: Problem) -> bool:
 
     Parts that overlap as drawn hold nothing.
     """
+    return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+
+
+def _enclose(normals: Array) -> bool:
+    """Tell whether 0 is among unit normals, (k, 3): none leads away from all; false without any."""
     from scipy.optimize import linprog
 
-    normals, *_ = _walls(problem)
     if not len(normals):
         return False
     rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= 0 for each
@@ -89,15 +103,24 @@ class Misfit(NamedTuple):
     walls: tuple[str, ...] = ()
 
 
+@lru_cache(maxsize=4)
 def misfit(problem: Problem) -> Misfit | None:
     """Return by which widths the parts made do not go together as drawn; None where no two walls tell.
 
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
-    all that are closed at the target sizes, and were not as drawn, those that lack most.
+    all that are closed at the target sizes, and were not as drawn, those that lack most. A gap closes by no more than
+    `_change`, so that none that is larger twice over makes up such a sum.
     """
-    normals, reaches, places = _walls(problem)
+    normals, places = _walls(problem, 2.0 * _change(problem))
     if not len(normals):
         return None
+    # how far the parts made reach, from the origin: body 1 along the normal, body 2 against it; apart by minus the sum
+    reaches = np.empty((len(normals), 2))
+    for k, (body, rho, side) in enumerate(
+        zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
+    ):
+        ways = side * normals
+        reaches[:, k] = ways @ body.seed + rho * kernels.heights(*body.packed, places[:, k], ways)
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
     gaps = -reaches.sum(axis=1)
     order = np.argsort(gaps, kind="stable")

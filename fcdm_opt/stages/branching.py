@@ -50,6 +50,7 @@ LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten mill
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
 MANY_PAIRS = 64  # part pairs from which on no program holds them all
+MOST_PAIRS = 100_000  # part pairs with which cells are looked at: each cell keeps a row of every one in memory
 FEW_PAIRS = 100  # part pairs up to which more motions are descended from
 SPREAD = 0.3  # the same, from motions that are not the least for certain
 GAINED = 1e-5  # relative: smaller gains may come from what counts as met, where a gap opens with the square of a turn
@@ -278,6 +279,8 @@ def bounded(
     checked : bool
         As of `prove`.
     """
+    if task.part_pairs > MOST_PAIRS:
+        return answer, None
     known, upper = answer.q, _amount(task, answer)
     better: Answer | None = None
 

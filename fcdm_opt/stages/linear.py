@@ -12,9 +12,9 @@ motion comes too near.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 from typing import Literal
 
 import numpy as np
@@ -28,18 +28,18 @@ from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
-from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.rays import ON_THE_WAY, meeting
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
-# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
-# after one node for any number of directions: they are tried the nearest first.
-MOST_NODES, MOST_WAYS = 2000, 200
+# Nodes looked at, and times as many as the most directions of one of several pairs, before the task is left to stage 4.
+# A single pair is done after one node for any number of directions: they are tried the nearest first.
+MOST_NODES, MOST_WAYS = 2000, 500_000
+AT_ONCE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
-ACROSS = 16  # directions across one translation, in which part pairs that it leads past each other are told
 LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -176,54 +176,46 @@ def straight(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along, pose = DEFAULT.line * task.size, _shifts(task)[0], task.pose(task.rest)
-    met: dict[Parts, tuple[float, float]] = {}
-    blocked: dict[Parts, tuple[float, float]] = {}
-    normals: dict[Parts, Array] = {}  # before and beyond what a clearance blocks
-    features: dict[Parts, int] = {}
-    for i, j in np.argwhere(_meeting(task, along)).tolist():
+    slack, along = DEFAULT.line * task.size, _shifts(task)[0]
+    pairs = meeting(task, along)
+    needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
+    low, high, beside, features = task.spans(pairs, along).T
+    met = (beside <= slack) & (low <= high + slack)
+    normals = dict[int, Array]()  # before and beyond what a clearance blocks
+    for k in np.flatnonzero(met & (needs > 0.0)).tolist():
         pacing.check()
-        parts, need = (i, j), task.opponents[j].need
-        _, rows, separations = task.separations(parts, pose)
-        rates, excess = rows[:, :3] @ along, separations - need
-        level = np.abs(rates) <= DEFAULT.tie
-        beside, closing = excess[level].max(initial=-np.inf), rates[~level]
-        at = excess[~level] / closing
-        low, high = at[closing > 0].max(initial=-np.inf), at[closing < 0].min(initial=np.inf)
-        if beside > slack or low > high + slack:
-            continue
-        if need > 0.0:
-            normals[parts] = np.zeros((2, 3))
-            low, high, distance = nearer_than(need, *_placed(task, parts), along, low, high, normals[parts])
-            beside = max(beside, distance - need)
-        if low <= high + slack:
-            met[parts], features[parts] = (low, high), len(rows)
-            if beside < -slack and low < high - slack:
-                blocked[parts] = low, high
-    others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
-    places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0])
+        normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
+        low[k], high[k], distance = nearer_than(needs[k], *_placed(task, (i, j)), along, low[k], high[k], normals[k])
+        beside[k] = max(beside[k], distance - needs[k])
+    met &= low <= high + slack
+    blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
+    places = np.clip([0.0, *low[met], *high[met]], *task.limits[0])
     if task.must_touch:
-        first, last = np.array([met[parts] for parts in met.keys() - others]).reshape(-1, 2).T
-        places = places[_within(places, first - slack, last + slack, "right")]
+        own = met & ~others
+        places = places[_within(places, low[own] - slack, high[own] + slack, "right")]
     places = places[np.argsort(np.abs(places), kind="stable")]
-    stage, stop = "1: one translation, intervals of overlap", set[Parts]()
-    keys, ends = list(blocked), np.array(list(blocked.values())).reshape(-1, 2)
-    lows, highs = ends[:, 0] + slack, ends[:, 1] - slack
+    stage = "1: one translation, intervals of overlap"
+    lows, highs = low[blocked] + slack, high[blocked] - slack
     free = np.flatnonzero(~_within(places, lows, highs, "left"))
     if not free.size:
         return _impossible(stage)
     least = float(places[free[0]])
-    for place in places[: free[0]].tolist() if others else ():
-        in_the_way = {keys[k] for k in np.flatnonzero((lows < place) & (place < highs)).tolist()}
-        stop |= in_the_way if in_the_way <= others else set()
+    stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
+    for place in places[: free[0]].tolist() if others.any() else ():
+        in_the_way = blocked[(lows < place) & (place < highs)]
+        stops[in_the_way] |= others[in_the_way].all()
     q = np.array([least])
-    ways = {parts: normals[parts][int(2.0 * least > sum(blocked[parts]))] for parts in normals.keys() & blocked}
+    ways = {
+        tuple(pairs[k].tolist()): normals[k][int(2.0 * least > low[k] + high[k])]
+        for k in blocked.tolist()
+        if k in normals
+    }
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
-    stop |= {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
-    names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
-    near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
-    counts = task.modelled(near, variables=1, constraints=len(near), features=sum(features[parts] for parts in near))
+    names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))
+    near = met & (np.maximum(low, -high) <= abs(least) + slack)
+    kept = [(i, j) for i, j in pairs[near].tolist()]
+    counts = task.modelled(kept, variables=1, constraints=len(kept), features=int(features[near].sum()))
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
 
 
@@ -235,31 +227,6 @@ def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "rig
     return np.asarray(ends > places if side == "left" else ends >= places)
 
 
-def _meeting(task: Task, along: Array) -> Bools:
-    """Tell which part pairs may come within their clearance somewhere along a shift: by their extents across it."""
-    seed, T = task.static.seed, task.transform(task.rest)
-    n = along / np.linalg.norm(along)
-    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
-    angles = np.arange(ACROSS) * np.pi / ACROSS
-    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
-    ways /= np.linalg.norm(first)
-    scaled = [[(part, task.target[0]) for part in task.movable.parts]]
-    scaled.append([(opponent.part, opponent.scale) for opponent in task.opponents])
-    low, high = [], []
-    for moved, own in zip((True, False), scaled, strict=True):
-        points = np.concatenate([part.seed + scale * (part.vertices - part.seed) for part, scale in own])
-        points = points @ T[:3, :3].T + T[:3, 3] if moved else points
-        starts, heights = np.cumsum([0, *(len(part.vertices) for part, _ in own[:-1])]), (points - seed) @ ways.T
-        low.append(np.minimum.reduceat(heights, starts, axis=0))
-        high.append(np.maximum.reduceat(heights, starts, axis=0))
-    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
-    near: Bools = np.ones((len(low[0]), len(low[1])), bool)
-    for k in range(ACROSS):
-        near &= low[0][:, None, k] <= high[1][:, k] + room
-        near &= low[1][:, k] <= high[0][:, None, k] + room
-    return near
-
-
 # ------------------------------------------------------------------------------------------------- several translations
 
 
@@ -269,26 +236,38 @@ def translations(task: Task) -> Answer | None:
     The shifts that bring two parts nearer than a clearance fill their Minkowski difference and what is nearer to it:
     a convex set. A polytope within it forbids no more than it does, the difference itself to begin with. Where the
     least shift outside all polytopes still brings parts too near, the point of the set's border ahead of it joins the
-    polytope, and it is sought anew.
+    polytope, and it is sought anew. Of many pairs few decide: one is looked at once it overlaps after the least shift,
+    and as the one to touch once its gap is less than that shift.
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    shifts = _shifts(task)
-    lines = {parts: _lines(task, parts, shifts) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
-    walls, closings = _walls(task, lines), _closings(task, lines)
-    if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
-        return None
-    stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
-    for _ in range(SHARPENED):
+    shifts, walls, polytopes = _shifts(task), dict[Parts, Rows](), dict[Parts, Array]()
+    closings, later = list[tuple[Parts | None, Rows]](), _touching(task, shifts)
+    if not later:
+        closings.append((None, Rows(np.empty((0, len(task.weights))), np.empty(0))))
+    stage, curved, sharpened = "1: translations, best first over the ways apart", False, 0
+    while sharpened < SHARPENED:
         pacing.check()
         least = _least(task, walls, closings)
         if least is None:
             return None
         x, pairs, constraints = least
+        length = np.inf if x is None else float(np.linalg.norm(x))
+        sooner = [parts for bound, parts in later[: max(AT_ONCE, len(closings))] if bound < length]
+        if sooner:
+            later = later[len(sooner) :]
+            closings += [
+                (parts, rows) for parts in sooner if (rows := _closing(_lines(task, parts, shifts))) is not None
+            ]
+            continue
         if x is None:
             return _impossible(stage)
         q = x * task.size / task.weights
-        ahead = _too_near(task, q, shifts)
+        new = {parts: _wall(_lines(task, parts, shifts)) for parts in _overlapping(task, q, walls)}
+        if new:
+            walls |= new
+            continue
+        ahead, sharpened = _too_near(task, q, shifts), sharpened + 1
         curved = curved or bool(ahead.keys() & polytopes)  # not at a facet moved out, where all is exact
         for parts, place in ahead.items():
             points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
@@ -365,32 +344,39 @@ def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
     return Rows(lines[~flat], -planes[~flat, 3] / task.size)
 
 
-def _walls(task: Task, lines: dict[Parts, Rows]) -> dict[Parts, Rows]:
-    """Return the ways apart, clearances left out, of each part pair that some motion brings in each other's way."""
-    walls = {}
-    for parts, (normals, separations) in lines.items():
-        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-        if np.isfinite(task.needs[parts[1]]) and not (separations[flat] >= -DEFAULT.cut).any():
-            walls[parts] = Rows(-normals[~flat], -separations[~flat])
-    return walls
+def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
+    """Return the part pairs that overlap most after a motion, but for known ones."""
+    gaps = np.where(np.isfinite(task.needs), task.pair_gaps(q), np.inf)
+    codes = np.flatnonzero(gaps < -DEFAULT.cut * task.size)
+    codes = codes[np.argsort(gaps.ravel()[codes], kind="stable")]
+    pairs = (divmod(code, gaps.shape[1]) for code in codes.tolist())
+    return list(islice((parts for parts in pairs if parts not in known), AT_ONCE))
 
 
-def _closings(task: Task, lines: dict[Parts, Rows]) -> list[tuple[Parts | None, Rows]]:
-    """Return for each pair that may be the one to touch the rows under which it does not stay apart.
+def _wall(lines: Rows) -> Rows:
+    """Return a pair's ways apart, clearances left out."""
+    moved = np.linalg.norm(lines.normals, axis=1) > DEFAULT.tie
+    return Rows(-lines.normals[moved], -lines.levels[moved])
 
-    A single pair that overlaps at rest touches as soon as it is not overlapping: it needs none.
+
+def _touching(task: Task, shifts: Array) -> list[tuple[float, Parts]]:
+    """Return the pairs that may be the one to touch, and no x is less that makes them; the nearest first.
+
+    None where one does in any case: what overlaps at rest touches as soon as it does not.
     """
-    nothing = Rows(np.empty((0, len(task.weights))), np.empty(0))
-    if not task.must_touch:
-        return [(None, nothing)]
-    closings: list[tuple[Parts | None, Rows]] = []
-    for parts, (normals, separations) in lines.items():
-        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-        if task.part_pairs == 1 and separations.max() <= 0.0 and task.allows(task.rest):
-            closings.append((parts, nothing))
-        elif parts[1] < len(task.static.parts) and (separations[flat] <= DEFAULT.cut).all():
-            closings.append((parts, Rows(normals[~flat], separations[~flat])))
-    return closings
+    gaps = task.pair_gaps(task.rest)[:, : len(task.static.parts)]
+    if not task.must_touch or (gaps.min() <= 0.0 and task.allows(task.rest) and not task.keep_out):
+        return []
+    fastest = float(np.linalg.norm(shifts / task.weights[:, None], 2))
+    order = np.argsort(gaps, axis=None, kind="stable").tolist()
+    bounds = (gaps.ravel()[order] / fastest / task.size).tolist()
+    return [(bound, divmod(code, gaps.shape[1])) for bound, code in zip(bounds, order, strict=True)]
+
+
+def _closing(lines: Rows) -> Rows | None:
+    """Return the rows under which a pair does not stay apart; None where it always does."""
+    flat = np.linalg.norm(lines.normals, axis=1) <= DEFAULT.tie
+    return Rows(lines.normals[~flat], lines.levels[~flat]) if (lines.levels[flat] <= DEFAULT.cut).all() else None
 
 
 def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
@@ -429,7 +415,9 @@ def _least(
     everywhere = box.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
     starts = [everywhere.and_also(*rows) for _, rows in closings]
     choices = Choices.of_single_rows(list(walls.values()), count)
-    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=MOST_NODES, most=1.0 / NOWHERE)
+    ways = max((len(wall.levels) for wall in walls.values()), default=1) if task.part_pairs > 1 else 1
+    nodes = min(MOST_NODES, MOST_WAYS // ways)
+    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=nodes, most=1.0 / NOWHERE)
     if least.y is None:
         return (None, [], 0) if least.complete else None
     closing, pairs = closings[least.start][0], list(walls)

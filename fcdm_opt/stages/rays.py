@@ -29,6 +29,7 @@ STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
+ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
 LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
@@ -114,12 +115,17 @@ def first_contact(
     if plain or not is_steady(task, direction):
         return _searched(task, direction, limit, start)
     way, (movable, others, needs) = _way(task, direction), _solids(task)
+    if way[2, 0] == 0.0:
+        pairs = meeting(task, way[0] * way[2, 1], start, limit)
+    else:
+        pairs = np.argwhere(np.ones((len(task.movable.parts), len(task.opponents)), bool))
     found = steady.first(
         way,
         movable,
         others,
         task.static.seed - task.movable.seed,
         needs,
+        pairs,
         len(task.static.parts),
         task.must_touch,
         limit,
@@ -130,6 +136,30 @@ def first_contact(
         DEFAULT.line * task.size,
     )
     return FirstContact(*found)
+
+
+def meeting(task: Task, along: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
+    """Return which part pairs may come as near as they need on a stretch of a shift, (k, 2): by extents in its ways."""
+    n = along / np.linalg.norm(along)
+    first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+    angles = np.arange(ACROSS) * np.pi / ACROSS
+    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
+    ways = np.vstack([n, ways / np.linalg.norm(first)])
+    low, high = [], []
+    for points, _, _, places in _solids(task)[:2]:
+        heights, starts = ways @ points.T, places[:-1, 0]
+        low.append(np.minimum.reduceat(heights, starts, axis=1))
+        high.append(np.maximum.reduceat(heights, starts, axis=1))
+    offset = ways @ (task.movable.seed - task.static.seed)
+    low[0], high[0] = low[0] + offset[:, None], high[0] + offset[:, None]
+    low[0][0] += start * (n @ along)
+    high[0][0] += end * (n @ along)
+    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    one, two = np.nonzero((low[0][0][:, None] <= high[1][0] + room) & (low[1][0] <= high[0][0][:, None] + room))
+    for least, most, low_2, high_2 in zip(low[0][1:], high[0][1:], low[1][1:], high[1][1:], strict=True):
+        near = (least[one] <= (high_2 + room)[two]) & ((low_2 - room)[two] <= most[one])
+        one, two = one[near], two[near]
+    return np.column_stack([one, two])
 
 
 def _searched(task: Task, direction: Array, limit: float, start: float) -> FirstContact:
@@ -292,10 +322,7 @@ def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None
 
 def reach(task: Task, direction: Array) -> float:
     """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
-    seed = task.movable.seed
-    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
-    others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
-    away = own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others)
+    away = _away(task)
     ends = [math.inf]
     for (step, kind), slope, (low, high) in zip(_stepped(task), direction, task.limits, strict=True):
         if slope != 0:
@@ -308,6 +335,15 @@ def reach(task: Task, direction: Array) -> float:
             else:  # a screw: what it shifts in a radian
                 ends.append(away / step.own_weights(0.0)[0] / abs(slope))
     return max(min(ends), 0.0)
+
+
+@lru_cache(maxsize=4)
+def _away(task: Task) -> float:
+    """Return how far a shift leads at most until the parts are out of each other's way."""
+    seed = task.movable.seed
+    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
+    others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
+    return float(own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others))
 
 
 def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:

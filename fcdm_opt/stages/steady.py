@@ -140,11 +140,13 @@ def _near(way, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, found):
-    """Set what holds at a pose: excess over the needed gap of the partner's parts and of the others, and times.
+def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, found):
+    """Set what holds at a pose of some part pairs: excess over the needed gap of partner's parts and others, and times.
 
-    found: partner's least excess, the others', how long the partner's state lasts (apart or not), and how long one of
-    the others is too near. With `touch` the partner's state is that of all pairs; without, the others count with it.
+    found: partner's least excess, the others', how long the partner's state lasts (apart or not), how long one of the
+    others is too near, and a pair too near for `enough`, -1 without: where there are no others nothing more is asked
+    then, that of before first. With `touch` the partner's state is that of all pairs; without, the others count with
+    it.
     """
     R, m, d = np.empty(9), np.empty(3), np.empty(3)
     _pose(way, amount, R, m)
@@ -154,68 +156,70 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, timed, found
     points2, faces2, edges2, places2 = twos
     site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
     excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
-    for i in range(len(places1) - 1):
-        a, b = places1[i], places1[i + 1]
+    before, alone = int(found[4]), partner == len(places2) - 1 or not touch
+    found[4] = -1.0
+    for turn in range(-1 if timed and alone and before >= 0 else 0, len(pairs)):
+        code = before if turn < 0 else turn
+        i, c = pairs[code, 0], pairs[code, 1]
+        need = needs[c]
+        if need == -np.inf:
+            continue
+        a, b, a2, b2 = places1[i], places1[i + 1], places2[c], places2[c + 1]
         # copies, as those called take contiguous arrays: one version of each for all
         one, normals1, levels1 = points1[a[0] : b[0]], faces1[a[1] : b[1], :3].copy(), faces1[a[1] : b[1], 3].copy()
-        own1 = edges1[a[2] : b[2]]
-        for c in range(len(places2) - 1):
-            need = needs[c]
-            if need == -np.inf:
-                continue
-            a2, b2 = places2[c], places2[c + 1]
-            two, normals2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3].copy()
-            levels2 = faces2[a2[1] : b2[1], 3].copy()
-            own2 = edges2[a2[2] : b2[2]]
-            first, second = (one, normals1, levels1, own1), (two, normals2, levels2, own2)
-            gap = best_site(R, d, first, second, True, site)
+        two, normals2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3].copy()
+        levels2 = faces2[a2[1] : b2[1], 3].copy()
+        own1, own2 = edges1[a[2] : b[2]], edges2[a2[2] : b2[2]]
+        first, second = (one, normals1, levels1, own1), (two, normals2, levels2, own2)
+        gap = best_site(R, d, first, second, True, site)
+        miss = gap - need
+        if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
+            gap = set_nearest(R, d, one, two, x, y)
             miss = gap - need
-            if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
-                gap = set_nearest(R, d, one, two, x, y)
-                miss = gap - need
-            ours = c < partner or not touch
-            if ours:
-                excess = min(excess, miss)
+        ours = c < partner or not touch
+        if ours:
+            excess = min(excess, miss)
+        else:
+            others = min(others, miss)
+        if not timed:
+            continue
+        if miss < 0.0:
+            if gap > 0.0:
+                time = _near(way, R, m, d, x, y, need)
             else:
-                others = min(others, miss)
-            if not timed:
-                continue
-            if miss < 0.0:
-                if gap > 0.0:
-                    time = _near(way, R, m, d, x, y, need)
-                else:
-                    time = _overlapping(
-                        way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
-                    )  # fmt: skip
-                    if gap > -need:  # coming apart, they stay near
-                        set_nearest(R, d, one, two, x, y)
-                        time = max(time, _near(way, R, m, d, x, y, need))
-                if ours:
-                    short = max(short, time)
-                else:
-                    others_short = max(others_short, time)
-            elif touch and ours:
-                n = _entry(site, FIRST)
-                if site[KIND] != V1F2:
-                    n = _turned(R, 0, n)
-                if site[KIND] == E1E2:
-                    n = _times(site[SIGN], _cross(n, _entry(site, SECOND)))
-                    n = _times(1.0 / _length(n), n)
-                apart = min(apart, _apart(way, R, m, d, n, one, two))
+                time = _overlapping(way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2)
+                if gap > -need:  # coming apart, they stay near
+                    set_nearest(R, d, one, two, x, y)
+                    time = max(time, _near(way, R, m, d, x, y, need))
+            if ours:
+                short = max(short, time)
+            else:
+                others_short = max(others_short, time)
+            if alone and time >= enough:
+                found[4] = code
+                break
+        elif touch and ours:
+            n = _entry(site, FIRST)
+            if site[KIND] != V1F2:
+                n = _turned(R, 0, n)
+            if site[KIND] == E1E2:
+                n = _times(site[SIGN], _cross(n, _entry(site, SECOND)))
+                n = _times(1.0 / _length(n), n)
+            apart = min(apart, _apart(way, R, m, d, n, one, two))
     found[0], found[1], found[3] = excess, others, others_short
     found[2] = short if excess < 0.0 else apart
 
 
 @kernel
-def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, finest, most, fine, slack):
+def first(way, ones, twos, offset, needs, pairs, partner, touch, limit, start, floor, finest, most, fine, slack):
     """Return (amount, clear to) of the first motion that does, see `rays.FirstContact`.
 
     With `touch` a change of side at which nothing else is too near; without, where all that is needed is reached.
     Steps are `floor` at least, the first ones `finest`.
     """
     here, proved, sure = start, 0.0, True
-    now, ahead = np.empty(4), np.empty(4)
-    _looked(way, here, ones, twos, offset, needs, partner, touch, True, now)
+    now, ahead = np.full(5, -1.0), np.full(5, -1.0)
+    _looked(way, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, now)
     side = -1.0 if now[0] < 0.0 else 1.0
     for turn in range(most):
         if here >= limit:
@@ -229,8 +233,8 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
         proved = here if sure else proved
         least = floor if turn >= EAGER else finest
         sure = sure and (step >= least or here + step >= limit)
-        there = min(here + max(step, least), limit)
-        _looked(way, there, ones, twos, offset, needs, partner, touch, True, ahead)
+        there, ahead[4] = min(here + max(step, least), limit), now[4]
+        _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
         if forbidden and step >= least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
@@ -244,16 +248,16 @@ def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, f
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, middle, ones, twos, offset, needs, partner, touch, False, ahead)
+                _looked(way, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, there, ones, twos, offset, needs, partner, touch, False, ahead)
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
             if ahead[1] >= -slack:
                 return there, proved
-            _looked(way, there, ones, twos, offset, needs, partner, touch, True, ahead)
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
             side = -side
         here = there
         now[:] = ahead

@@ -210,6 +210,10 @@ class Linearised(NamedTuple):
         task, (i, j) = self.task, parts
         one, opponent = task.movable.parts[i], task.opponents[j]
         two, need = opponent.part, opponent.need
+        sites, lines, gaps = task.separations(parts, task.pose(self.q))
+        if not self.turns.any() and need <= 0.0:  # a shift: one row for all vertices
+            some = np.argsort(-gaps)[: int((gaps >= need - self.band).sum())]  # one that nothing can join comes first
+            return list(zip(-(lines[some, None, :3] @ self.shifts.T), gaps[some, None], strict=True))
         x = task.target[0] * (one.vertices - one.seed)
         p = two.seed - task.static.seed + opponent.scale * (two.vertices - two.seed)
         moved = x @ self.R.T + self.offset
@@ -228,7 +232,6 @@ class Linearised(NamedTuple):
             rows = np.flatnonzero(heights[f] <= max(need, 0.0) + self.band)
             rows = rows if len(rows) else heights[f].argmin(keepdims=True)
             found.append(((speeds[:, rows] @ two.normals[f]).T, heights[f, rows]))
-        sites, lines, gaps = task.separations(parts, task.pose(self.q))
         some = (sites[:, 0] == E1E2) & (gaps >= need - self.band)
         if some.any():
             a, b, n = one.edges[sites[some, 1], :2], two.edges[sites[some, 2], :2], lines[some, :3]
