@@ -116,7 +116,9 @@ def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bo
         }
         seam = part.side(top, bottom, *places)
         surface = part.add(f"CYLINDRICAL_SURFACE('',{part.axes(ends[0], z, x)},{float(bore)!r})")
-        shell.append(part.face([[(rims[True], True), (seam, True), (rims[False], False), (seam, False)]], surface, False))
+        shell.append(
+            part.face([[(rims[True], True), (seam, True), (rims[False], False), (seam, False)]], surface, False)
+        )
     for face in faces:
         sides = []
         for a, b in zip(face, [*face[1:], face[0]], strict=True):

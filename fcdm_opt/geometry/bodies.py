@@ -168,7 +168,7 @@ class Body(_Sealed, Shown):
         The same faces with their corners in the order given, where faces were given.
     deviation : (float, float)
         Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most: of one
-        made from a mesh or file also by how far its vertices were moved.
+        made from a mesh or file also by how far its vertices were moved, and triangles leave curved faces.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -316,6 +316,7 @@ class Body(_Sealed, Shown):
         *,
         unit: str,
         file_unit: str | None = None,
+        deviation: float | None = None,
         decomposition: Method = "auto",
         seed: SeedRule | ArrayLike = "centroid",
         name: str | None = None,
@@ -329,6 +330,9 @@ class Body(_Sealed, Shown):
             Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
             Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`.
+        deviation : float, optional
+            Of a STEP file: the chord error, how far triangles may leave its curved faces at most, in `unit`. Default
+            `Tolerances.tessellation` of the length of their edges. What they do is measured, see the attribute.
         decomposition : {"auto", "exact", "surface", "coacd"}
             As in `from_mesh`.
         seed : {"centroid", "vertices", "box"} or (3,) array
@@ -343,7 +347,7 @@ class Body(_Sealed, Shown):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks, moved = drawn_mesh(path, unit=unit, file_unit=file_unit)
+        vertices, faces, remarks, off = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
         own = Path(path).stem if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
@@ -351,7 +355,7 @@ class Body(_Sealed, Shown):
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
         out, short = body.deviation
-        return replace(body, deviation=(out + moved, short + moved), notes=(*body.notes, *remarks))
+        return replace(body, deviation=(out + off[0], short + off[1]), notes=(*body.notes, *remarks))
 
     @classmethod
     def _made(

@@ -31,6 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 TESSELLATED = "triangles leave its curved faces"  # so begins the remark
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
+TRIES = 8  # to keep the deviation asked for of a STEP file
 
 
 class Drawn(NamedTuple):
@@ -96,12 +97,10 @@ def drawn_mesh(
         what = f"a {suffix[1:].upper()} file says itself what its lengths are"
         raise InputError(what, file=path, key="file_unit", found=file_unit, allowed="none")
     if deviation is not None and suffix not in STEP:
-        what = "only the curved faces of a STEP file are cut into triangles here"
+        what = "only curved faces of a STEP file are cut into triangles here"
         raise InputError(what, file=path, key="deviation", found=deviation, allowed="none")
-    if deviation is not None:
-        if not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
-            raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a number > 0")
-        deviation = deviation * NANOMETRES[unit] / NANOMETRES["m"]
+    if deviation is not None and not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
+        raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a finite number > 0")
     try:
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
@@ -111,7 +110,8 @@ def drawn_mesh(
     if not data.strip():
         raise InputError("the file is empty", file=path)
     try:
-        vertices, faces, off = reader(data) if deviation is None else _step(data, deviation)
+        asked = None if deviation is None else deviation * NANOMETRES[unit] / NANOMETRES["m"]
+        vertices, faces, off = reader(data) if asked is None else _step(data, asked)
     except InputError as reason:
         raise reason.within(file=path) from reason.__cause__
     except Exception as reason:
@@ -124,8 +124,11 @@ def drawn_mesh(
     out, short = ((length + moved) * float(scale) for length in off)
     if any(off):
         most = max(off) * float(scale)
-        asked = "" if deviation is None else f", at most {deviation / float(scale):.4g} asked"
-        remarks = (f"{TESSELLATED} by up to {most:.2g} {unit} (STEP{asked})", *remarks)
+        if deviation is not None and most > deviation * (1.0 + DEFAULT.nominal):
+            what = f"its faces are drawn too coarsely: {TESSELLATED} by {most:.2g} however small they are"
+            raise InputError(what, file=path, key="deviation", found=deviation, allowed="a larger length, or none")
+        bound = "" if deviation is None else f", at most {deviation:g} asked"
+        remarks = (f"{TESSELLATED} by up to {most:.2g} {unit} (STEP{bound})", *remarks)
     return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short)
 
 
@@ -168,10 +171,10 @@ def _stl(data: bytes) -> Drawn:
         raise ValueError(found)
     loaded = _quietly(load_stl, io.BytesIO(data))
     solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
-    vertices, faces = _together([(solid["vertices"], solid["faces"]) for solid in solids])
-    if is_text and len(faces) != lower.count(b"endfacet"):
-        raise ValueError(f"{lower.count(b'endfacet')} facets with {len(vertices)} corners")
-    return Drawn(vertices, faces)
+    drawn = _together([(solid["vertices"], solid["faces"]) for solid in solids])
+    if is_text and len(drawn.faces) != lower.count(b"endfacet"):
+        raise ValueError(f"{lower.count(b'endfacet')} facets with {len(drawn.vertices)} corners")
+    return drawn
 
 
 def _ply(data: bytes) -> Drawn:
@@ -227,7 +230,8 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     ----------
     data : bytes
     deviation : float, optional
-        How far triangles may leave curved faces at most, metres; default relative, `Tolerances.tessellation`.
+        How far triangles may leave curved faces, metres: as near to it as `TRIES` come; default relative,
+        `Tolerances.tessellation`.
 
     Raises
     ------
@@ -244,23 +248,29 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         raise ValueError("it does not begin with 'ISO-10303-21'")
     if b"END-ISO-10303-21" not in data:
         raise ValueError("it ends without 'END-ISO-10303-21'")
-    with _messages_to_stderr():
-        glb = cascadio.load(
-            data,
-            tol_linear=DEFAULT.tessellation if deviation is None else 1e3 * deviation,  # it counts in millimetres
-            tol_angular=DEFAULT.tessellation_turn,
-            tol_relative=deviation is None,
-            use_parallel=False,
-            include_brep=True,
-            brep_types={"plane", "cylinder", "cone", "sphere", "torus"},
-        )
-    if not glb:
-        raise ValueError("no shape can be made of it")
-    scene = _scene(glb)
-    solids = [_sharpened(mesh, deviation) for mesh, _ in scene]
-    placed = [(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, _), (mesh, T) in zip(solids, scene, strict=True)]
-    out, short = np.max([off for _, off in solids], axis=0, initial=0.0).tolist()
-    return _together(placed)._replace(off=(out, short))
+    tolerance = deviation
+    for _ in range(TRIES):
+        with _messages_to_stderr():
+            glb = cascadio.load(
+                data,
+                tol_linear=DEFAULT.tessellation if tolerance is None else 1e3 * tolerance,  # it counts in millimetres
+                tol_angular=DEFAULT.tessellation_turn,
+                tol_relative=tolerance is None,
+                use_parallel=False,
+                include_brep=True,
+                brep_types={"plane", "cylinder", "cone", "sphere", "torus"},
+            )
+        if not glb:
+            raise ValueError("no shape can be made of it")
+        scene = _scene(glb)
+        solids = [_sharpened(mesh, deviation) for mesh, _ in scene]
+        off = np.max([own for _, own in solids], axis=0, initial=0.0) if solids else np.zeros(2)
+        if deviation is None or tolerance is None or off.max() <= deviation:
+            break
+        tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
+    placed = zip(solids, scene, strict=True)
+    drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, _), (mesh, T) in placed])
+    return drawn._replace(off=(float(off[0]), float(off[1])))
 
 
 def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float]]:
