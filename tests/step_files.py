@@ -58,7 +58,7 @@ class Part:
         return self.add(f"EDGE_CURVE('',{one},{two},{curve},{'.T.' if way else '.F.'})")
 
     def face(self, loops: Sequence[Sequence[tuple[str, bool]]], surface: str, way: bool = True) -> str:
-        """Loops run counter-clockwise seen from outside, the outer one is the first; `way`: outside is the surface's."""
+        """Loops run counter-clockwise seen from outside, the outer one first; `way`: that is the surface's own side."""
         bounds = []
         for sides in loops:
             ways = [self.add(f"ORIENTED_EDGE('',*,*,{edge},{'.T.' if along else '.F.'})") for edge, along in sides]

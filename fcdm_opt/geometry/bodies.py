@@ -30,6 +30,8 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.tessellation import TESSELLATED
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -625,6 +627,23 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
         raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
     return float(pair[0]), float(pair[1])
+
+
+def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
+    """Return a sentence that tells how far gaps of bodies may be off those of the solids that they stand for, and why.
+
+    None where they are off by no more than the digits of files, `Tolerances.drawn`.
+    """
+    off = {body: max(body.deviation) for body in (movable, *others) if max(body.deviation) > DEFAULT.drawn * body.size}
+    if not off:
+        return []
+    whole = off.get(movable, 0.0) + max((off.get(body, 0.0) for body in others), default=0.0)
+    triangles = {body: any(note.startswith(TESSELLATED) for note in body.notes) for body in off}
+    reasons = [
+        f"{length:.2g} by {'tessellation' if triangles[body] else 'approximation'} of {body.name}"
+        for body, length in off.items()
+    ]
+    return [f"as drawn, gaps are known to ±{measured(f'{whole:.2g}', unit)}: {', '.join(reasons)}"]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

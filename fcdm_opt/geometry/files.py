@@ -25,10 +25,9 @@ from fcdm_opt.geometry.arrays import LARGEST, Array, distinct_rows
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import Polygon
-from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.geometry.tessellation import TESSELLATED, Swept
 from fcdm_opt.tolerances import DEFAULT
 
-TESSELLATED = "triangles leave its curved faces"  # so begins the remark
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
 TRIES = 8  # to keep the deviation asked for of a STEP file
@@ -81,9 +80,9 @@ def drawn_mesh(
     Notes
     -----
     Plane faces of a STEP file are exact to double precision; curved ones are approximated by triangles with corners on
-    the surface that turn by at most `Tolerances.tessellation_turn`; how far they leave it between them is measured, see
-    `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a plane are made
-    plane to double precision, see `flattening`.
+    the surface that turn by at most `Tolerances.tessellation_turn`; how far they leave it is measured, see
+    `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a
+    plane are made plane to double precision, see `flattening`.
     """
     path = checked_path(path, "path")
     for key, value in (("unit", unit), ("file_unit", file_unit)):

@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.measures import cross, norms
 
+TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
 CUTS = 8  # of a side of a triangle on a torus, at whose corners it is looked at
 _TINY = float(np.finfo(float).tiny)
 
