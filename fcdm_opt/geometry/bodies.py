@@ -630,20 +630,20 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
 
 
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
-    """Return a sentence that tells how far gaps of bodies may be off those of the solids that they stand for, and why.
+    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
 
     None where they are off by no more than the digits of files, `Tolerances.drawn`.
     """
-    off = {body: max(body.deviation) for body in (movable, *others) if max(body.deviation) > DEFAULT.drawn * body.size}
-    if not off:
+    reasons: dict[str, list[str]] = {}
+    for body in (movable, *others):
+        if max(body.deviation) > DEFAULT.drawn * body.size:
+            cut = any(note.startswith(TESSELLATED) for note in body.notes)
+            reasons.setdefault("tessellation" if cut else "approximation", []).append(body.name)
+    if not reasons:
         return []
-    whole = off.get(movable, 0.0) + max((off.get(body, 0.0) for body in others), default=0.0)
-    triangles = {body: any(note.startswith(TESSELLATED) for note in body.notes) for body in off}
-    reasons = [
-        f"{length:.2g} by {'tessellation' if triangles[body] else 'approximation'} of {body.name}"
-        for body, length in off.items()
-    ]
-    return [f"as drawn, gaps are known to ±{measured(f'{whole:.2g}', unit)}: {', '.join(reasons)}"]
+    out, short = (movable.deviation[k] + max(body.deviation[k] for body in others) for k in (0, 1))
+    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
+    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

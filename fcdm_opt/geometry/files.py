@@ -269,7 +269,9 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
     placed = zip(solids, scene, strict=True)
     drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, _), (mesh, T) in placed])
-    return drawn._replace(off=(float(off[0]), float(off[1])))
+    noise = DEFAULT.weld * float(np.abs(drawn.vertices).max(initial=0.0))
+    out, short = np.where(off > noise, off, 0.0).tolist()
+    return drawn._replace(off=(out, short))
 
 
 def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float]]:
