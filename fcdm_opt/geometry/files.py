@@ -97,7 +97,7 @@ def drawn_mesh(
         raise InputError(what, file=path, key="file_unit", found=file_unit, allowed="none")
     if deviation is not None and suffix not in STEP:
         what = "only curved faces of a STEP file are cut into triangles here"
-        raise InputError(what, file=path, key="deviation", found=deviation, allowed="none")
+        raise InputError(what, file=path, key="deviation", found=deviation, allowed="none but with STEP")
     if deviation is not None and not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
         raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a finite number > 0")
     try:

@@ -170,7 +170,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             body = Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
         else:
             body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
-        told = {"deviation": self.deviation, "notes": tuple(self.notes)}
+        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes)}
         return replace(body, **{key: value for key, value in told.items() if value})
 
 
