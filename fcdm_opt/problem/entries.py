@@ -23,13 +23,12 @@ from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.schema import (
+    Deviation,
     Entry,
     Label,
-    Length,
     Number,
     Pair,
     Point,
-    Positive,
     Unit,
     closest,
     declared,
@@ -72,7 +71,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "centroid",
         [0.0, 0.0, 2.5],
     )
-    deviation: Positive | tuple[Length, Length] | None = declared(
+    deviation: Deviation | None = declared(
         None,
         "[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
         "without it [0, 0]. Of a STEP file one length > 0: how far triangles may leave its curved faces; without it "
@@ -191,7 +190,7 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
-    told = {"deviation": list(body.deviation) if any(body.deviation) else [], "notes": list(body.notes)}
+    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
     told = {key: value for key, value in told.items() if value}
     if body.hollow:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
