@@ -1,4 +1,4 @@
-"""STEP files (AP214) of polyhedra and of a cylinder: the smallest that name faces, edges and a unit."""
+"""STEP files (AP214) of polyhedra and of solids of revolution: the smallest that name faces, edges and a unit."""
 
 from __future__ import annotations
 
@@ -49,14 +49,22 @@ class Part:
     def side(self, one: str, two: str, p: Any, q: Any) -> str:
         along = np.subtract(q, p)
         vector = self.add(f"VECTOR('',{self.direction(along / np.linalg.norm(along))},1.)")
-        line = self.add(f"LINE('',{self.point(p)},{vector})")
-        return self.add(f"EDGE_CURVE('',{one},{two},{line},.T.)")
+        return self.curve(one, two, self.add(f"LINE('',{self.point(p)},{vector})"))
 
-    def face(self, sides: Sequence[tuple[str, bool]], surface: str) -> str:
-        ways = [self.add(f"ORIENTED_EDGE('',*,*,{edge},{'.T.' if way else '.F.'})") for edge, way in sides]
-        loop = self.add(f"EDGE_LOOP('',({','.join(ways)}))")
-        bound = self.add(f"FACE_OUTER_BOUND('',{loop},.T.)")
-        return self.add(f"ADVANCED_FACE('',({bound}),{surface},.T.)")
+    def circle(self, centre: Any, z: Any, x: Any, radius: float) -> str:
+        return self.add(f"CIRCLE('',{self.axes(centre, z, x)},{float(radius)!r})")
+
+    def curve(self, one: str, two: str, curve: str, way: bool = True) -> str:
+        return self.add(f"EDGE_CURVE('',{one},{two},{curve},{'.T.' if way else '.F.'})")
+
+    def face(self, loops: Sequence[Sequence[tuple[str, bool]]], surface: str, way: bool = True) -> str:
+        """Loops run counter-clockwise seen from outside, the outer one first; `way`: that is the surface's own side."""
+        bounds = []
+        for sides in loops:
+            ways = [self.add(f"ORIENTED_EDGE('',*,*,{edge},{'.T.' if along else '.F.'})") for edge, along in sides]
+            loop = self.add(f"EDGE_LOOP('',({','.join(ways)}))")
+            bounds.append(self.add(f"FACE_{'' if bounds else 'OUTER_'}BOUND('',{loop},.T.)"))
+        return self.add(f"ADVANCED_FACE('',({','.join(bounds)}),{surface},{'.T.' if way else '.F.'})")
 
     def text(self, faces: Sequence[str], unit: str) -> str:
         shell = self.add(f"CLOSED_SHELL('',({','.join(faces)}))")
@@ -87,12 +95,30 @@ class Part:
         return FRAME.format("\n".join(f"#{k + 1}={line};" for k, line in enumerate(self.lines)))
 
 
-def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str) -> str:
-    """A STEP file of a solid with plane faces, corners counter-clockwise seen from outside."""
+def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bore: float = 0.0) -> str:
+    """A STEP file of a solid with plane faces, corners counter-clockwise seen from outside.
+
+    With a `bore` of this radius along z, through the origin, from the faces that look along z to those against it.
+    """
     part = Part()
     corners = [part.corner(x) for x in points]
     edges: dict[tuple[int, int], str] = {}
     shell = []
+    rims: dict[bool, str] = {}
+    if bore:
+        x, z = np.eye(3)[[0, 2]]
+        ends = [level * z for level in (points[:, 2].max(), points[:, 2].min())]
+        places = [end + bore * x for end in ends]
+        top, bottom = (part.corner(place) for place in places)
+        rims = {
+            up: part.curve(corner, corner, part.circle(end, z, x, bore))
+            for up, corner, end in zip((True, False), (top, bottom), ends, strict=True)
+        }
+        seam = part.side(top, bottom, *places)
+        surface = part.add(f"CYLINDRICAL_SURFACE('',{part.axes(ends[0], z, x)},{float(bore)!r})")
+        shell.append(
+            part.face([[(rims[True], True), (seam, True), (rims[False], False), (seam, False)]], surface, False)
+        )
     for face in faces:
         sides = []
         for a, b in zip(face, [*face[1:], face[0]], strict=True):
@@ -101,20 +127,57 @@ def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str) ->
             sides.append((edges[a, b], True) if (a, b) in edges else (edges[b, a], False))
         outline = points[list(face)] - points[face[0]]
         normal = np.cross(outline, np.roll(outline, -1, axis=0)).sum(axis=0)
-        axes = part.axes(points[face[0]], normal / np.linalg.norm(normal), outline[1] / np.linalg.norm(outline[1]))
-        shell.append(part.face(sides, part.add(f"PLANE('',{axes})")))
+        normal /= np.linalg.norm(normal)
+        axes = part.axes(points[face[0]], normal, outline[1] / np.linalg.norm(outline[1]))
+        up = bool(normal[2] > 0)
+        holes = [[(rims[up], not up)]] if rims and abs(normal[2]) == 1 else []
+        shell.append(part.face([sides, *holes], part.add(f"PLANE('',{axes})")))
+    return part.text(shell, unit)
+
+
+def revolved(profile: Sequence[Sequence[float]], axes: np.ndarray, unit: str = "mm") -> str:
+    """A STEP file of what a closed profile sweeps about the third of the axes, its columns.
+
+    Each row is a corner's radius and height, counter-clockwise, and where an arc leads to the next one those of its
+    centre: straight sides sweep planes, cylinders and cones, arcs about a point of the axis spheres, others tori.
+    """
+    part, (x, y, z) = Part(), axes.T
+    places = [r * x + h * z for r, h, *_ in profile]
+    corners = [part.corner(place) for place in places]
+    rims = [
+        [part.curve(corner, corner, part.circle(h * z, z, x, r))] * (r > 0)
+        for corner, (r, h, *_) in zip(corners, profile, strict=True)
+    ]
+    shell = []
+    for j, (r, h, *centre) in enumerate(profile):
+        k = (j + 1) % len(profile)
+        s, g, *_ = profile[k]
+        if r == s == 0 and not centre:
+            continue  # the axis
+        one, two = ([(rim, way) for rim in rims[end]] for end, way in ((j, True), (k, False)))
+        if h == g and not centre:
+            surface = part.add(f"PLANE('',{part.axes(h * z, z if s < r else -z, x)})")
+            shell.append(part.face([own for own in ((one, two) if s < r else (two, one)) if own], surface))
+            continue
+        out = g > h
+        if centre:
+            c, d = centre
+            out = (r - c) * (g - d) > (h - d) * (s - c)
+            radius = float(np.hypot(r - c, h - d))
+            seam = part.curve(corners[j], corners[k], part.circle(c * x + d * z, -y, x, radius), out)
+            kind, sizes = ("TOROIDAL", f"{float(c)!r},{radius!r}") if c else ("SPHERICAL", f"{radius!r}")
+            frame = part.axes(d * z, z, x)
+        else:
+            seam = part.side(corners[j], corners[k], places[j], places[k])
+            wider = (s - r) * (g - h) > 0
+            angle = float(np.arctan2(abs(s - r), abs(g - h)))
+            kind, sizes = ("CYLINDRICAL", f"{float(r)!r}") if r == s else ("CONICAL", f"{float(r)!r},{angle!r}")
+            frame = part.axes(h * z, z if wider or r == s else -z, x)
+        surface = part.add(f"{kind}_SURFACE('',{frame},{sizes})")
+        shell.append(part.face([[*one, (seam, True), *two, (seam, False)]], surface, bool(out)))
     return part.text(shell, unit)
 
 
 def cylinder(radius: float, height: float, axes: np.ndarray) -> str:
     """A STEP file, in mm, of a cylinder from the origin along the third of the axes, its columns."""
-    part, (x, _, z) = Part(), axes.T
-    ends = [np.zeros(3), height * z]
-    corners = [part.corner(end + radius * x) for end in ends]
-    circles = [part.add(f"CIRCLE('',{part.axes(end, z, x)},{radius!r})") for end in ends]
-    rims = [part.add(f"EDGE_CURVE('',{v},{v},{own},.T.)") for v, own in zip(corners, circles, strict=True)]
-    seam = part.side(*corners, *(end + radius * x for end in ends))
-    surface = part.add(f"CYLINDRICAL_SURFACE('',{part.axes(ends[0], z, x)},{radius!r})")
-    planes = [part.add(f"PLANE('',{part.axes(end, way * z, x)})") for end, way in zip(ends, (-1, 1), strict=True)]
-    side = part.face([(rims[0], True), (seam, True), (rims[1], False), (seam, False)], surface)
-    return part.text([side, part.face([(rims[0], False)], planes[0]), part.face([(rims[1], True)], planes[1])], "mm")
+    return revolved([(0, 0), (radius, 0), (radius, height), (0, height)], axes)

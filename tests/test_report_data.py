@@ -482,7 +482,7 @@ def test_what_was_left_out_is_true_of_the_problem():
         return " ".join(left_out(fo.solve(problem)))
 
     assert "No keep-out counts here" in told(plain)
-    assert "approximated" not in told(plain)
+    assert "stand for" not in told(plain)
     assert "No limits are set for TX." in told(plain)
     assert "steps of a machine" in told(plain)
     assert "No limits" not in told(plain.changed(limits={"TX": (0.0, 1.0)}))
@@ -503,8 +503,8 @@ def test_deviation_of_approximated_parts_is_told():
         plain.static.vertices, parts=[range(8)], seed=plain.static.seed, name="rough", deviation=(0.25, 0.125)
     )
     told = left_out(fo.solve(plain.changed(static=rough)))
-    (sentence,) = [text for text in told if "approximated" in text]
-    assert sentence.startswith("rough is")
+    (sentence,) = [text for text in told if "stand for" in text]
+    assert sentence.startswith("The convex parts of rough stick out")
     assert "at most 0.25 and" in sentence
     assert "at most 0.125:" in sentence
 

@@ -26,6 +26,12 @@ def init_command(
     unit: Annotated[
         str | None, option("--unit", "UNIT", 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".')
     ] = None,
+    deviation: Annotated[
+        float | None,
+        option(
+            "--deviation", "LENGTH", "How far triangles may leave curved faces of STEP files at most, in that unit."
+        ),
+    ] = None,
     force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,
     time: Time = None,
 ) -> None:
@@ -38,7 +44,7 @@ def init_command(
 
     path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
     _check_place(path, (movable, static), force)
-    made = draft(movable, static, file=path, unit=unit)
+    made = draft(movable, static, file=path, unit=unit, deviation=deviation)
     with suppress(OSError):  # what is wrong with it is said when the file is written
         path.parent.mkdir(parents=True, exist_ok=True)
     write(path, made.text)

@@ -30,7 +30,7 @@ from fcdm_opt.problem.schema import Entry, checked, closest, known_sizes
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
-_MESH = ("file", "unit", "file_unit", "decomposition")
+_MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")
 _BESIDE_MESH = ("seed", "name", *_OF_KEEP_OUTS)
 _NO_DEFAULTS = Defaults()

@@ -22,8 +22,8 @@ from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, 
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.files import NANOMETRES
+from fcdm_opt.geometry.bodies import Body, known_to
+from fcdm_opt.geometry.files import NANOMETRES, STEP
 from fcdm_opt.geometry.naming import names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size, direction
@@ -37,7 +37,7 @@ from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT = "mm"
-OWN_UNIT = (".glb", ".step", ".stp")  # files that say themselves what their lengths are
+OWN_UNIT = (".glb", *STEP)  # files that say themselves what their lengths are
 LARGE = 0.1  # share of the size from which a motion is no correction any more
 TIE = "another motion is as small"
 TILTED = (
@@ -86,7 +86,14 @@ class Draft(NamedTuple):
     summary: tuple[str, ...]
 
 
-def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: str | None = None) -> Draft:
+def draft(
+    movable: str | Path,
+    static: str | Path,
+    *,
+    file: str | Path,
+    unit: str | None = None,
+    deviation: float | None = None,
+) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
 
     Parameters
@@ -97,6 +104,8 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
         Where the problem file will be: paths in it start there.
     unit : str, optional
         Unit of all lengths in it; default "mm".
+    deviation : float, optional
+        How far triangles may leave curved faces of STEP files at most, see `Body.from_file`.
 
     Raises
     ------
@@ -108,11 +117,16 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
         raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
     lengths = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
+    bounds = [deviation if path.suffix.lower() in STEP else None for path in paths]
+    if deviation is not None and not 0.0 < deviation < math.inf:
+        raise InputError("not a chord error", key="--deviation", found=deviation, allowed="a finite length > 0")
+    if deviation is not None and bounds == [None, None]:
+        raise InputError("neither file is STEP", key="--deviation", found=deviation, allowed="none with mesh files")
     places = [_relative(path, Path(file)) for path in paths]
     bodies = []
-    for path in paths:
+    for path, bound in zip(paths, bounds, strict=True):
         pacing.at(f"reading {shown(str(path))} and cutting it into convex parts")
-        bodies.append(Body.from_file(path, unit=lengths))
+        bodies.append(Body.from_file(path, unit=lengths, deviation=bound))
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(bodies[0], bodies[1], lengths)
     choice = chosen(situation)
@@ -132,6 +146,7 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
         warned=warned,
         unit=lengths,
         asked=unit is not None,
+        deviation=deviation,
         parts=list(zip(("movable", "static"), bodies, places, map(_bottom, bodies), strict=True)),
         opposite={role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
         situation=situation,
@@ -173,7 +188,11 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     )
     made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
-    made.tests |= {"saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT, "large": _is_large}
+    made.tests |= {
+        "saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT,
+        "step": lambda place: Path(place).suffix.lower() in STEP,
+        "large": _is_large,
+    }
     return made.get_template("problem.toml.jinja")
 
 
@@ -191,10 +210,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
         found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
-    if any(max(body.deviation) > DEFAULT.drawn * body.size for body in (one, two)):  # else by the file's digits
-        out, short = (max(ends) for ends in zip(one.deviation, two.deviation, strict=True))
-        found.append(f"the parts were approximated: up to {out:.3g} {unit} too large, {short:.3g} {unit} too small")
-    return found
+    return [*found, *known_to(one, [two], unit)]
 
 
 def nearly(situation: Situation) -> bool:

@@ -30,6 +30,8 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.tessellation import TESSELLATED
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -168,7 +170,7 @@ class Body(_Sealed, Shown):
         The same faces with their corners in the order given, where faces were given.
     deviation : (float, float)
         Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most: of one
-        made from a mesh or file also by how far its vertices were moved.
+        made from a mesh or file also by how far its vertices were moved, and triangles leave curved faces.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -316,6 +318,7 @@ class Body(_Sealed, Shown):
         *,
         unit: str,
         file_unit: str | None = None,
+        deviation: float | None = None,
         decomposition: Method = "auto",
         seed: SeedRule | ArrayLike = "centroid",
         name: str | None = None,
@@ -329,6 +332,9 @@ class Body(_Sealed, Shown):
             Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
             Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`.
+        deviation : float, optional
+            Of a STEP file: the chord error, how far triangles may leave its curved faces at most, in `unit`. Default
+            `Tolerances.tessellation` of the length of their edges. What they do is measured, see the attribute.
         decomposition : {"auto", "exact", "surface", "coacd"}
             As in `from_mesh`.
         seed : {"centroid", "vertices", "box"} or (3,) array
@@ -343,7 +349,7 @@ class Body(_Sealed, Shown):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks, moved = drawn_mesh(path, unit=unit, file_unit=file_unit)
+        vertices, faces, remarks, off = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
         own = Path(path).stem if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
@@ -351,7 +357,7 @@ class Body(_Sealed, Shown):
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
         out, short = body.deviation
-        return replace(body, deviation=(out + moved, short + moved), notes=(*body.notes, *remarks))
+        return replace(body, deviation=(out + off[0], short + off[1]), notes=(*body.notes, *remarks))
 
     @classmethod
     def _made(
@@ -621,6 +627,23 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
         raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
     return float(pair[0]), float(pair[1])
+
+
+def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
+    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
+
+    None where they are off by no more than the digits of files, `Tolerances.drawn`.
+    """
+    reasons: dict[str, list[str]] = {}
+    for body in (movable, *others):
+        if max(body.deviation) > DEFAULT.drawn * body.size:
+            cut = any(note.startswith(TESSELLATED) for note in body.notes)
+            reasons.setdefault("tessellation" if cut else "approximation", []).append(body.name)
+    if not reasons:
+        return []
+    out, short = (movable.deviation[k] + max(body.deviation[k] for body in others) for k in (0, 1))
+    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
+    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,26 @@ from fcdm_opt.geometry.arrays import LARGEST, Array, distinct_rows
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import Polygon
+from fcdm_opt.geometry.tessellation import TESSELLATED, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
-Drawn = tuple[Array, list[Polygon]]
+STEP = (".step", ".stp")
+TRIES = 8  # to keep the deviation asked for of a STEP file
+
+
+class Drawn(NamedTuple):
+    """What is read from a file: vertices and faces, and how far these lie outside and within the solid, lengths."""
+
+    vertices: Array
+    faces: list[Polygon]
+    off: tuple[float, float] = (0.0, 0.0)
 
 
 def drawn_mesh(
-    path: str | Path, *, unit: str, file_unit: str | None = None
-) -> tuple[Array, list[Polygon], tuple[str, ...], float]:
-    """Return vertices, faces, remarks and what they changed from a mesh or STEP file.
+    path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
+) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float]]:
+    """Return vertices, faces, remarks and how far they are off the solid in a mesh or STEP file.
 
     Parameters
     ----------
@@ -45,6 +55,9 @@ def drawn_mesh(
     file_unit : as `unit`, optional
         Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`. GLB files are in metres
         and STEP files name their unit: there it is an error.
+    deviation : float, optional
+        Of a STEP file: how far triangles may leave its curved faces at most, in `unit`, > 0. Default
+        `Tolerances.tessellation` of the length of their edges.
 
     Returns
     -------
@@ -54,9 +67,10 @@ def drawn_mesh(
         Rows of `vertices`; the polygons of OBJ, PLY and OFF files as they are, else triangles. All objects of a file
         are one mesh, those of a GLB scene where the scene places them.
     remarks : tuple of str
-        What was done to the vertices.
-    moved : float
-        How far a vertex was moved at most from where the file has it, in `unit`.
+        What was done to the vertices, and how far triangles leave curved faces.
+    off : (float, float)
+        How far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
+        curved faces, and by vertices moved from where the file has them.
 
     Raises
     ------
@@ -66,9 +80,9 @@ def drawn_mesh(
     Notes
     -----
     Plane faces of a STEP file are exact to double precision; curved ones are approximated by triangles with corners on
-    the surface, as far off it between them as `Tolerances.tessellation` and `Tolerances.tessellation_turn` say.
-    Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a plane are made
-    plane to double precision, see `flattening`.
+    the surface that turn by at most `Tolerances.tessellation_turn`; how far they leave it is measured, see
+    `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a
+    plane are made plane to double precision, see `flattening`.
     """
     path = checked_path(path, "path")
     for key, value in (("unit", unit), ("file_unit", file_unit)):
@@ -81,6 +95,11 @@ def drawn_mesh(
     if own_unit is not None and file_unit is not None:
         what = f"a {suffix[1:].upper()} file says itself what its lengths are"
         raise InputError(what, file=path, key="file_unit", found=file_unit, allowed="none")
+    if deviation is not None and suffix not in STEP:
+        what = "only curved faces of a STEP file are cut into triangles here"
+        raise InputError(what, file=path, key="deviation", found=deviation, allowed="none but with STEP")
+    if deviation is not None and not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
+        raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a finite number > 0")
     try:
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
@@ -90,17 +109,26 @@ def drawn_mesh(
     if not data.strip():
         raise InputError("the file is empty", file=path)
     try:
-        vertices, faces = reader(data)
+        asked = None if deviation is None else deviation * NANOMETRES[unit] / NANOMETRES["m"]
+        vertices, faces, off = reader(data) if asked is None else _step(data, asked)
     except InputError as reason:
         raise reason.within(file=path) from reason.__cause__
     except Exception as reason:
-        kind = "STEP" if suffix in (".step", ".stp") else suffix[1:].upper()
+        kind = "STEP" if suffix in STEP else suffix[1:].upper()
         raise InputError(f"not a complete {kind} file: {str(reason) or type(reason).__name__}", file=path) from reason
     if not len(faces):
         raise InputError("no faces in the file", file=path)
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
     vertices, remarks, moved = _plane(vertices, faces, single=own_unit is not None)
-    return vertices * scale.numerator / scale.denominator, faces, remarks, moved * float(scale)
+    out, short = ((length + moved) * float(scale) for length in off)
+    if any(off):
+        most = max(off) * float(scale)
+        if deviation is not None and most > deviation * (1.0 + DEFAULT.nominal):
+            what = f"its faces are drawn too coarsely: {TESSELLATED} by {most:.2g} however small they are"
+            raise InputError(what, file=path, key="deviation", found=deviation, allowed="a larger length, or none")
+        bound = "" if deviation is None else f", at most {deviation:g} asked"
+        remarks = (f"{TESSELLATED} by up to {most:.2g} {unit} (STEP{bound})", *remarks)
+    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short)
 
 
 def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
@@ -142,10 +170,10 @@ def _stl(data: bytes) -> Drawn:
         raise ValueError(found)
     loaded = _quietly(load_stl, io.BytesIO(data))
     solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
-    vertices, faces = _together([(solid["vertices"], solid["faces"]) for solid in solids])
-    if is_text and len(faces) != lower.count(b"endfacet"):
-        raise ValueError(f"{lower.count(b'endfacet')} facets with {len(vertices)} corners")
-    return vertices, faces
+    drawn = _together([(solid["vertices"], solid["faces"]) for solid in solids])
+    if is_text and len(drawn.faces) != lower.count(b"endfacet"):
+        raise ValueError(f"{lower.count(b'endfacet')} facets with {len(drawn.vertices)} corners")
+    return drawn
 
 
 def _ply(data: bytes) -> Drawn:
@@ -153,7 +181,7 @@ def _ply(data: bytes) -> Drawn:
 
     loaded = _quietly(load_ply, io.BytesIO(data))
     if "vertices" not in loaded:
-        return np.empty((0, 3)), []
+        return Drawn(np.empty((0, 3)), [])
     elements = loaded["metadata"]["_ply_raw"]
     keys = "vertex_index", "vertex_indices"
     face = elements.get("face", {}).get("data")
@@ -166,7 +194,7 @@ def _ply(data: bytes) -> Drawn:
     for name, found in (("vertex", vertices), ("face", faces)):
         if len(found) != (count := elements.get(name, {}).get("length", 0)):
             raise ValueError(f"{len(found)} of {count} elements '{name}'")
-    return vertices, faces
+    return Drawn(vertices, faces)
 
 
 def _glb(data: bytes) -> Drawn:
@@ -191,11 +219,18 @@ def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
         vertices.append(np.asarray(own, float))
         faces += [tuple(row) for row in (np.asarray(rows, np.int64) + count).tolist()]
         count += len(own)
-    return np.concatenate(vertices), faces
+    return Drawn(np.concatenate(vertices), faces)
 
 
-def _step(data: bytes) -> Drawn:
-    """Return vertices, in metres, and triangles of the solids in a STEP file; plane faces are exact.
+def _step(data: bytes, deviation: float | None = None) -> Drawn:
+    """Return the solids in a STEP file, in metres, as triangles; plane faces are exact.
+
+    Parameters
+    ----------
+    data : bytes
+    deviation : float, optional
+        How far triangles may leave curved faces, metres: as near to it as `TRIES` come; default relative,
+        `Tolerances.tessellation`.
 
     Raises
     ------
@@ -212,41 +247,63 @@ def _step(data: bytes) -> Drawn:
         raise ValueError("it does not begin with 'ISO-10303-21'")
     if b"END-ISO-10303-21" not in data:
         raise ValueError("it ends without 'END-ISO-10303-21'")
-    with _messages_to_stderr():
-        glb = cascadio.load(
-            data,
-            tol_linear=DEFAULT.tessellation,
-            tol_angular=DEFAULT.tessellation_turn,
-            tol_relative=True,
-            use_parallel=False,
-            include_brep=True,
-            brep_types={"plane"},
-        )
-    if not glb:
-        raise ValueError("no shape can be made of it")
-    return _together([(_sharpened(mesh) @ T[:3, :3].T + T[:3, 3], mesh.faces) for mesh, T in _scene(glb)])
+    tolerance = deviation
+    for _ in range(TRIES):
+        with _messages_to_stderr():
+            glb = cascadio.load(
+                data,
+                tol_linear=DEFAULT.tessellation if tolerance is None else 1e3 * tolerance,  # it counts in millimetres
+                tol_angular=DEFAULT.tessellation_turn,
+                tol_relative=tolerance is None,
+                use_parallel=False,
+                include_brep=True,
+                brep_types={"plane", "cylinder", "cone", "sphere", "torus"},
+            )
+        if not glb:
+            raise ValueError("no shape can be made of it")
+        scene = _scene(glb)
+        solids = [_sharpened(mesh, deviation) for mesh, _ in scene]
+        off = np.max([own for _, own in solids], axis=0, initial=0.0) if solids else np.zeros(2)
+        if deviation is None or tolerance is None or off.max() <= deviation:
+            break
+        tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
+    placed = zip(solids, scene, strict=True)
+    drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, _), (mesh, T) in placed])
+    noise = DEFAULT.weld * float(np.abs(drawn.vertices).max(initial=0.0))
+    out, short = np.where(off > noise, off, 0.0).tolist()
+    return drawn._replace(off=(out, short))
 
 
-def _sharpened(mesh: Any) -> Array:
-    """Return vertices of a mesh moved, within single precision, onto the planes of the faces around them."""
+def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float]]:
+    """Return vertices of a mesh moved, within single precision, onto the surfaces around them; how far triangles leave.
+
+    That is measured at curved surfaces that are known, and the bound asked for at others.
+    """
     vertices = np.array(mesh.vertices)
-    planes = mesh.metadata.get("cascadio", {}).get("brep_primitives", [])
-    owner = mesh.face_attributes.get("brep_index")
-    if owner is None or not any(planes):
-        return vertices
-    slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
     first, same = distinct_rows(vertices)
-    distinct = vertices[first]
-    known = np.array([k < len(planes) and planes[k] is not None for k in owner.tolist()])
-    pairs = np.column_stack([same[mesh.faces[known]].ravel(), np.repeat(owner[known], 3)])
-    corner, plane = np.unique(pairs, axis=0).T
-    normals, origins = (np.array([getattr(planes[k], name) for k in plane.tolist()]) for name in ("normal", "origin"))
-    misses = ((origins - distinct[corner]) * normals).sum(axis=1)
-    near = np.abs(misses) <= slack
-    moved = onto_planes(distinct, corner[near], normals[near], misses[near])
-    far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
-    moved[far] = distinct[far]
-    return moved[same]
+    distinct, triangles = vertices[first], same[mesh.faces]
+    owner = mesh.face_attributes.get("brep_index", np.full(len(triangles), -1))
+    order = np.argsort(owner, kind="stable")
+    faces = [triangles[own] for own in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)]
+    primitives = dict(enumerate(mesh.metadata.get("cascadio", {}).get("brep_primitives", [])))
+    found = [primitives.get(k) for k in np.unique(owner).tolist()]
+    known = [(Swept.of(primitive), own) for primitive, own in zip(found, faces, strict=True) if primitive is not None]
+    moved = distinct.copy()
+    if known:
+        slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
+        corners = [np.unique(own) for _, own in known]
+        missed = [surface.misses(distinct[own]) for (surface, _), own in zip(known, corners, strict=True)]
+        corner, (misses, normals) = np.concatenate(corners), map(np.concatenate, zip(*missed, strict=True))
+        near = np.abs(misses) <= slack
+        moved = onto_planes(distinct, corner[near], normals[near], -misses[near])
+        far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
+        moved[far] = distinct[far]
+    left = [surface.left_by(moved[own]) for surface, own in known if not surface.flat]
+    if len(known) < len(faces):
+        bound = DEFAULT.tessellation * float(np.ptp(vertices, axis=0).max()) if deviation is None else deviation
+        left.append((bound, bound))
+    out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
+    return moved[same], (out, short)
 
 
 @contextmanager
@@ -289,7 +346,7 @@ def _obj(data: bytes) -> Drawn:
             raise ValueError(f"line {line}: {' '.join([word, *rest])[:60]!r}") from reason
     if faces and max(map(max, faces)) >= len(vertices):
         raise ValueError(f"a face names vertex {max(map(max, faces)) + 1} of {len(vertices)}")
-    return np.array(vertices).reshape(-1, 3), faces
+    return Drawn(np.array(vertices).reshape(-1, 3), faces)
 
 
 def _off(data: bytes) -> Drawn:
@@ -315,7 +372,7 @@ def _off(data: bytes) -> Drawn:
             faces.append(own)
         except ValueError as reason:
             raise ValueError(f"line {line}: {' '.join(words)[:60]!r}") from reason
-    return np.array(vertices).reshape(-1, 3), faces
+    return Drawn(np.array(vertices).reshape(-1, 3), faces)
 
 
 # how to read a kind of file, and the unit it comes in

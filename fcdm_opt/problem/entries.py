@@ -22,7 +22,19 @@ from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, declared, one_of, refusal
+from fcdm_opt.problem.schema import (
+    Deviation,
+    Entry,
+    Label,
+    Number,
+    Pair,
+    Point,
+    Unit,
+    closest,
+    declared,
+    one_of,
+    refusal,
+)
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
@@ -59,11 +71,13 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "centroid",
         [0.0, 0.0, 2.5],
     )
-    deviation: Pair | None = declared(
+    deviation: Deviation | None = declared(
         None,
         "[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
-        "without it [0, 0]",
+        "without it [0, 0]. Of a STEP file one length > 0: how far triangles may leave its curved faces; without it "
+        "about a thousandth of the length of their edges",
         [0.01, 0.0],
+        0.01,
     )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
@@ -85,21 +99,22 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit",)
+        drawn, read = ["vertices", "parts", "faces", "notes"], ["file_unit"]
+        (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
             raise refusal(
                 "a body is given by its file or by its vertices, not by both",
                 found=f"file and {wrong}",
-                allowed="file, unit, file_unit, decomposition, seed, name",
+                allowed="file, unit, file_unit, decomposition, seed, name, and of a STEP file deviation, one length",
                 inside=(wrong,),
             )
         if wrong:
-            raise refusal(
-                "this key goes with file", found=getattr(self, wrong), allowed='file = "peg.stl"', inside=(wrong,)
-            )
+            what = "this key goes with file" if wrong in read[:1] else "one length goes with file"
+            allowed = 'file = "peg.stl"' if wrong in read[:1] else 'file = "peg.step", or [outward, inward]'
+            raise refusal(what, found=getattr(self, wrong), allowed=allowed, inside=(wrong,))
         needed = "vertices" if self.file is None else "unit"
-        if self.decomposition and self.file is None and (self.faces is None or {"parts", "deviation", "notes"} & given):
+        if self.decomposition and self.file is None and (self.faces is None or "parts" in given):
             raise refusal(
                 "only a mesh is cut into parts",
                 found=", ".join(sorted(given)),
@@ -131,6 +146,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
                 (folder or path) / path,
                 unit=str(self.unit),
                 file_unit=self.file_unit,
+                deviation=self.deviation if isinstance(self.deviation, float) else None,
                 decomposition=self.decomposition or "auto",
                 seed=self.seed,
                 name=self.name,
@@ -150,10 +166,11 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         faces = None if self.faces is None else _shifted(self.faces)
         name = role if self.name is None else self.name
         if self.decomposition is not None and faces is not None:
-            return Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
-        deviation = (0.0, 0.0) if self.deviation is None else self.deviation
-        body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name, deviation=deviation)
-        return replace(body, notes=tuple(self.notes)) if self.notes else body
+            body = Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
+        else:
+            body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
+        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes)}
+        return replace(body, **{key: value for key, value in told.items() if value})
 
 
 def _shifted(groups: list[list[int]]) -> list[list[int]]:
@@ -173,11 +190,13 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
+    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
+    told = {key: value for key, value in told.items() if value}
     if body.hollow:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
         faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]
         surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
-        return {"name": body.name, **surface, "seed": body.seed.tolist()}
+        return {"name": body.name, **surface, **told, "seed": body.seed.tolist()}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [
@@ -188,11 +207,7 @@ def plain_body(body: Body) -> dict[str, Any]:
     ]
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
-    if any(body.deviation):
-        entry["deviation"] = list(body.deviation)
-    if body.notes:
-        entry["notes"] = list(body.notes)
-    return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
+    return {**entry, **told, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
 
 
 class KeepOutEntry(BodyEntry, title="Keep-outs"):

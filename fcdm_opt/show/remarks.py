@@ -1,7 +1,7 @@
 """What is to be said of a solution besides its numbers, in sentences that are true of the problem at hand.
 
-`remarks` for every answer: contacts that were closed, keep-outs, large motions. `left_out` for a report: what the case
-was solved without.
+`remarks` for every answer: contacts that were closed, keep-outs, how well gaps are known, large motions. `left_out` for
+a report: what the case was solved without.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 
 import numpy as np
 
+from fcdm_opt.geometry.bodies import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -44,6 +45,8 @@ def remarks(solution: Solution) -> list[str]:
         off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
+    problem = solution.problem
+    told += known_to(problem.movable, [problem.static, *(each.body for each in problem.keep_out)], unit)
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
