@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcdm_opt.compiling import kernel, step
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import not_separated, overlapping
-from fcdm_opt.geometry.measures import cross, norms, unit_normals
+from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.polygons import components, fans
 from fcdm_opt.tolerances import DEFAULT
 
@@ -90,7 +90,7 @@ class NearFacets(NamedTuple):
         return NearFacets(self.parts[rows], self.heights[rows], self.corners[rows])
 
     def furthest(
-        self, rates: Callable[[Array], Array], slack: float, enough: float = math.inf, along: Array | None = None
+        self, shifts: Array, fastest: float, slack: float, enough: float = math.inf, along: Array | None = None
     ) -> Array:
         """Return how much is needed at least to bring facets together, (k,): over all planes between the two.
 
@@ -99,8 +99,10 @@ class NearFacets(NamedTuple):
 
         Parameters
         ----------
-        rates : callable
-            Tells how fast the first facet moves along unit vectors, (m, 3), in each of some ways to move, (m, ways).
+        shifts : (m, 3) array
+            How far the first facet is displaced by a unit of each way to move it; none where it turns, too.
+        fastest : float
+            How far a unit displaces it at most, where there are no `shifts`.
         slack : float
             Length up to which facets count as touching.
         enough : float
@@ -108,26 +110,9 @@ class NearFacets(NamedTuple):
         along : (3,) array, optional
             The one line of all shifts: facets that it leads past each other need more than any amount.
         """
-        one, two = self.corners[:, 0], self.corners[:, 1]
-        sides = [np.roll(own, -1, axis=1) - own for own in (one, two)]
-        axes = [cross(own[:, 0], own[:, 1]) for own in sides]
-        axes += [cross(sides[0][:, i], sides[1][:, j]) for i, j in np.ndindex(3, 3)]
-        if along is not None:
-            axes += [cross(own[:, k], np.tile(along, (len(own), 1))) for own in sides for k in range(3)]
-        flat = DEFAULT.tie * norms(sides[0]).max(axis=1) * norms(sides[1]).max(axis=1)
-        needed, left = np.zeros((len(one), rates(np.empty((0, 3))).shape[1])), np.arange(len(one))
-        for axis in axes:
-            n = axis[left]
-            lengths = norms(n)
-            n = n / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-            here, there = ((own[left] * n[:, None]).sum(axis=2) for own in (one, two))
-            ahead, behind = there.min(axis=1) - here.max(axis=1), here.min(axis=1) - there.max(axis=1)
-            gap = np.maximum(ahead, behind)
-            apart = (gap > slack) & (lengths > flat[left])
-            fast = np.maximum(rates(np.where((ahead > behind)[:, None], n, -n)[apart]), SMALLEST)
-            needed[left[apart]] = np.maximum(needed[left[apart]], gap[apart, None] / fast)
-            left = left[needed[left].min(axis=1) < enough]
-        return np.asarray(needed.min(axis=1))
+        line = np.zeros(3) if along is None else along
+        needed: Array = least_needed(self.corners, shifts, fastest, slack, enough, line, DEFAULT.tie)
+        return needed
 
 
 def near_facets(
@@ -154,24 +139,95 @@ def near_facets(
     high = np.concatenate([corners[0].max(axis=1) + band, corners[1].max(axis=1)])
     found = [NearFacets(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2, 3, 3)))]
     for first, second in overlapping(low, high, np.repeat([0, 1], [count, len(corners[1])])):
-        rows = np.column_stack([np.minimum(first, second), np.maximum(first, second) - count])
-        heights = np.empty((2, len(rows)))
-        for own in (0, 1):  # the other across its plane
-            at, other = rows[:, own], rows[:, 1 - own]
-            away = corners[1 - own][other] - corners[own][at][:, :1]
-            levels = (away * normals[own][at][:, None]).sum(axis=2)
-            heights[own, : len(rows)] = levels.min(axis=1)
-            close = (levels.min(axis=1) <= band) & (levels.max(axis=1) >= -band)
-            rows, heights = rows[close], heights[:, close]
+        i, j = np.minimum(first, second), np.maximum(first, second) - count
+        heights = facing(*corners, *normals, i, j, band)
+        close = np.isfinite(heights[:, 0])
+        i, j, heights = i[close], j[close], heights[close]
         if crossing:
-            deep = heights.max(axis=0) < -band
-            rows, heights = rows[deep], heights[:, deep]
-            left = not_separated(corners[0][rows[:, 0]], corners[1][rows[:, 1]])
-            rows, heights = rows[left], heights[:, left]
-        i, j = rows.T
+            deep = np.flatnonzero(heights.max(axis=1) < -band)
+            deep = deep[not_separated(corners[0][i[deep]], corners[1][j[deep]])]
+            i, j, heights = i[deep], j[deep], heights[deep]
         both = np.stack([corners[0][i], corners[1][j]], axis=1)
-        found.append(NearFacets(np.column_stack([one.owners[i], two.owners[j]]), heights.T, both))
+        found.append(NearFacets(np.column_stack([one.owners[i], two.owners[j]]), heights, both))
     return NearFacets(*(np.concatenate(own) for own in zip(*found, strict=True)))
+
+
+@kernel
+def facing(ones, others, normals, opposite, i, j, band):
+    """Return how far triangles are before each other's planes at least, (k, 2): nan where one is beyond the band."""
+    found = np.full((len(i), 2), np.nan)
+    for k in range(len(i)):
+        low, high = _across(others[j[k]], ones[i[k], 0], normals[i[k]])
+        if low <= band and high >= -band:
+            back, far = _across(ones[i[k]], others[j[k], 0], opposite[j[k]])
+            if back <= band and far >= -band:
+                found[k, 0], found[k, 1] = low, back
+    return found
+
+
+@step
+def _across(corners, origin, normal):
+    """Return from where to where corners are before a plane."""
+    low, high = np.inf, -np.inf
+    for k in range(3):
+        height = 0.0
+        for axis in range(3):
+            height += (corners[k, axis] - origin[axis]) * normal[axis]
+        low, high = min(low, height), max(high, height)
+    return low, high
+
+
+@kernel
+def least_needed(corners, shifts, fastest, slack, enough, line, tie):
+    """Return how much is needed to bring pairs of triangles together, (k,), see `NearFacets.furthest`."""
+    found, sides, axis, origin = np.empty(len(corners)), np.empty((2, 3, 3)), np.empty(3), np.zeros(3)
+    longest = np.empty(2)
+    for pair in range(len(corners)):
+        for own in range(2):
+            longest[own] = 0.0
+            for k in range(3):
+                for x in range(3):
+                    sides[own, k, x] = corners[pair, own, (k + 1) % 3, x] - corners[pair, own, k, x]
+                longest[own] = max(longest[own], np.sqrt((sides[own, k] ** 2).sum()))
+        flat = tie * longest[0] * longest[1]
+        one_way, back = 0.0, 0.0  # by what is needed, and the other way where one line leads both ways
+        for k in range(17 if line.any() else 11):
+            if k < 2:
+                _crossed(sides[k, 0], sides[k, 1], axis)
+            elif k < 11:
+                _crossed(sides[0, (k - 2) // 3], sides[1, (k - 2) % 3], axis)
+            else:
+                _crossed(sides[(k - 11) // 3, (k - 11) % 3], line, axis)
+            length = np.sqrt((axis**2).sum())
+            if not length > flat:
+                continue
+            low1, high1 = _across(corners[pair, 0], origin, axis)
+            low2, high2 = _across(corners[pair, 1], origin, axis)
+            ahead, behind = (low2 - high1) / length, (low1 - high2) / length
+            gap = max(ahead, behind)
+            if not gap > slack:
+                continue
+            way = (1.0 if ahead > behind else -1.0) / length
+            speed, square = fastest, 0.0
+            for m in range(len(shifts)):
+                speed = way * (shifts[m] * axis).sum()
+                square += speed * speed
+            if len(shifts) == 1:
+                back = max(back, gap / max(-speed, SMALLEST))
+            elif len(shifts) > 1:
+                speed = np.sqrt(square)
+            one_way = max(one_way, gap / max(speed, SMALLEST))
+            if (min(one_way, back) if len(shifts) == 1 else one_way) >= enough:
+                break
+        found[pair] = min(one_way, back) if len(shifts) == 1 else one_way
+    return found
+
+
+@step
+def _crossed(u, v, out):
+    out[0] = u[1] * v[2] - u[2] * v[1]
+    out[1] = u[2] * v[0] - u[0] * v[2]
+    out[2] = u[0] * v[1] - u[1] * v[0]
 
 
 def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints) -> float:

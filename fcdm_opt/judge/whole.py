@@ -53,7 +53,7 @@ class WholeSurfaces:
         band = FIRST * self._size
         while True:
             found = near_facets(self._own[0], self._points[0], self._own[1], self._points[1], band)
-            pairs = found.parts[found.furthest(lambda ways: np.ones((len(ways), 1)), 0.0, 2.0 * band) <= band]
+            pairs = found.parts[found.furthest(np.empty((0, 3)), 1.0, 0.0, 2.0 * band) <= band]
             near = [np.zeros(len(body.parts), bool) for body in self._bodies]
             for flags, own in zip(near, pairs.T, strict=True):
                 flags[own] = True

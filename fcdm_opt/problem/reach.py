@@ -9,7 +9,7 @@ from it. That those left out are apart is judged on the whole surfaces, see `fcd
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -84,7 +84,7 @@ def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:
     band = surface_distance(points[0], one.triangles, points[1], two.triangles)
     band += DEFAULT.snap * max(movable.size, static.size)
     near = near_facets(one, points[0], two, points[1], band)
-    return near.some(near.furthest(lambda ways: np.ones((len(ways), 1)), 0.0, 2.0 * band) <= band)
+    return near.some(near.furthest(np.empty((0, 3)), 1.0, 0.0, 2.0 * band) <= band)
 
 
 def _of_all_kinds(near: NearFacets) -> Ints:
@@ -174,7 +174,7 @@ def _touching_sooner(
     for largest in [amount] if math.isfinite(amount) else (DISTANCES * size / fastest).tolist():
         near = _near(movable, static, problem.target, np.eye(4), fastest * largest)
         near = near.some(_unknown(near.parts, kept))
-        needed = near.furthest(_along(shifts, fastest), DEFAULT.cut * size, largest, line)
+        needed = near.furthest(shifts, fastest, DEFAULT.cut * size, largest, line)
         sooner = needed < largest * (1.0 - DEFAULT.nominal)
         yield near.parts[sooner], needed[sooner]
 
@@ -191,18 +191,6 @@ def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
     pairs = pairs[np.argsort(values, kind="stable")]
     first = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
     return np.asarray(pairs[first[:most]])
-
-
-def _along(shifts: Array, fastest: float) -> Callable[[Array], Array]:
-    """Return what tells how far a unit of amount displaces points of body 1 along unit vectors, (m, 3), at most.
-
-    A column for each way to move: both of a single shift, one for all of other motions.
-    """
-    if not len(shifts):
-        return lambda ways: np.full((len(ways), 1), fastest)
-    if len(shifts) == 1:
-        return lambda ways: ways @ np.vstack([shifts, -shifts]).T
-    return lambda ways: np.linalg.norm(ways @ shifts.T, axis=1, keepdims=True)
 
 
 def _shifts(problem: Problem) -> Array:
