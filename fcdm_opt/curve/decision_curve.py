@@ -12,12 +12,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Meeting, meetings
+from fcdm_opt.curve.contact import Contact, Meeting, meetings
 from fcdm_opt.curve.envelope import Run, Union, boundary, inside
 from fcdm_opt.curve.flush import Flush, flush_contacts
 from fcdm_opt.curve.pruning import region_between
 from fcdm_opt.curve.region import Region, same_pair
-from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point, shared
+from fcdm_opt.curve.segments import (
+    Box,
+    Branch,
+    Segment,
+    SwitchingPoint,
+    clipped,
+    in_box,
+    is_point,
+    shared,
+    without_borders,
+)
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
@@ -26,6 +36,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
 _SHARES = ((0.5, 0.5), (0.29, 0.63), (0.71, 0.41))  # of the box, where a curve that does not pass it is asked
+LISTED = 10_000  # part pairs up to which what touches at a place is told by the curve
 REMEMBERED = 128  # answers about scale pairs that are kept
 
 
@@ -181,16 +192,27 @@ class DecisionCurve(Shown):
 
         Each is (1, 3) for a point, (2, 3) for a segment's ends, (k, 3) for a polygon's corners in order; world frame.
         """
-        found, point = self.locate(rho), _pair(rho)
-        if found is None:
-            return ()
-        if isinstance(found, SwitchingPoint):
-            return found.contact_sets
-        bodies, piece = (self.movable, self.static), found.piece_at(point)
-        own = Meeting(piece.parts, piece.contact)
-        others = meetings(*bodies, self.pose, point, DEFAULT.nominal * max(body.size for body in bodies))
-        met = (own, *(other for other in others if other.parts != piece.parts))
-        return tuple(shared(bodies, self.pose, meeting, point) for meeting in met)
+        return tuple(own for _, own in self.touching(rho))
+
+    def touching(self, rho: ArrayLike) -> tuple[tuple[Contact, Array], ...]:
+        """Return what touches at a scale pair on the curve, each contact with what is shared there; see `contact_sets`.
+
+        Of very many part pairs without listing their curve.
+        """
+        point, bodies = _pair(rho), (self.movable, self.static)
+        slack = DEFAULT.nominal * max(body.size for body in bodies)
+        if len(self.movable.parts) * len(self.static.parts) > LISTED:
+            on_curve = abs(float(self.gap(point, settled=False))) <= slack
+            met = without_borders(meetings(*bodies, self.pose, point, slack)) if on_curve else ()
+        else:
+            found = self.locate(point)
+            if isinstance(found, SwitchingPoint):
+                return tuple(zip(found.touching, found.contact_sets, strict=True))
+            piece = found.piece_at(point) if found is not None else None
+            others = meetings(*bodies, self.pose, point, slack) if piece else ()
+            own = [Meeting(piece.parts, piece.contact)] if piece else []
+            met = (*own, *(other for other in others if piece and other.parts != piece.parts))
+        return tuple((own.contact, shared(bodies, self.pose, own, point)) for own in met)
 
     def contact_points(self, rho: ArrayLike) -> Array:
         """Return one point of each contact at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve.

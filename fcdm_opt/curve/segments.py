@@ -132,10 +132,7 @@ class SwitchingPoint:
         pairs = {piece.parts for piece in self.pieces}
         others = meetings(*self.bodies, self.pose, self.rho, slack)
         others = [other for other in others if other.parts not in pairs]
-        # parts that are cut along a larger contact touch along its border too
-        features = dict.fromkeys(own.contact.feature for own in (*known, *others))
-        within = {small for small in features if any(_holds(large, small) for large in features)}
-        return (*known, *(other for other in others if other.contact.feature not in within))
+        return (*known, *without_borders(others, known))
 
     @property
     def contact_features(self) -> tuple[Feature, ...]:
@@ -167,10 +164,16 @@ class SwitchingPoint:
         return " & ".join(feature.label for feature in self.contact_features)
 
 
-def _holds(large: Feature, small: Feature) -> bool:
-    """Tell whether a contact is between corners of the elements of a larger one."""
-    inner, outer = ([set(element.vertices) for element in (own.one, own.two)] for own in (small, large))
-    return inner != outer and all(some <= all_ for some, all_ in zip(inner, outer, strict=True))
+def without_borders(met: Sequence[Meeting], known: Sequence[Meeting] = ()) -> tuple[Meeting, ...]:
+    """Leave out contacts between corners of what a larger one has: parts cut along that touch at its border too."""
+    features = dict.fromkeys(own.contact.feature for own in (*known, *met))
+    corners = {own: (frozenset(own.one.vertices), frozenset(own.two.vertices)) for own in features}
+    held = {
+        small
+        for small, (a, b) in corners.items()
+        if any(a <= c and b <= d and (a, b) != (c, d) for c, d in corners.values())
+    }
+    return tuple(own for own in met if own.contact.feature not in held)
 
 
 def middle(sets: Sequence[Array]) -> Array:

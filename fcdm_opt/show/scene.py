@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
@@ -489,17 +488,11 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
 
 def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once."""
-    found = curve.locate(rho)
-    if found is None:
-        return []
-    sets = list(curve.contact_sets(rho))
-    features = (
-        [each.feature for each in found.touching] if isinstance(found, SwitchingPoint) else [found.feature] * len(sets)
-    )
+    met = [(contact.feature, own) for contact, own in curve.touching(rho)]
     near = 1e-6 * max(body.size for body in shown.bodies)
-    whole = {feature: _shared_by_faces(feature, shown.bodies) for feature in features}
+    whole = {feature: _shared_by_faces(feature, shown.bodies) for feature, _ in met}
     made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]
-    for feature, corners in zip(features, sets, strict=True):
+    for feature, corners in met:
         if len(whole[feature]):
             continue
         if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for one in made):
@@ -538,7 +531,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     from scipy.spatial import ConvexHull
 
     one, two = curve.movable.scaled(nominal[0]), curve.static.scaled(nominal[1])
-    sets = list(curve.contact_sets(nominal)) if curve.locate(nominal) is not None else []
+    sets = curve.contact_sets(nominal)
     points = np.vstack([one.vertices, two.vertices])
     if not sets:
         return _best_view(points, two.seed - one.seed)

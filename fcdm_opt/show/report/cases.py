@@ -111,7 +111,10 @@ def _configurations(solution: Solution) -> list[str]:
     problem = solution.problem
     contact = problem.nominal_contact
     if solution.transform is not None and solution.rho is not None:
-        contact = problem.curve_after(solution.transform, solution.rho).locate(solution.rho)
+        curve = problem.curve_after(solution.transform, solution.rho)
+        if problem.movable.whole is not None:
+            return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
+        contact = curve.locate(solution.rho)
     if contact is None:
         return []
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.curve.contact import Meeting, meetings
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
+from fcdm_opt.curve.segments import Box, middle
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY, Body
 from fcdm_opt.geometry.elements import Element
@@ -179,21 +178,13 @@ class Frames:
     def _contacts(self, curve: DecisionCurve, sizes: Array) -> dict[Feature, list[Array]]:
         """Return the features at which the bodies shown touch, each with what two parts share of it, or nothing."""
         place = np.asarray(sizes)
-        if curve.locate(place) is None:  # touching within `contact_slack`, which is wider than a place on the curve
+        met = curve.touching(place)
+        if not met:  # touching within `contact_slack`, which is wider than a place on the curve
             place = curve.nearest(place)
-            if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
-                return {}
-        place_on = curve.locate(place)
+            met = curve.touching(place) if (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all() else ()
         sets: dict[Feature, list[Array]] = {}
-        if isinstance(place_on, SwitchingPoint):
-            for contact, corners in zip(place_on.touching, place_on.contact_sets, strict=True):
-                sets.setdefault(contact.feature, []).append(corners)
-        elif place_on is not None:
-            bodies, piece = (self._problem.movable, self._problem.static), place_on.piece_at(place)
-            others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
-            met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
-            for meeting in met:
-                sets.setdefault(meeting.contact.feature, []).append(shared(bodies, curve.pose, meeting, place))
+        for contact, corners in met:
+            sets.setdefault(contact.feature, []).append(corners)
         return sets
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
