@@ -18,7 +18,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
-FITTED = 4.0
+FITTED = 3.0
 """Seconds that the tolerance at which parts fit is sought for, beside an answer: of large ones it would take longer."""
 
 
