@@ -16,6 +16,39 @@ def two_cores(monkeypatch):
     monkeypatch.setattr(beside, "cores", lambda most: min(2, most))
 
 
+def test_a_library_copies_no_process_of_others(monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(beside, "_allowed", [])
+    assert {result() for result in beside.each(lambda _: os.getpid(), range(3))} == {os.getpid()}
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name, size in (("small", beside.WORTH), ("large", 2 * beside.WORTH)):
+        (tmp_path / name).write_bytes(bytes(size))
+    return tmp_path / "small", tmp_path / "large"
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_smaller_of_two_files_is_read_beside(files, way):
+    here, beside_ = os.getpid(), lambda path: (path.name, os.getpid())
+    found = beside.both(beside_, files[::way], files[::way])
+    assert [name for name, _ in found] == ["small", "large"][::way]
+    assert {name for name, own in found if own == here} == {"large"}
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_of_two_errors_the_first_is_raised(files, way):
+    def work(path):
+        raise InputError("broken", file=path.name)
+
+    with pytest.raises(InputError, match=f"{files[::way][0].name}: broken"):
+        beside.both(work, files[::way], files[::way])
+    with pytest.raises(InputError, match="large: broken"):
+        beside.both(lambda path: work(path) if path.name == "large" else 1, files[::way], files[::way])
+    assert not beside.multiprocessing.active_children()
+
+
 def test_results_come_in_order_whatever_ends_first():
     def work(number):
         time.sleep(0.05 * (5 - number))

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fcdm_opt import pacing
+from fcdm_opt import beside, pacing
 from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
@@ -123,10 +123,12 @@ def draft(
     if deviation is not None and bounds == [None, None]:
         raise InputError("neither file is STEP", key="--deviation", found=deviation, allowed="none with mesh files")
     places = [_relative(path, Path(file)) for path in paths]
-    bodies = []
-    for path, bound in zip(paths, bounds, strict=True):
-        pacing.at(f"reading {shown(str(path))} and cutting it into convex parts")
-        bodies.append(Body.from_file(path, unit=lengths, deviation=bound))
+
+    def read(number: int) -> Body:
+        pacing.at(f"reading {shown(str(paths[number]))} and cutting it into convex parts")
+        return Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
+
+    bodies = beside.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(bodies[0], bodies[1], lengths)
     choice = chosen(situation)

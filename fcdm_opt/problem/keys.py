@@ -18,13 +18,14 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapValidator
 
+from fcdm_opt import beside
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Step
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount
-from fcdm_opt.problem.entries import AmountEntry, Bodies, KeepOutEntry, PublishedEntry, SizeEntry, StepEntry
+from fcdm_opt.problem.entries import AmountEntry, Bodies, BodyEntry, KeepOutEntry, PublishedEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.schema import (
     Bound,
@@ -465,10 +466,16 @@ class ProblemFile(Entry, title="Problem file"):
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
         bodies, home = self.both_bodies(file)
         unit = self.common_unit(bodies, file)
-        both, others = [], []
-        for role, entry in bodies:
+        folder = home and home.parent
+
+        def read(own: tuple[str, BodyEntry]) -> Body:
+            role, entry = own
             with placed(file=home, key=f"bodies.{role}"):
-                both.append(entry.body(role, home and home.parent))
+                return entry.body(role, folder)
+
+        movable, static = bodies
+        files = (Path(folder or "") / str(entry.file) for _, entry in (movable, static))
+        both, others = beside.both(read, (movable, static), files), list[KeepOut]()
         with placed(file=file):
             for k, entry in enumerate(self.keep_out, 1):
                 with placed(key=f"keep_out[{k}]"):
