@@ -138,9 +138,8 @@ class CoherentRange(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = [parameter.name for parameter in self.problem.motion.parameters]
         return {
-            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
+            "direction": self.problem.motion.by_name(self.direction),
             "features": [feature.label for feature in self.features],
             "low": self.first.to_dict()["x"],
             "high": self.last.to_dict()["x"],
@@ -220,7 +219,7 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
 
 def checked_direction(problem: Problem, direction: Any) -> Array:
     """Return a direction in the parameters, (k,); raises `InputError` where it is none."""
-    names = [parameter.name for parameter in problem.motion.parameters]
+    names = problem.motion.names
     allowed = f"values for {', '.join(names)}, not all zero"
     if direction is None and len(names) == 1:
         return frozen([1.0])
@@ -258,24 +257,19 @@ def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []
-    parameters = problem.motion.parameters
-    for (name, _), slope, (low, high) in zip(parameters, direction, problem.limits, strict=True):
+    for name, slope, (low, high) in zip(problem.motion.names, direction, problem.limits, strict=True):
         if not low <= 0 <= high:
-            raise InputError(
-                "ranges are about no motion, which the limits exclude",
-                key=f"limits.{name}",
-                found=(float(low), float(high)),
-                allowed="limits that 0 lies within",
-            )
+            what = "ranges are about no motion, which the limits exclude"
+            allowed = "limits that 0 lies within"
+            raise InputError(what, key=f"limits.{name}", found=(float(low), float(high)), allowed=allowed)
         if slope != 0:
             ends.append(Reach(float((high if slope > 0 else low) / slope), "limit", f"the limit of {name}"))
-    turns = [abs(x) for x, (_, kind) in zip(direction, parameters, strict=True) if kind == "rotation" and x != 0]
-    steps = [step for step in problem.motion.steps for _ in step.parameters]
-    if turns:
-        moving = [step for step, x in zip(steps, direction, strict=True) if x != 0]
+    turns = np.abs(direction[problem.motion.turning])
+    if turns.any():
+        moving = [step for step, x in zip(problem.motion.owners, direction, strict=True) if x != 0]
         closed = len(moving) == 1 and moving[0].closed
         ends.append(
-            Reach(2.0 * math.pi / float(max(turns)), "whole turn" if closed else "search", "after a whole turn")
+            Reach(2.0 * math.pi / float(turns.max()), "whole turn" if closed else "search", "after a whole turn")
         )
     elif limit is None:
         extent = problem.size + float(np.linalg.norm(problem.static.seed - problem.movable.seed))

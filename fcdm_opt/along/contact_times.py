@@ -100,9 +100,8 @@ class ContactTimes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = [parameter.name for parameter in self.problem.motion.parameters]
         return {
-            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
+            "direction": self.problem.motion.by_name(self.direction),
             "pair": self.pair.tolist(),
             "free": plain(self.free),
             "spans": plain(self.spans),

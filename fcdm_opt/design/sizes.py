@@ -80,12 +80,11 @@ def tolerance_box(problem: Problem) -> Array:
         If the problem has none (it was given a target), or one of 100 % and more.
     """
     if problem.tolerance is None:
-        raise InputError(
-            "the problem has no tolerance, so no box of sizes follows from it",
-            key="box",
-            allowed="a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
-            "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV",
+        allowed = (
+            "a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
+            "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV"
         )
+        raise InputError("the problem has no tolerance, so no box of sizes follows from it", key="box", allowed=allowed)
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
     return size_box(ends, "tolerance")
 
@@ -158,12 +157,8 @@ def sources(value: Any, *, positive: bool = True) -> tuple[Distribution, Distrib
     bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | (not positive))).all(axis=1))
     if bad.size:
         found = pairs[bad[0]].tolist()
-        raise InputError(
-            f"a size is not a {'positive' if positive else 'finite'} number",
-            key=f"sizes[{bad[0] + 1}]",
-            found=found,
-            allowed=allowed,
-        )
+        what = f"a size is not a {'positive' if positive else 'finite'} number"
+        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
     return frozen(pairs)
 
 

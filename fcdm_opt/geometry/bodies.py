@@ -594,9 +594,8 @@ def _groups(vertices: Any, name: str) -> list[Any]:
     except (TypeError, ValueError, IndexError, KeyError):
         deep = False
     if not deep:
-        raise InputError(
-            "without `parts` give one (n, 3) array a part", key=f"body '{name}'", found=type(vertices).__name__
-        )
+        what = "without `parts` give one (n, 3) array a part"
+        raise InputError(what, key=f"body '{name}'", found=type(vertices).__name__)
     return list(vertices)
 
 

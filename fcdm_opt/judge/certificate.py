@@ -221,7 +221,7 @@ class _Judge:
         """Check that transform, parameters, limits and amount agree with each other."""
         T, problem, solution = self.transform, self.problem, self.solution
         if not self._known:
-            names = ", ".join(parameter.name for parameter in problem.motion.parameters)
+            names = ", ".join(problem.motion.names)
             return [_at_most("parameters", float("nan"), 0, f"the motion has {names}")]
         between = T - self._end
         apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
@@ -562,7 +562,7 @@ class _Judge:
     @cached_property
     def _known(self) -> bool:
         """Whether the parameters are those of the motion."""
-        return list(self.solution.parameters) == [parameter.name for parameter in self.problem.motion.parameters]
+        return list(self.solution.parameters) == self.problem.motion.names
 
     @cached_property
     def _way(self) -> tuple[Array, Array, Array]:

@@ -627,7 +627,7 @@ class Task:
 
     def path_positions(self, q: Array) -> list[float]:
         """Return path positions, from the end back, near enough to one another."""
-        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
+        turned = float(np.abs(q[self.motion.turning]).sum())
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
         places: list[float] = np.linspace(1.0, 0.0, count + 1)[:count].tolist()
         return places

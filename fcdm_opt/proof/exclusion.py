@@ -239,7 +239,7 @@ class Exclusion:
             limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
         if task.tracked:
             return limits
-        steps = [step for step in task.motion.steps for _ in step.own_parameters]
+        steps = task.motion.owners
         for k, step in enumerate(steps):
             if step.closed and not isinstance(task.amount_kind, OwnAmount):
                 low, high = limits[k]

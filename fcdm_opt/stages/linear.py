@@ -120,7 +120,7 @@ def _on_lines(task: Task, q: Array) -> Answer:
 
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
-    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    steps = task.motion.owners
     if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
         return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)

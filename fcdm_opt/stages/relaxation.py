@@ -77,7 +77,7 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
 
     Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
     """
-    turning = np.array([kind == "rotation" for _, kind in task.motion.parameters])
+    turning = task.motion.turning
     near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
     near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
     near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]

@@ -254,7 +254,7 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
         values=nodes,
         errors=np.array(errors),
         regions=np.array([sets.index(one) for one in held]),
-        names=tuple(parameter.name for parameter in mesh.sampler.problem.motion.parameters),
+        names=tuple(mesh.sampler.problem.motion.names),
     )
     return table, sets
 

@@ -257,9 +257,8 @@ def _mixed(correlation: Any, count: int) -> Array | None:
         raise InputError("unusable correlation", key="correlation", found=correlation, allowed=allowed)
     values, vectors = np.linalg.eigh(given)
     if values.min() < -1e-12:
-        raise InputError(
-            "no sizes have this correlation", key="correlation", found=correlation, allowed="no eigenvalue < 0"
-        )
+        allowed = "no eigenvalue < 0"
+        raise InputError("no sizes have this correlation", key="correlation", found=correlation, allowed=allowed)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 

@@ -195,7 +195,7 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
             raise InputError("not a motion", key=f"motions[{name or k}]", found=type(motion).__name__, allowed="Motion")
         if name is not None and not isinstance(name, str):
             raise InputError("a family's name is text", key=f"motions[{k}]", found=name, allowed="a text")
-        label = name or " ".join(parameter.name for parameter in motion.parameters)
+        label = name or " ".join(motion.names)
         made[label if label not in made else f"{label} ({k})"] = motion
     if not made:
         raise InputError("no motions", key="motions", found=motions, allowed="at least one Motion")
@@ -204,7 +204,7 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
 
 def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> FamilyRow:
     """Return a family solved, or why it cannot be asked."""
-    names = {parameter.name for parameter in motion.parameters}
+    names = set(motion.names)
     given = {key: problem.request[key] for key in BY_PARAMETER if isinstance(problem.request[key], Mapping)}
     changes = {
         key: {name: value for name, value in values.items() if name in names} or None for key, values in given.items()

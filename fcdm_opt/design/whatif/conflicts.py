@@ -105,12 +105,9 @@ def conflicts(
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
     if whole.verified:
-        raise InputError(
-            "the problem has a motion: nothing clashes",
-            key="problem",
-            found=f"{whole.status.name}, amount {whole.amount:.6g}",
-            allowed="a problem without a motion; `drop` tells what each constraint of a solvable one costs",
-        )
+        what = "the problem has a motion: nothing clashes"
+        allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
+        raise InputError(what, key="problem", found=f"{whole.status.name}, amount {whole.amount:.6g}", allowed=allowed)
     clashes, complete = search.smallest(whole)
     if certify:
         clashes = [search.certified(clash) for clash in clashes]

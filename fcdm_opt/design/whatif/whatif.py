@@ -146,11 +146,9 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
-    weights = {
-        parameter.name: float(weight)
-        for solution in (before, after)
-        for parameter, weight in zip(solution.problem.motion.parameters, solution.problem.weights, strict=True)
-    }
+    weights = dict[str, float]()
+    for problem in (before.problem, after.problem):
+        weights |= problem.motion.by_name(problem.weights)
     for name in dict.fromkeys((*before.parameters, *after.parameters)):
         one, two = before.parameters.get(name), after.parameters.get(name)
         if one is None or two is None or abs(one - two) * weights[name] > floor:
