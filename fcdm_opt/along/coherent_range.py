@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import need_all_parts
@@ -31,7 +32,7 @@ LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a trac
 
 
 @dataclass(frozen=True, eq=False)
-class Event:
+class Event(Plain):
     """What ends a coherent range on one side.
 
     Attributes
@@ -54,6 +55,10 @@ class Event:
         What the contact is just beyond, where that is not a tracked feature.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "x", "kind", "what", "grazing", "error", "features", "merged", "successors",
+    )  # fmt: skip
+
     x: float
     kind: str
     features: tuple[Feature, ...] = ()
@@ -63,16 +68,9 @@ class Event:
     merged: tuple[Feature, ...] = ()
     successors: tuple[Feature, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; infinity as "inf"."""
-        labels = {name: [f.label for f in getattr(self, name)] for name in ("features", "merged", "successors")}
-        x = self.x if math.isfinite(self.x) else str(self.x)
-        head = {"x": x, "kind": self.kind, "what": self.what, "grazing": self.grazing, "error": self.error}
-        return head | labels
-
 
 @dataclass(frozen=True, eq=False)
-class CoherentRange(Shown):
+class CoherentRange(Plain, Shown):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
@@ -88,6 +86,8 @@ class CoherentRange(Shown):
     proved : bool
         Whether every step was covered by bounds, which it is unless something touches zero where the march starts.
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "features", "low", "high", "events", "proved")
 
     problem: Problem
     direction: Array
@@ -138,14 +138,7 @@ class CoherentRange(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        return {
-            "direction": self.problem.motion.by_name(self.direction),
-            "features": [feature.label for feature in self.features],
-            "low": self.first.to_dict()["x"],
-            "high": self.last.to_dict()["x"],
-            "events": [event.to_dict() for event in self.events],
-            "proved": self.proved,
-        }
+        return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
 def coherent_range(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.plain import Plain, plain
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -34,7 +34,7 @@ TOUCHES = 1_000  # instants of touching on one side, at most
 
 
 @dataclass(frozen=True)
-class Touch:
+class Touch(Plain):
     """An instant at which the pair touches.
 
     Attributes
@@ -50,10 +50,6 @@ class Touch:
     features: tuple[Feature, ...]
     grazing: bool
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"x": self.x, "features": [own.label for own in self.features], "grazing": self.grazing}
-
 
 @dataclass(frozen=True)
 class StateSpan(Plain):
@@ -65,7 +61,7 @@ class StateSpan(Plain):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactTimes:
+class ContactTimes(Plain):
     """States of a scale pair along motions q = x * direction, from low to high.
 
     Attributes
@@ -81,6 +77,8 @@ class ContactTimes:
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "proved")
 
     problem: Problem
     direction: Array
@@ -100,14 +98,7 @@ class ContactTimes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        return {
-            "direction": self.problem.motion.by_name(self.direction),
-            "pair": self.pair.tolist(),
-            "free": plain(self.free),
-            "spans": plain(self.spans),
-            "touches": plain(self.touches),
-            "proved": self.proved,
-        }
+        return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
 def contact_times(

@@ -16,6 +16,7 @@ from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 
@@ -24,7 +25,7 @@ MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class Sizes(Plain):
     """All size pairs of a box, or those of a list.
 
     Attributes
@@ -65,10 +66,6 @@ class Sizes:
     def half(self) -> Array:
         """Half its widths, (2,)."""
         return np.asarray((self.box[:, 1] - self.box[:, 0]) / 2.0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"box": self.box.tolist(), "pairs": None if self.pairs is None else self.pairs.tolist()}
 
 
 def tolerance_box(problem: Problem) -> Array:
@@ -207,12 +204,8 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool =
     given = None if sizes is None else sources(sizes, positive=positive)
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
-        allowed = f"a whole number from 1 to {MOST}"
-        raise InputError("unusable number of draws", key="count", found=count, allowed=allowed)
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
-    u = np.random.default_rng(int(seed)).random((int(count), 2))
+    count = arguments.whole(count, "count", "number of draws", 1, MOST)
+    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2))
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])

@@ -293,8 +293,7 @@ class _Judge:
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         if problem.motion.shifts and self._known:
-            seeds = problem.movable.seed, problem.static.seed
-            ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(self.q))])
+            ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
             slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(
                 [*np.zeros(len(self.q)), 1.0],
@@ -567,8 +566,8 @@ class _Judge:
     @cached_property
     def _way(self) -> tuple[Array, Array, Array]:
         """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
-        problem, steps = self.problem, zip(self.problem.motion.parameters, self.q.tolist(), strict=False)
-        turned = sum(abs(x) for (_, kind), x in steps if kind == "rotation")
+        problem = self.problem
+        turned = sum(abs(x) for x, turns in zip(self.q.tolist(), problem.motion.turning, strict=False) if turns)
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
         s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])  # between those that the solver looks at
         poses = np.full((len(s), 4, 4), np.nan)

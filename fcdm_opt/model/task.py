@@ -751,9 +751,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
     """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
     if not problem.motion.shifts:
         return False
-    seeds, units = (problem.movable.seed, problem.static.seed), np.eye(len(problem.weights))
-    ways = np.array([problem.motion.transform(q, *seeds)[:3, 3] for q in units])
-    return bool(np.abs(ways @ ways.T - units).max() <= DEFAULT.tie)
+    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+    return bool(np.abs(ways @ ways.T - np.eye(len(ways))).max() <= DEFAULT.tie)
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:

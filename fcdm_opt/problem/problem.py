@@ -392,7 +392,7 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
-    if contact.goal == "seat" and contact.movable.whole is not None and not _alone(asked):
+    if contact.goal == "seat" and contact.movable.whole is not None and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
         what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
@@ -464,11 +464,6 @@ def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, di
     return {role: {size: values[size.name] for size in sizes if size.body == role} for role in ("movable", "static")}
 
 
-def _alone(asked: Arguments) -> bool:
-    """Tell whether something is asked for that contacts which are restored together leave no room for."""
-    return asked.features is not None or asked.resolution is not None or asked.amount != "weighted"
-
-
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
     """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored."""
     if isinstance(request["nominal"], int):
@@ -520,6 +515,16 @@ def _check_agreement(asked: Arguments) -> None:
         raise InputError(what, key="pair", found=found, allowed='clearance = 0, or "clear" without "touch"')
 
 
+def _no_room(asked: Arguments) -> list[tuple[str, Any, str]]:
+    """Return what contacts that are restored together leave no room for: key, what is asked, what is allowed."""
+    usual = (
+        ("amount", "weighted", '"weighted" with contacts'),
+        ("resolution", None, "none with contacts: in whole steps they would not all touch"),
+        ("features", None, "either features, two that are tracked, or contacts"),
+    )
+    return [(key, getattr(asked, key), allowed) for key, value, allowed in usual if getattr(asked, key) != value]
+
+
 def _check_several(asked: Arguments) -> None:
     """Refuse what contacts that are restored together leave no room for."""
     if asked.contacts is None and asked.goal != "fit":
@@ -532,13 +537,7 @@ def _check_several(asked: Arguments) -> None:
         wrong.append(("goal", asked.goal, '"at", "seat" or "fit" with contacts, or no contacts'))
     if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):
         wrong.append(("pair", asked.pair, '"any" with contacts: nothing overlaps in any case'))
-    if asked.amount != "weighted":
-        wrong.append(("amount", asked.amount, '"weighted" with contacts'))
-    if asked.resolution is not None:
-        wrong.append(("resolution", asked.resolution, "none with contacts: in whole steps they would not all touch"))
-    if asked.features is not None:
-        wrong.append(("features", asked.features, "either features, two that are tracked, or contacts"))
-    for key, found, allowed in wrong:
+    for key, found, allowed in (*wrong, *_no_room(asked)):
         raise InputError("does not go with contacts that are restored together", key=key, found=found, allowed=allowed)
 
 

@@ -176,10 +176,8 @@ def best_pose(
     """
     start = time.perf_counter()
     expected(problem, Problem, "problem")
-    if not isinstance(certify, bool):
-        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
-    if isinstance(effort, bool) or not isinstance(effort, int | np.integer) or effort < 1:
-        raise InputError("unusable number of cells", key="effort", found=effort, allowed="a whole number >= 1")
+    arguments.truth(certify, "certify")
+    arguments.whole(effort, "effort", "number of cells", 1)
     if problem.keep_out:
         what = "one pose for all pairs is not looked for among keep-outs"
         allowed = "a problem without keep-outs: problem.changed(keep_out=())"

@@ -13,6 +13,7 @@ from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -166,8 +167,7 @@ def compare(
         For arguments of the wrong kind. A family that the question does not hold for is a row, not an error.
     """
     expected(problem, Problem, "problem")
-    if not isinstance(certify, bool):  # each family would be a row that says so
-        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
+    truth(certify, "certify")  # each family would be a row that says so
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given

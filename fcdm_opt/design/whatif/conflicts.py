@@ -10,6 +10,7 @@ from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
+from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 
@@ -100,8 +101,7 @@ def conflicts(
     known = problem if isinstance(problem, Solution) else None
     problem = problem_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
-        if not isinstance(value, bool):
-            raise InputError("not a truth value", key=key, found=value, allowed="True or False")
+        arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
     if whole.verified:

@@ -159,7 +159,7 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         if was_told != now_told and not tied:  # infinity is a word
             yield Difference(name, was_told, now_told)
     for name in ("status", "usable", "pair_state", "pair", "features", "active"):
-        was, now = ([item.label for item in told.features] if name == "features" else plain(getattr(told, name))
+        was, now = (plain(getattr(told, name))
                     for told in (before, after))  # fmt: skip
         if was != now:
             yield Difference(name, was, now)
