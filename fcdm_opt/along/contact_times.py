@@ -264,18 +264,18 @@ class _OneWay:
         i, j = self._deepest(here.x)[1]
         one, two, rho = self._problem.movable.parts[i], self._problem.static.parts[j], self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed
-        tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
+        tops = one.bases - one.seed, two.bases - two.seed
         R, d = here.R[0], here.d[0]
-        own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
-        other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
+        own = (rho[1] * (tops[1] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
+        other = (rho[0] * (tops[0] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
         furthest = 0.0
         if own.min(axis=1).max() > 0:
             v = X[int(own.min(axis=1).argmax())]
-            within = Conditions.of(forms.ALONG, v=v, w=Y[tops[1]], m=two.normals)
+            within = Conditions.of(forms.ALONG, v=v, w=tops[1], m=two.normals)
             furthest = float(safe_steps(here.expanded(within), here.span).min())
         if other.min(axis=1).max() > 0:
             w = Y[int(other.min(axis=1).argmax())]
-            within = Conditions.of(forms.ALONG_TURNED, v=X[tops[0]], w=w, m=one.normals, sign=-1.0)
+            within = Conditions.of(forms.ALONG_TURNED, v=tops[0], w=w, m=one.normals, sign=-1.0)
             furthest = max(furthest, float(safe_steps(here.expanded(within), here.span).min()))
         return furthest
 

@@ -77,8 +77,7 @@ class KeepOut:
 
 def _holds_seed(part: ConvexPart) -> bool:
     """Tell whether the seed lies in the part, so that smaller scales lie within larger ones."""
-    corners = part.vertices[[loop[0] for loop in part.loops]]
-    return bool((((corners - part.seed) * part.normals).sum(axis=1) >= 0).all())
+    return bool((((part.bases - part.seed) * part.normals).sum(axis=1) >= 0).all())
 
 
 def _swept(part: ConvexPart, low: float, high: float) -> ConvexPart:
