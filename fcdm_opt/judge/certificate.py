@@ -561,7 +561,7 @@ class _Judge:
     @cached_property
     def _known(self) -> bool:
         """Whether the parameters are those of the motion."""
-        return list(self.solution.parameters) == self.problem.motion.names
+        return tuple(self.solution.parameters) == self.problem.motion.names
 
     @cached_property
     def _way(self) -> tuple[Array, Array, Array]:

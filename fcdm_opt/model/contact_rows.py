@@ -130,7 +130,7 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
     nearest = {parts: _nearest(task, parts, q) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
     return ContactRows(
-        parameters=tuple(task.motion.names),
+        parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
         motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),

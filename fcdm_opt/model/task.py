@@ -97,6 +97,10 @@ class Opponent(NamedTuple):
     need: float
     keep_out: int = -1
 
+    def placed(self, origin: Array) -> Array:
+        """Return its vertices as scaled, from a point, (n, 3)."""
+        return np.asarray(self.part.seed - origin + self.scale * (self.part.vertices - self.part.seed))
+
 
 @dataclass(frozen=True, eq=False)
 class Task:

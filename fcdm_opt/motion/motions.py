@@ -64,9 +64,9 @@ class Motion:
         return tuple(made)
 
     @cached_property
-    def names(self) -> list[str]:
+    def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
-        return [name for name, _ in self.parameters]
+        return tuple(name for name, _ in self.parameters)
 
     @cached_property
     def turning(self) -> Flags:
@@ -74,9 +74,9 @@ class Motion:
         return frozen([kind == "rotation" for _, kind in self.parameters], bool)
 
     @cached_property
-    def owners(self) -> list[Step]:
+    def owners(self) -> tuple[Step, ...]:
         """The step that each parameter belongs to."""
-        return [step for step in self.steps for _ in step.own_parameters]
+        return tuple(step for step in self.steps for _ in step.own_parameters)
 
     def by_name(self, q: Iterable[float]) -> dict[str, float]:
         """Return values of the parameters by their names."""

@@ -417,7 +417,7 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     motion, step = given.get("motion"), given.get("resolution")
     if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
         given = {**given, "target": (1.0, 1.0)}
-    names = motion.names if isinstance(motion, Motion) else []
+    names = motion.names if isinstance(motion, Motion) else ()
     if is_real(step):
         given = {**given, "resolution": dict.fromkeys(names, step)}
     try:

@@ -189,8 +189,7 @@ class Exclusion:
         """The opponents as placed, about s_2."""
         made = []
         for own in self.task.opponents:
-            part = own.part
-            placed = part.seed - self.task.static.seed + own.scale * (part.vertices - part.seed)
+            part, placed = own.part, own.placed(self.task.static.seed)
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
                 placed = part.vertices

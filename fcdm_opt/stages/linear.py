@@ -330,7 +330,7 @@ def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
     """Return the vertices of two parts as made, at rest, about s_2."""
     one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
     moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
-    return moved, opponent.scale * (opponent.part.vertices - opponent.part.seed) + (opponent.part.seed - centre)
+    return moved, opponent.placed(centre)
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
