@@ -200,10 +200,7 @@ class _Solving:
         rest = not any(own.any() for own in every.values())
         return AssemblySolution(
             status=Status.ALREADY_SATISFIED if rest else Status.SOLVED,
-            parameters={
-                part: dict(zip([own.name for own in motion.parameters], every[part].tolist(), strict=True))
-                for part, motion in assembly.motions.items()
-            },
+            parameters={part: motion.by_name(every[part]) for part, motion in assembly.motions.items()},
             transforms=poses,
             amounts=amounts,
             amount=amount,

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fcdm_opt.errors import FcdmError, InputError
 
@@ -68,11 +68,8 @@ def at(text: str, done: int = 0, total: int = 0) -> None:
 @contextmanager
 def working_on(what: str) -> Iterator[None]:
     """Put this before whatever is said to be done meanwhile."""
-    token = _on.set(what)
-    try:
+    with _set(_on, what):
         yield
-    finally:
-        _on.reset(token)
 
 
 @contextmanager
@@ -111,7 +108,7 @@ def within(seconds: float | None, share: float = SEARCHED) -> Iterator[None]:
     InputError
         For what is no time.
     """
-    with _set(_limit.get()):
+    with _set(_limit, _limit.get()):
         begin(seconds, share=share)
         yield
 
@@ -127,24 +124,24 @@ def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") 
 def sharing(share: float) -> Iterator[None]:
     """Let what is done meanwhile take this share of the time that is left."""
     known = _limit.get()
-    with _set(known if known.end == math.inf else _Given(clock() + share * left(), known.seconds)):
+    with _set(_limit, known if known.end == math.inf else _Given(clock() + share * left(), known.seconds)):
         yield
 
 
 @contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_Given(math.inf, math.inf)):
+    with _set(_limit, _Given(math.inf, math.inf)):
         yield
 
 
 @contextmanager
-def _set(limit: _Given) -> Iterator[None]:
-    token = _limit.set(limit)
+def _set(variable: ContextVar[Any], value: Any) -> Iterator[None]:
+    token = variable.set(value)
     try:
         yield
     finally:
-        _limit.reset(token)
+        variable.reset(token)
 
 
 def left() -> float:

@@ -49,6 +49,8 @@ def plain(value: Any, infinite: Callable[[float], Any] = str) -> Any:
         return None if math.isnan(value) else float(value) if math.isfinite(value) else infinite(float(value))
     if hasattr(value, "to_dict"):
         return value.to_dict()
+    if hasattr(value, "from_label"):
+        return value.label
     if isinstance(value, np.ndarray | np.generic):
         known = value.dtype.kind != "f" or np.isfinite(value).all()
         return value.tolist() if known else plain(value.tolist(), infinite)

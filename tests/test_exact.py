@@ -90,6 +90,12 @@ def check_sides(one: Shape, two: Shape, points: list, pose: np.ndarray | None = 
     return sides
 
 
+def exact_rho(corner: ExactCorner) -> tuple[fmpq, fmpq]:
+    """Return the scale pair of a corner as rationals."""
+    x, y, w = corner.point
+    return fmpq(x, w), fmpq(y, w)
+
+
 def marked(curve: ExactCurve) -> list:
     """Scale pairs on the curve, and 1e-13 to either side of them."""
     points = []
@@ -97,7 +103,7 @@ def marked(curve: ExactCurve) -> list:
         x, y, w = (p + q for p, q in zip(piece.exact_start, piece.exact_end, strict=True))
         if w:
             points += [(fmpq(x, w) * (1 + fmpq(k, 10**13)), fmpq(y, w) * (1 + fmpq(k, 10**13))) for k in (-1, 0, 1)]
-    return points + [corner.exact_rho for chain in curve.chains for corner in chain.corners]
+    return points + [exact_rho(corner) for chain in curve.chains for corner in chain.corners]
 
 
 # ------------------------------------------------------------------------------------------------------- closed forms
@@ -368,7 +374,7 @@ def test_ten_thousand_vertices_finish():
     X, Y = np.array([piece.normal for piece in chain.pieces]), np.array([piece.line for piece in chain.pieces])
     assert len(chain.pieces) > 3
     np.testing.assert_allclose((X**2).sum(axis=1), 1, rtol=1e-15)
-    for rho in (chain.corners[0].exact_rho, chain.corners[-1].exact_rho):
+    for rho in (exact_rho(chain.corners[0]), exact_rho(chain.corners[-1])):
         assert curve.side(rho) == 0
     assert (Y[:, :2] > 0.9).all()
     assert primitive(whole(chain.corners[0].point)) == whole(chain.corners[0].point)

@@ -111,7 +111,8 @@ def test_moving_apart_enlarges_the_curve(seed: int) -> None:
 def exact_corner(one: Body, two: Body, near: np.ndarray) -> Fraction:
     """Return rho_1 of the corner of the exact curve that is nearest."""
     curve = exact_curve(one.parts[0], two.parts[0], np.eye(4))
-    corners = [corner.exact_rho for chain in curve.chains for corner in chain.corners]
+    places = [corner.point for chain in curve.chains for corner in chain.corners]
+    corners = [(flint.fmpq(x, w), flint.fmpq(y, w)) for x, y, w in places]
     best = min(corners, key=lambda rho: max(abs(float(rho[k]) / near[k] - 1.0) for k in range(2)))
     assert abs(float(best[0]) / near[0] - 1.0) < 1e-12
     return Fraction(int(best[0].p), int(best[0].q))

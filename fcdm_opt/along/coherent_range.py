@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import need_all_parts
@@ -31,7 +32,7 @@ LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a trac
 
 
 @dataclass(frozen=True, eq=False)
-class Event:
+class Event(Plain):
     """What ends a coherent range on one side.
 
     Attributes
@@ -54,6 +55,10 @@ class Event:
         What the contact is just beyond, where that is not a tracked feature.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "x", "kind", "what", "grazing", "error", "features", "merged", "successors",
+    )  # fmt: skip
+
     x: float
     kind: str
     features: tuple[Feature, ...] = ()
@@ -63,16 +68,9 @@ class Event:
     merged: tuple[Feature, ...] = ()
     successors: tuple[Feature, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; infinity as "inf"."""
-        labels = {name: [f.label for f in getattr(self, name)] for name in ("features", "merged", "successors")}
-        x = self.x if math.isfinite(self.x) else str(self.x)
-        head = {"x": x, "kind": self.kind, "what": self.what, "grazing": self.grazing, "error": self.error}
-        return head | labels
-
 
 @dataclass(frozen=True, eq=False)
-class CoherentRange(Shown):
+class CoherentRange(Plain, Shown):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
@@ -88,6 +86,8 @@ class CoherentRange(Shown):
     proved : bool
         Whether every step was covered by bounds, which it is unless something touches zero where the march starts.
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "features", "low", "high", "events", "proved")
 
     problem: Problem
     direction: Array
@@ -138,15 +138,7 @@ class CoherentRange(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = [parameter.name for parameter in self.problem.motion.parameters]
-        return {
-            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
-            "features": [feature.label for feature in self.features],
-            "low": self.first.to_dict()["x"],
-            "high": self.last.to_dict()["x"],
-            "events": [event.to_dict() for event in self.events],
-            "proved": self.proved,
-        }
+        return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
 def coherent_range(
@@ -220,7 +212,7 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
 
 def checked_direction(problem: Problem, direction: Any) -> Array:
     """Return a direction in the parameters, (k,); raises `InputError` where it is none."""
-    names = [parameter.name for parameter in problem.motion.parameters]
+    names = problem.motion.names
     allowed = f"values for {', '.join(names)}, not all zero"
     if direction is None and len(names) == 1:
         return frozen([1.0])
@@ -258,24 +250,19 @@ def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []
-    parameters = problem.motion.parameters
-    for (name, _), slope, (low, high) in zip(parameters, direction, problem.limits, strict=True):
+    for name, slope, (low, high) in zip(problem.motion.names, direction, problem.limits, strict=True):
         if not low <= 0 <= high:
-            raise InputError(
-                "ranges are about no motion, which the limits exclude",
-                key=f"limits.{name}",
-                found=(float(low), float(high)),
-                allowed="limits that 0 lies within",
-            )
+            what = "ranges are about no motion, which the limits exclude"
+            allowed = "limits that 0 lies within"
+            raise InputError(what, key=f"limits.{name}", found=(float(low), float(high)), allowed=allowed)
         if slope != 0:
             ends.append(Reach(float((high if slope > 0 else low) / slope), "limit", f"the limit of {name}"))
-    turns = [abs(x) for x, (_, kind) in zip(direction, parameters, strict=True) if kind == "rotation" and x != 0]
-    steps = [step for step in problem.motion.steps for _ in step.parameters]
-    if turns:
-        moving = [step for step, x in zip(steps, direction, strict=True) if x != 0]
+    turns = np.abs(direction[problem.motion.turning])
+    if turns.any():
+        moving = [step for step, x in zip(problem.motion.owners, direction, strict=True) if x != 0]
         closed = len(moving) == 1 and moving[0].closed
         ends.append(
-            Reach(2.0 * math.pi / float(max(turns)), "whole turn" if closed else "search", "after a whole turn")
+            Reach(2.0 * math.pi / float(turns.max()), "whole turn" if closed else "search", "after a whole turn")
         )
     elif limit is None:
         extent = problem.size + float(np.linalg.norm(problem.static.seed - problem.movable.seed))

@@ -277,12 +277,9 @@ def _instructions(pattern: Motion) -> Instructions:
     instructions = Instructions.of(casadi.Function("ray", [given], [casadi.densify(along)], {"cse": True}))
     for name in instructions.operations:
         if name not in {"INPUT", "OUTPUT", "CONST", *SCALARS}:
-            raise InputError(
-                "what the motion's function uses has no known bounds along a ray",
-                key="motion",
-                found=name.lower(),
-                allowed=", ".join(known.lower() for known in SCALARS),
-            )
+            what = "what the motion's function uses has no known bounds along a ray"
+            allowed = ", ".join(known.lower() for known in SCALARS)
+            raise InputError(what, key="motion", found=name.lower(), allowed=allowed)
     return instructions
 
 
@@ -309,17 +306,14 @@ def _straightened(motion: Motion, direction: Array) -> tuple[Motion, Array]:
     """Return the motion with each free step as what it is along a ray: a shift, and a turn about a fixed direction."""
     steps: list[Step] = []
     along: list[float] = []
-    start = 0
-    for step in motion.steps:
-        part = direction[start : start + len(step.parameters)]
-        start += len(part)
+    for step, part in zip(motion.steps, motion.by_step(direction.tolist()), strict=True):
         if isinstance(step, Free):
-            for kind, own in ((Translation, part[:3]), (Rotation, part[3:])):
+            for kind, own in ((Translation, np.array(part[:3])), (Rotation, np.array(part[3:]))):
                 length = float(np.linalg.norm(own))
                 if length > 0:
                     steps.append(kind(tuple((own / length).tolist())))
                     along.append(length)
         else:
             steps.append(step)
-            along += part.tolist()
+            along += part
     return Sequenced(tuple(steps)), np.array(along)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.plain import Plain, plain
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -34,7 +34,7 @@ TOUCHES = 1_000  # instants of touching on one side, at most
 
 
 @dataclass(frozen=True)
-class Touch:
+class Touch(Plain):
     """An instant at which the pair touches.
 
     Attributes
@@ -50,10 +50,6 @@ class Touch:
     features: tuple[Feature, ...]
     grazing: bool
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"x": self.x, "features": [own.label for own in self.features], "grazing": self.grazing}
-
 
 @dataclass(frozen=True)
 class StateSpan(Plain):
@@ -65,7 +61,7 @@ class StateSpan(Plain):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactTimes:
+class ContactTimes(Plain):
     """States of a scale pair along motions q = x * direction, from low to high.
 
     Attributes
@@ -81,6 +77,8 @@ class ContactTimes:
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "proved")
 
     problem: Problem
     direction: Array
@@ -100,15 +98,7 @@ class ContactTimes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        names = [parameter.name for parameter in self.problem.motion.parameters]
-        return {
-            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
-            "pair": self.pair.tolist(),
-            "free": plain(self.free),
-            "spans": plain(self.spans),
-            "touches": plain(self.touches),
-            "proved": self.proved,
-        }
+        return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
 def contact_times(
@@ -274,18 +264,18 @@ class _OneWay:
         i, j = self._deepest(here.x)[1]
         one, two, rho = self._problem.movable.parts[i], self._problem.static.parts[j], self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed
-        tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
+        tops = one.bases - one.seed, two.bases - two.seed
         R, d = here.R[0], here.d[0]
-        own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
-        other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
+        own = (rho[1] * (tops[1] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
+        other = (rho[0] * (tops[0] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
         furthest = 0.0
         if own.min(axis=1).max() > 0:
             v = X[int(own.min(axis=1).argmax())]
-            within = Conditions.of(forms.ALONG, v=v, w=Y[tops[1]], m=two.normals)
+            within = Conditions.of(forms.ALONG, v=v, w=tops[1], m=two.normals)
             furthest = float(safe_steps(here.expanded(within), here.span).min())
         if other.min(axis=1).max() > 0:
             w = Y[int(other.min(axis=1).argmax())]
-            within = Conditions.of(forms.ALONG_TURNED, v=X[tops[0]], w=w, m=one.normals, sign=-1.0)
+            within = Conditions.of(forms.ALONG_TURNED, v=tops[0], w=w, m=one.normals, sign=-1.0)
             furthest = max(furthest, float(safe_steps(here.expanded(within), here.span).min()))
         return furthest
 

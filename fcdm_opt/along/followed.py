@@ -80,12 +80,9 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
     """
     contact = problem.nominal_contact
     if contact is None:
-        raise InputError(
-            "a coherent range follows the nominal contact, but the nominal pair is not on the decision curve",
-            key="nominal",
-            found=problem.nominal_pair.tolist(),
-            allowed="a switching point, or a pair on the curve",
-        )
+        what = "a coherent range follows the nominal contact, but the nominal pair is not on the decision curve"
+        allowed = "a switching point, or a pair on the curve"
+        raise InputError(what, key="nominal", found=problem.nominal_pair.tolist(), allowed=allowed)
     pieces: tuple[Piece, ...] = (
         contact.pieces if isinstance(contact, SwitchingPoint) else (contact.piece_at(problem.nominal_pair),)
     )

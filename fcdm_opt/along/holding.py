@@ -74,7 +74,7 @@ class Holding:
 
     def _limits(self) -> Iterator[Rate]:
         """Yield the limits that are reached; parameters that cannot move push both ways."""
-        names = [parameter.name for parameter in self.task.motion.parameters]
+        names = self.task.motion.names
         for k, (low, high) in enumerate(self.task.limits):
             for side, (limit, sign) in enumerate(((low, 1.0), (high, -1.0))):
                 if abs(self.q[k] - limit) * self.task.weights[k] <= self.slack and not (side and low == high):

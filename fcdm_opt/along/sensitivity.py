@@ -238,7 +238,7 @@ def _least(task: Task) -> float:
 
 def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:
     """Return the derivatives by what the user gives, from those by what the task has."""
-    layout, reasons, names = Layout.of(task), list(reasons), [parameter.name for parameter in task.motion.parameters]
+    layout, reasons, names = Layout.of(task), list(reasons), task.motion.names
     data = np.where(balance.broken | balance.open, np.nan, balance.data)
     target = data[layout.target]
     nominal, tolerance = np.zeros(2), None
@@ -376,5 +376,4 @@ def _weights_by_length(problem: Problem) -> Array:
     ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
     rates = (ends[0] - ends[1]) / (2.0 * step)
     given = problem.request["weights"]
-    names = [parameter.name for parameter in problem.motion.parameters]
-    return np.where([name in given for name in names], 0.0, rates)
+    return np.where([name in given for name in problem.motion.names], 0.0, rates)

@@ -115,7 +115,7 @@ class _PartsAlike:
         """The facet as made of each as drawn, -1 where it is gone."""
         normals, levels = self._planes
         made, size = self.made, self._body.size
-        out = (made.normals * (made.vertices[[loop[0] for loop in made.loops]] - self._body.seed)).sum(axis=1)
+        out = (made.normals * (made.bases - self._body.seed)).sum(axis=1)
         off = np.abs(normals[:, None] - made.normals).max(axis=2) + np.abs(levels[:, None] - out) / size
         nearest = off.argmin(axis=1)
         return np.where(off[np.arange(len(nearest)), nearest] <= DEFAULT.snap, nearest, -1)

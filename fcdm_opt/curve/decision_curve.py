@@ -29,7 +29,7 @@ from fcdm_opt.curve.segments import (
     without_borders,
 )
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
@@ -458,8 +458,7 @@ _STATUS = {kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPP
 def checked_bodies(movable: Body, static: Body) -> None:
     """Raise `InputError` unless both are bodies."""
     for key, body in (("movable", movable), ("static", static)):
-        if not isinstance(body, Body):
-            raise InputError("expected a Body", key=key, found=type(body).__name__)
+        expected(body, Body, key)
 
 
 def checked_box(box: Sequence[Sequence[float]]) -> Box:

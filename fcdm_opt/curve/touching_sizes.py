@@ -446,16 +446,15 @@ def _slack_of_faces(part: MovingPart, corners: _Corners, *, room: bool = False) 
     facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
     kept = ~(triples[corner] == facet[:, None]).any(axis=1)
     facet, corner = facet[kept], corner[kept]
-    base = part.part.vertices[[loop[0] for loop in part.part.loops]]
     n = normals[facet]
-    heights = (n * (points[corner] - base[facet])).sum(axis=1)
+    heights = (n * (points[corner] - part.part.bases[facet])).sum(axis=1)
     rates = np.einsum("mx,mxk->mk", n, moves[corner]) - part.offsets[facet]
     return sign * np.column_stack([heights, rates]), facet
 
 
 def _is_lost(part: MovingPart, corners: _Corners, low: Array, high: Array) -> bool:
     """Tell whether nothing is left of a convex part at some sizes of a box."""
-    base = part.part.vertices[[loop[0] for loop in part.part.loops]] - part.part.vertices.mean(axis=0)
+    base = part.part.bases - part.part.vertices.mean(axis=0)
     inward = np.minimum(part.offsets * low, part.offsets * high).sum(axis=1)
     if ((part.part.normals * base).sum(axis=1) + inward > 0.0).all():
         return False  # the middle stays
@@ -471,9 +470,8 @@ def _all_corners(part: MovingPart) -> _Corners:
     normals = part.part.normals
     triples = np.array(list(combinations(range(len(normals)), 3)))
     triples = triples[np.abs(np.linalg.det(normals[triples])) > DEFAULT.nominal]
-    base = part.part.vertices[[loop[0] for loop in part.part.loops]]
     centre = part.part.vertices.mean(axis=0)
-    levels = (normals * (base - centre)).sum(axis=1)
+    levels = (normals * (part.part.bases - centre)).sum(axis=1)
     solved = np.linalg.solve(
         normals[triples], np.concatenate([levels[triples][:, :, None], part.offsets[triples]], axis=2)
     )

@@ -92,12 +92,9 @@ class Normal(_Drawn):
         self._set_range("normal")
         below, above = self._masses
         if not max(below[1] - below[0], above[0] - above[1]) > 0.0:
-            raise InputError(
-                "no draw falls into this range: the probability of it is lost in rounding",
-                key="normal",
-                found=self.to_dict()["normal"],
-                allowed="a range less than 37 deviations from the mean, and no narrower than digits tell apart",
-            )
+            what = "no draw falls into this range: the probability of it is lost in rounding"
+            allowed = "a range less than 37 deviations from the mean, and no narrower than digits tell apart"
+            raise InputError(what, key="normal", found=self.to_dict()["normal"], allowed=allowed)
 
     @cached_property
     def _masses(self) -> tuple[Array, Array]:
@@ -134,9 +131,8 @@ class Measured(_Drawn):
     def __post_init__(self) -> None:
         values = numbers(self.values, "measured")
         if values.ndim != 1 or not values.size or not np.isfinite(values).all():
-            raise InputError(
-                "unusable measured values", key="measured", found=self.values, allowed="at least one finite number"
-            )
+            allowed = "at least one finite number"
+            raise InputError("unusable measured values", key="measured", found=self.values, allowed=allowed)
         object.__setattr__(self, "values", frozen(np.sort(values)))
 
     @classmethod

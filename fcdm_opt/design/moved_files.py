@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 
 Made = TypeVar("Made")
 
@@ -64,10 +64,8 @@ def read(path: str | os.PathLike[str], made: Callable[[str], Made]) -> Made:
         what = getattr(reason, "strerror", None) or str(reason)
         what = "not a text file in UTF-8" if isinstance(reason, UnicodeDecodeError) else what
         raise InputError(f"the file cannot be read: {what}", file=_named(path)) from reason
-    try:
+    with placed(file=Path(path)):
         return made(text)
-    except InputError as wrong:
-        raise wrong.within(file=Path(path)) from wrong
 
 
 def of_json(text: str) -> Any:

@@ -16,6 +16,7 @@ from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 
@@ -24,7 +25,7 @@ MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class Sizes(Plain):
     """All size pairs of a box, or those of a list.
 
     Attributes
@@ -66,10 +67,6 @@ class Sizes:
         """Half its widths, (2,)."""
         return np.asarray((self.box[:, 1] - self.box[:, 0]) / 2.0)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"box": self.box.tolist(), "pairs": None if self.pairs is None else self.pairs.tolist()}
-
 
 def tolerance_box(problem: Problem) -> Array:
     """Return the sizes that a problem's tolerance allows, (2, 2): nominal * (1 - minus) to nominal * (1 + plus).
@@ -80,12 +77,11 @@ def tolerance_box(problem: Problem) -> Array:
         If the problem has none (it was given a target), or one of 100 % and more.
     """
     if problem.tolerance is None:
-        raise InputError(
-            "the problem has no tolerance, so no box of sizes follows from it",
-            key="box",
-            allowed="a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
-            "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV",
+        allowed = (
+            "a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
+            "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV"
         )
+        raise InputError("the problem has no tolerance, so no box of sizes follows from it", key="box", allowed=allowed)
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
     return size_box(ends, "tolerance")
 
@@ -158,12 +154,8 @@ def sources(value: Any, *, positive: bool = True) -> tuple[Distribution, Distrib
     bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | (not positive))).all(axis=1))
     if bad.size:
         found = pairs[bad[0]].tolist()
-        raise InputError(
-            f"a size is not a {'positive' if positive else 'finite'} number",
-            key=f"sizes[{bad[0] + 1}]",
-            found=found,
-            allowed=allowed,
-        )
+        what = f"a size is not a {'positive' if positive else 'finite'} number"
+        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
     return frozen(pairs)
 
 
@@ -212,12 +204,8 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool =
     given = None if sizes is None else sources(sizes, positive=positive)
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
-        allowed = f"a whole number from 1 to {MOST}"
-        raise InputError("unusable number of draws", key="count", found=count, allowed=allowed)
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
-    u = np.random.default_rng(int(seed)).random((int(count), 2))
+    count = arguments.whole(count, "count", "number of draws", 1, MOST)
+    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2))
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])

@@ -118,7 +118,7 @@ def chosen(situation: Situation) -> Choice:
                 break
             if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
-            pacing.at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
+            pacing.at(f'trying goal "{goal}" with the motion {", ".join(motion.names)}')
             tried = _tried(situation, goal, motion)
             if tried is None:
                 break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
@@ -88,6 +89,22 @@ def distinct_rows(rows: Array | Ints) -> tuple[Ints, Ints]:
     same = np.empty(len(rows), np.int64)
     same[order] = np.cumsum(new) - 1
     return order[new], same
+
+
+def equal_pairs(keys: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the places of all two equal keys, (n,) or rows (n, k), block by block, the earlier place first."""
+    order = np.lexsort(keys.T[::-1]) if keys.ndim > 1 else np.argsort(keys, kind="stable")
+    ordered = np.atleast_2d(keys.T).T[order]
+    for step in range(1, len(order)):  # the next place of a key, the one after that, ...
+        same = np.flatnonzero((ordered[step:] == ordered[:-step]).all(axis=1))
+        if not same.size:
+            return
+        yield order[same], order[same + step]
+
+
+def groups_of(labels: Ints) -> list[Ints]:
+    """Return the places of each label, 0 to the largest."""
+    return np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
 
 
 def crossed(u: Array, v: Array) -> Array:

@@ -82,6 +82,16 @@ class ConvexPart(_Sealed):
         return frozen(normals_of(self.vertices, self.loops))
 
     @cached_property
+    def bases(self) -> Array:
+        """The first corner of each face, (f, 3)."""
+        return self.vertices[[loop[0] for loop in self.loops]]
+
+    @cached_property
+    def levels(self) -> Array:
+        """The height of each face along its normal, (f,)."""
+        return np.asarray((self.normals * self.bases).sum(axis=1))
+
+    @cached_property
     def half_edges(self) -> Ints:
         """Half-edges, (2m, 4): `origin, face, twin, next`; half-edge 2k runs along edge k, 2k + 1 against it."""
         count = 2 * len(self.edges)
@@ -594,9 +604,8 @@ def _groups(vertices: Any, name: str) -> list[Any]:
     except (TypeError, ValueError, IndexError, KeyError):
         deep = False
     if not deep:
-        raise InputError(
-            "without `parts` give one (n, 3) array a part", key=f"body '{name}'", found=type(vertices).__name__
-        )
+        what = "without `parts` give one (n, 3) array a part"
+        raise InputError(what, key=f"body '{name}'", found=type(vertices).__name__)
     return list(vertices)
 
 
@@ -671,17 +680,15 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
         return False
     from scipy.optimize import linprog
 
-    levels = [(part.normals * part.vertices[[loop[0] for loop in part.loops]]).sum(axis=1) for part in parts]
-    for i, j in combinations(range(len(parts)), 2):
-        one, two = parts[i], parts[j]
+    for one, two in combinations(parts, 2):
         slack = DEFAULT.partition * np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
-        if _separates(one, levels[i], two, slack) or _separates(two, levels[j], one, slack):
+        if _separates(one, two, slack) or _separates(two, one, slack):
             continue
         normals = np.vstack([one.normals, two.normals])
         answer = linprog(
             [0, 0, 0, -1],
             np.column_stack([normals, np.ones(len(normals))]),
-            np.concatenate([levels[i], levels[j]]),
+            np.concatenate([one.levels, two.levels]),
             bounds=[(None, None)] * 4,
         )
         if answer.status == 0 and -answer.fun > slack:
@@ -689,8 +696,8 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
     return False
 
 
-def _separates(one: ConvexPart, levels: Array, two: ConvexPart, slack: float) -> bool:
+def _separates(one: ConvexPart, two: ConvexPart, slack: float) -> bool:
     """Tell whether all of part two lies outside a face of part one, as it does at a seam."""
     step = max(1, MOST_PRODUCTS // len(two.vertices))
-    blocks = (slice(k, k + step) for k in range(0, len(levels), step))
-    return any(((one.normals[at] @ two.vertices.T).min(axis=1) >= levels[at] - slack).any() for at in blocks)
+    blocks = (slice(k, k + step) for k in range(0, len(one.levels), step))
+    return any(((one.normals[at] @ two.vertices.T).min(axis=1) >= one.levels[at] - slack).any() for at in blocks)

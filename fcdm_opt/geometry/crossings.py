@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.compiling import kernel
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, equal_pairs
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import Sides, clipped
 
@@ -56,12 +56,7 @@ def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | N
 def _folded(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield neighbours across an edge that may lie on each other."""
     sides = Sides.around(triangles.ravel(), 3)
-    order = np.argsort(sides.edge, kind="stable")
-    for step in range(1, len(order)):  # the next side of the same edge, the one after that, ...
-        same = np.flatnonzero(sides.edge[order[step:]] == sides.edge[order[:-step]])
-        if not same.size:
-            return
-        one, two = order[same], order[same + step]
+    for one, two in equal_pairs(sides.edge):
         _, c, d = sides.sections(points, np.column_stack([one, two]))
         high, deep = norms(c), norms(d)
         longest = norms(points[triangles] - points[np.roll(triangles, 1, axis=1)]).max(axis=1)

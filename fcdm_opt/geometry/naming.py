@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Ints, equal_pairs, groups_of
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import cross, norms
@@ -157,7 +157,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
     ways *= np.sign(np.take_along_axis(ways, np.abs(ways).argmax(axis=1)[:, None], axis=1))
     axes, own, counts = np.unique(np.round(ways / ROUND), axis=0, return_inverse=True, return_counts=True)
     groups = [(None, group) for group in _side_by_side(pairs, BALL)]
-    by_axis = np.split(np.argsort(own.reshape(-1), kind="stable"), np.cumsum(counts)[:-1])
+    by_axis = groups_of(own.reshape(-1))
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
         groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
@@ -181,14 +181,7 @@ def _cones(
     ways = body.vertices[ends[:, 1]] - places
     ways /= norms(ways)[:, None]
     faces, others, edges = pairs.T.reshape(-1), pairs[:, ::-1].T.reshape(-1), np.tile(np.arange(len(pairs)), 2)
-    order = np.argsort(faces, kind="stable")
-    corners = [np.empty((0, 2), np.int64)]  # two edges each of one face
-    for step in range(1, len(order)):
-        same = np.flatnonzero(faces[order[step:]] == faces[order[:-step]])
-        if not same.size:
-            break
-        corners.append(np.column_stack([order[same], order[same + step]]))
-    one, two = np.concatenate(corners).T
+    one, two = np.hstack([np.empty((2, 0), np.int64), *equal_pairs(faces)])  # two edges each of one face
     (u, v), between = (ways[edges[k]] for k in (one, two)), places[edges[two]] - places[edges[one]]
     cosine = (u * v).sum(axis=1)
     open_ = np.abs(cosine) < 1.0 - ROUND**2
@@ -197,7 +190,7 @@ def _cones(
     apexes = places[edges[one]] + far[:, None] * u
     keys = np.round(apexes / (ROUND * body.size))
     first, own, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)[1:]
-    groups = np.split(np.argsort(own.reshape(-1), kind="stable"), np.cumsum(counts)[:-1])
+    groups = groups_of(own.reshape(-1))
     found, owner = list[tuple[str, list[Label]]](), np.full(len(facets), -1)
     for k in np.flatnonzero(counts >= FEWEST - 2).tolist():
         around = np.concatenate([np.column_stack([faces[e[groups[k]]], others[e[groups[k]]]]) for e in (one, two)])
@@ -238,17 +231,12 @@ def _neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
             ends.append(corners[:, (i, j)] - 1)
             owners.append(np.asarray(places))
     rows, own = np.concatenate(ends), np.concatenate(owners)
-    order = np.lexsort((own, rows[:, 1], rows[:, 0]))
+    order = np.argsort(own, kind="stable")
     rows, own = rows[order], own[order]
-    pairs, shared = [np.empty((0, 2), np.int64)], [np.empty((0, 2), np.int64)]
-    for step in range(1, len(rows)):  # the next face with the same two corners, the one after that, ...
-        same = np.flatnonzero((rows[step:] == rows[:-step]).all(axis=1))
-        if not same.size:
-            break
-        pairs.append(np.column_stack([own[same], own[same + step]]))
-        shared.append(rows[same])
-    both, first, counts = np.unique(np.concatenate(pairs), axis=0, return_index=True, return_counts=True)
-    return both[counts == 1], np.concatenate(shared)[first[counts == 1]]
+    one, two = np.hstack([np.empty((2, 0), np.int64), *equal_pairs(rows)])  # faces with the same two corners
+    pairs = np.column_stack([own[one], own[two]])
+    both, first, counts = np.unique(pairs, axis=0, return_index=True, return_counts=True)
+    return both[counts == 1], rows[one[first[counts == 1]]]
 
 
 def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
@@ -256,8 +244,7 @@ def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     some, places = np.unique(pairs, return_inverse=True)
     if len(some) < fewest:
         return []
-    owners = components(places.reshape(-1, 2), len(some))
-    groups = np.split(np.argsort(owners, kind="stable"), np.cumsum(np.bincount(owners))[:-1])
+    groups = groups_of(components(places.reshape(-1, 2), len(some)))
     return [some[group] for group in groups if len(group) >= fewest]
 
 

@@ -176,12 +176,9 @@ def triangulated(
             first = int(bent[0])
             worst = int(off[first].argmax())
             what = f"the corners lie in no plane: vertex {corners[first, worst] + 1} misses their mean plane"
-            raise InputError(
-                what,
-                key=f"{key}: face {numbers[places[first]] + 1}",
-                found=float(off[first, worst]),
-                allowed=f"at most {slack:.3g}; give its triangles instead",
-            )
+            found = float(off[first, worst])
+            allowed = f"at most {slack:.3g}; give its triangles instead"
+            raise InputError(what, key=f"{key}: face {numbers[places[first]] + 1}", found=found, allowed=allowed)
         turns = (np.cross(np.roll(ahead, 1, axis=1), ahead) * normals[:, None]).sum(axis=2)
         dots = (np.roll(ahead, 1, axis=1) * ahead).sum(axis=2)
         chords = np.sqrt(((ahead + np.roll(ahead, 1, axis=1)) ** 2).sum(axis=2))
@@ -195,8 +192,8 @@ def triangulated(
             ears = _ears(_in_plane(local[k], normals[k]), slack) if lengths[k] > slack**2 else None
             if ears is None:
                 what = "the outline crosses or touches itself"
-                found = tuple(int(v) + 1 for v in corners[k])
-                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=found)
+                outline = tuple(int(v) + 1 for v in corners[k])
+                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=outline)
             triangles.append(corners[k][ears])
             owners.append(np.full(len(ears), places[k]))
     owner = np.concatenate(owners)

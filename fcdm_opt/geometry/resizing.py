@@ -60,10 +60,8 @@ class MovingPart:
         Infinite for the facets that the corner's vertex is on.
         """
         part = self.part
-        base = np.array([loop[0] for loop in part.loops])
-        levels = (part.normals * part.vertices[base]).sum(axis=1)
-        depth = levels - part.vertices[self.vertices] @ part.normals.T
-        on = np.zeros((len(part.vertices), len(base)), bool)
+        depth = part.levels - part.vertices[self.vertices] @ part.normals.T
+        on = np.zeros((len(part.vertices), len(part.loops)), bool)
         for facet, loop in enumerate(part.loops):
             on[list(loop), facet] = True
         change = self.offsets - np.einsum("fx,txk->tfk", part.normals, self.moves)
@@ -183,9 +181,8 @@ def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Arr
     moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts if lengths else ()
     planes = []
     for k, part in enumerate(scaled.parts):
-        normals, levels = _planes(part)
         out = moved[k].offsets @ np.array(list(lengths.values())) if moved else 0.0
-        planes.append((normals, levels - normals @ scaled.seed + out))
+        planes.append((part.normals, part.levels - part.normals @ scaled.seed + out))
     return planes
 
 
@@ -273,27 +270,19 @@ def _apart(body: Body, made: Body, near: float) -> None:
             raise InputError(f"material meets across a room, at {_facing(made, (i, j))}")
 
 
-def _planes(part: ConvexPart) -> tuple[Array, Array]:
-    """Return the normals of a part's facets and how far out they are."""
-    bases = part.vertices[[loop[0] for loop in part.loops]]
-    return part.normals, (part.normals * bases).sum(axis=1)
-
-
 def _share_more(one: ConvexPart, two: ConvexPart, near: float) -> bool:
     """Tell whether two parts share a ball larger than `near`."""
-    planes = _planes(one), _planes(two)
-    for (normals, levels), other in zip(planes, (two, one), strict=True):
-        if ((normals @ other.vertices.T).min(axis=1) - levels).max() >= -near:
+    for own, other in ((one, two), (two, one)):
+        if ((own.normals @ other.vertices.T).min(axis=1) - own.levels).max() >= -near:
             return False
-    normals, levels = (np.concatenate(own) for own in zip(*planes, strict=True))
-    return _ball(normals, levels)[1] > near
+    return _ball(np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels]))[1] > near
 
 
 def _facing(made: Body, pair: tuple[int, int]) -> str:
     """Name the faces of two parts that look at each other and have crossed least."""
-    (n, a), (m, b) = (_planes(made.parts[k]) for k in pair)
-    crossed = -(a[:, None] + b[None])
-    crossed[(n @ m.T > DEFAULT.nominal - 1.0) | (crossed > 0.0)] = -np.inf
+    one, two = (made.parts[k] for k in pair)
+    crossed = -(one.levels[:, None] + two.levels[None])
+    crossed[(one.normals @ two.normals.T > DEFAULT.nominal - 1.0) | (crossed > 0.0)] = -np.inf
     places = np.unravel_index(crossed.argmax(), crossed.shape)
     found = {face for part, k in zip(pair, places, strict=True) for face in made.facet_faces[part][k]}
     return "faces " + ", ".join(f"F{face + 1}" for face in sorted(found)) if np.isfinite(crossed.max()) else "no face"
@@ -312,8 +301,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     part, centre = own.part, own.part.vertices.mean(axis=0)
-    base = part.vertices[[loop[0] for loop in part.loops]] - centre
-    levels = (part.normals * base).sum(axis=1) + own.offsets @ values
+    levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     middle, radius = _ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
@@ -389,8 +377,7 @@ def _shares(body: Body, offsets: Array) -> Array:
 def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
     part = body.parts[place]
     faces, lengths = _facets(body, place, sizes, face_offsets)
-    base = part.vertices[[loop[0] for loop in part.loops]]
-    offsets = lengths + np.einsum("fx,kxy,fy->fk", part.normals, turns, base - body.seed)
+    offsets = lengths + np.einsum("fx,kxy,fy->fk", part.normals, turns, part.bases - body.seed)
     vertex = np.concatenate([np.array(loop) for loop in part.loops])
     facet = np.repeat(np.arange(len(part.loops)), [len(loop) for loop in part.loops])
     order = np.argsort(vertex, kind="stable")

@@ -221,7 +221,7 @@ class _Judge:
         """Check that transform, parameters, limits and amount agree with each other."""
         T, problem, solution = self.transform, self.problem, self.solution
         if not self._known:
-            names = ", ".join(parameter.name for parameter in problem.motion.parameters)
+            names = ", ".join(problem.motion.names)
             return [_at_most("parameters", float("nan"), 0, f"the motion has {names}")]
         between = T - self._end
         apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
@@ -293,8 +293,7 @@ class _Judge:
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         if problem.motion.shifts and self._known:
-            seeds = problem.movable.seed, problem.static.seed
-            ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(self.q))])
+            ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
             slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(
                 [*np.zeros(len(self.q)), 1.0],
@@ -562,13 +561,13 @@ class _Judge:
     @cached_property
     def _known(self) -> bool:
         """Whether the parameters are those of the motion."""
-        return list(self.solution.parameters) == [parameter.name for parameter in self.problem.motion.parameters]
+        return tuple(self.solution.parameters) == self.problem.motion.names
 
     @cached_property
     def _way(self) -> tuple[Array, Array, Array]:
         """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
-        problem, steps = self.problem, zip(self.problem.motion.parameters, self.q.tolist(), strict=False)
-        turned = sum(abs(x) for (_, kind), x in steps if kind == "rotation")
+        problem = self.problem
+        turned = sum(abs(x) for x, turns in zip(self.q.tolist(), problem.motion.turning, strict=False) if turns)
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
         s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])  # between those that the solver looks at
         poses = np.full((len(s), 4, 4), np.nan)

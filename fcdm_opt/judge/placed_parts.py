@@ -33,8 +33,8 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
     assembly = solution.assembly
     if not solution.status.found or not solution.parameters:
         return Certificate((Check("motions found", False, float("nan"), 0.0, solution.status.name),))
-    asked = {part: [own.name for own in motion.parameters] for part, motion in assembly.motions.items()}
-    known = {part: list(own) for part, own in solution.parameters.items()} == asked
+    asked = {part: motion.names for part, motion in assembly.motions.items()}
+    known = {part: tuple(own) for part, own in solution.parameters.items()} == asked
     q = {part: list(own.values()) for part, own in solution.parameters.items()}
     numbers = [solution.amount, solution.lower_bound, *(x for own in q.values() for x in own)]
     if not known or not all(map(isfinite, numbers)) or set(solution.transforms) != set(assembly.parts):

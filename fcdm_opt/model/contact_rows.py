@@ -125,12 +125,12 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     task = Task.of(problem)
     q = task.rest if at is None else np.asarray(at, dtype=np.float64)
     if q.shape != task.rest.shape:
-        names = ", ".join(name for name, _ in task.motion.parameters)
+        names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
     nearest = {parts: _nearest(task, parts, q) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
     return ContactRows(
-        parameters=tuple(name for name, _ in task.motion.parameters),
+        parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
         motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),

@@ -19,9 +19,8 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}
     if answer.q is not None:
-        names = [parameter.name for parameter in task.motion.parameters]
         moved = {
-            "parameters": dict(zip(names, q.tolist(), strict=True)),
+            "parameters": task.motion.by_name(q),
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,

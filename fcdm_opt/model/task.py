@@ -97,6 +97,10 @@ class Opponent(NamedTuple):
     need: float
     keep_out: int = -1
 
+    def placed(self, origin: Array) -> Array:
+        """Return its vertices as scaled, from a point, (n, 3)."""
+        return np.asarray(self.part.seed - origin + self.scale * (self.part.vertices - self.part.seed))
+
 
 @dataclass(frozen=True, eq=False)
 class Task:
@@ -627,7 +631,7 @@ class Task:
 
     def path_positions(self, q: Array) -> list[float]:
         """Return path positions, from the end back, near enough to one another."""
-        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
+        turned = float(np.abs(q[self.motion.turning]).sum())
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
         places: list[float] = np.linspace(1.0, 0.0, count + 1)[:count].tolist()
         return places
@@ -751,9 +755,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
     """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
     if not problem.motion.shifts:
         return False
-    seeds, units = (problem.movable.seed, problem.static.seed), np.eye(len(problem.weights))
-    ways = np.array([problem.motion.transform(q, *seeds)[:3, 3] for q in units])
-    return bool(np.abs(ways @ ways.T - units).max() <= DEFAULT.tie)
+    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+    return bool(np.abs(ways @ ways.T - np.eye(len(ways))).max() <= DEFAULT.tie)
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.units import measured
 
 if TYPE_CHECKING:
@@ -63,15 +64,42 @@ class Motion:
         return tuple(made)
 
     @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        return tuple(name for name, _ in self.parameters)
+
+    @cached_property
+    def turning(self) -> Flags:
+        """Which parameters are angles, (k,)."""
+        return frozen([kind == "rotation" for _, kind in self.parameters], bool)
+
+    @cached_property
+    def owners(self) -> tuple[Step, ...]:
+        """The step that each parameter belongs to."""
+        return tuple(step for step in self.steps for _ in step.own_parameters)
+
+    def by_name(self, q: Iterable[float]) -> dict[str, float]:
+        """Return values of the parameters by their names."""
+        return dict(zip(self.names, map(float, q), strict=True))
+
+    def by_step(self, q: Iterable[Any]) -> list[list[Any]]:
+        """Return values of the parameters, those of each step together."""
+        values = iter(q)
+        return [list(islice(values, len(step.own_parameters))) for step in self.steps]
+
+    @cached_property
     def shifts(self) -> bool:
         """Whether the body moves in proportion to the parameters and never turns."""
         return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
 
+    def ways(self, movable_seed: Any, static_seed: Any) -> Array:
+        """Return what each parameter shifts a body that never turns, (k, 3), see `shifts`."""
+        return np.array([self.transform(step, movable_seed, static_seed)[:3, 3] for step in np.eye(len(self.names))])
+
     def shifts_by(self, q: Array) -> bool:
         """Tell whether it does so all the way to parameters q."""
-        values = iter(q.tolist())
-        own = [[next(values) for _ in step.own_parameters] for step in self.steps]
-        return all(step.own_shifts_by(own[k], k == 0) for k, step in enumerate(self.steps))
+        own = zip(self.steps, self.by_step(q.tolist()), strict=True)
+        return all(step.own_shifts_by(values, k == 0) for k, (step, values) in enumerate(own))
 
     @cached_property
     def numbers(self) -> Array:
@@ -121,7 +149,7 @@ class Motion:
         """
         values = [float(x) for x in q]
         if len(values) != len(self.parameters):
-            allowed = ", ".join(p.name for p in self.parameters)
+            allowed = ", ".join(self.names)
             raise InputError("wrong number of motion parameters", key="motion", found=len(values), allowed=allowed)
         return np.array(self.composed(values, [float(x) for x in movable_seed], [float(x) for x in static_seed]))
 
@@ -148,12 +176,10 @@ class Motion:
 
     def composed(self, q: list[Any], movable_seed: Sequence[Any], static_seed: Sequence[Any]) -> Matrix:
         """Return the 4x4 transform as nested tuples, of any kind of scalars: floats, CasADi's, enclosures."""
-        before, start = IDENTITY, 0
-        for step in self.steps:
-            count = len(step.parameters)
-            after = step.own_transform(q[start : start + count], _applied(before, movable_seed), tuple(static_seed))
-            before = product(after, before) if start else after
-            start += count
+        before = IDENTITY
+        for k, (step, own) in enumerate(zip(self.steps, self.by_step(q), strict=True)):
+            after = step.own_transform(own, _applied(before, movable_seed), tuple(static_seed))
+            before = product(after, before) if k else after
         return before
 
     def reaches(self, points: Array, movable_seed: Any) -> Array:
@@ -201,21 +227,13 @@ class Motion:
 
     def describe(self, q: Sequence[float] | Array, *, unit: str = "", digits: int = 6) -> str:
         """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""
-        words, start = [], 0
-        for step in self.steps:
-            count = len(step.parameters)
-            words.append(step.own_words([float(x) for x in q[start : start + count]], unit, digits))
-            start += count
-        return " + ".join(words)
+        own = zip(self.steps, self.by_step(map(float, q)), strict=True)
+        return " + ".join(step.own_words(values, unit, digits) for step, values in own)
 
     def deeds(self, q: Sequence[float] | Array, *, unit: str = "") -> list[tuple[str, str]]:
         """Return what is done, a (verb, manner) for each step, to four digits: ("move", "0.25 mm along -z")."""
-        done, start = [], 0
-        for step in self.steps:
-            count = len(step.parameters)
-            done.append(step.own_deed([float(x) for x in q[start : start + count]], unit))
-            start += count
-        return done
+        own = zip(self.steps, self.by_step(map(float, q)), strict=True)
+        return [step.own_deed(values, unit) for step, values in own]
 
 
 class Step(Motion):
@@ -393,9 +411,8 @@ class Rotation(Straight):
         if not isinstance(self.centre, str):
             object.__setattr__(self, "centre", _point(self.centre, "Rotation.centre"))
         elif self.centre not in ("seed", "origin"):
-            raise InputError(
-                "unknown centre", key="Rotation.centre", found=self.centre, allowed='"seed", "origin" or a point'
-            )
+            allowed = '"seed", "origin" or a point'
+            raise InputError("unknown centre", key="Rotation.centre", found=self.centre, allowed=allowed)
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
@@ -452,9 +469,8 @@ class Screw(Straight):
     def __post_init__(self) -> None:
         if isinstance(self.axis, str):
             if self.axis != "seeds":
-                raise InputError(
-                    "unknown axis", key="Screw.axis", found=self.axis, allowed='"seeds" or (point, direction)'
-                )
+                allowed = '"seeds" or (point, direction)'
+                raise InputError("unknown axis", key="Screw.axis", found=self.axis, allowed=allowed)
         elif np.shape(self.axis) != (2, 3):
             raise InputError("a line is (point, direction)", key="Screw.axis", found=self.axis)
         else:
@@ -512,12 +528,8 @@ class Screw(Straight):
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
         length = _sqrt(sum(x * x for x in offset))
         if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
-            raise InputError(
-                "the seeds coincide: they define no screw axis",
-                key="Screw.axis",
-                found=length,
-                allowed="a line (point, direction)",
-            )
+            what = "the seeds coincide: they define no screw axis"
+            raise InputError(what, key="Screw.axis", found=length, allowed="a line (point, direction)")
         return tuple(x / length for x in offset), movable_seed
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:

@@ -69,12 +69,9 @@ class OwnMotion(Step):
         try:
             function = casadi.Function.deserialize(text)
         except (RuntimeError, TypeError) as reason:
-            raise InputError(
-                "not the text of a CasADi function",
-                key="OwnMotion.text",
-                found=_short(reason),
-                allowed="the text of another OwnMotion",
-            ) from reason
+            what = "not the text of a CasADi function"
+            allowed = "the text of another OwnMotion"
+            raise InputError(what, key="OwnMotion.text", found=_short(reason), allowed=allowed) from reason
         motion = cls(function, parameters, name)
         motion._function, motion.text = function, text
         return motion

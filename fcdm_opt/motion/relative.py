@@ -42,20 +42,20 @@ class Relative(Step):
 
     Attributes
     ----------
-    names : tuple of Parameter
+    every : tuple of Parameter
         The parameters of all.
     one, two : tuples of Carrying
         What carries the part that is seen and the part that sees, from the fixed part on; what they share is left out.
     """
 
-    names: tuple[Parameter, ...]
+    every: tuple[Parameter, ...]
     one: tuple[Carrying, ...]
     two: tuple[Carrying, ...]
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Those of all motions."""
-        return self.names
+        return self.every
 
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Carry, and look back; seeds are those of the motions."""
@@ -77,7 +77,7 @@ class Relative(Step):
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Add up what each motion displaces; nothing is known where one turns."""
-        reaches = np.full(len(self.names), np.inf)
+        reaches = np.full(len(self.every), np.inf)
         if self._shifting:
             reaches[:] = 0.0
             for own in (*self.one, *self.two):

@@ -33,6 +33,20 @@ def real(value: Any, key: str, allowed: str, passes: Any = lambda x: True) -> fl
     return float(value)
 
 
+def whole(value: Any, key: str, what: str, least: int, most: float = math.inf) -> int:
+    """Return a whole number between two; `what` it is goes into the message."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        allowed = f"a whole number {f'>= {least}' if most == math.inf else f'from {least} to {most}'}"
+        raise InputError(f"unusable {what}", key=key, found=value, allowed=allowed)
+    return int(value)
+
+
+def truth(value: Any, key: str) -> None:
+    """Refuse what is no truth value."""
+    if not isinstance(value, bool):
+        raise InputError("not a truth value", key=key, found=value, allowed="True or False")
+
+
 def positive(value: Any, key: str) -> float:
     """Return a number > 0, whose reciprocal is no larger than `LARGEST` either."""
     return real(value, key, "a finite number > 0", lambda x: x >= 1.0 / LARGEST)

@@ -101,7 +101,6 @@ class AssemblySolution(Bounded):
             "unit": self.assembly.unit,
             "contacts": [
                 {"parts": pair[:2], **{name: getattr(own, name) for name in shown}}
-                | {"features": [feature.label for feature in own.features]}
                 for pair, own in zip(pairs, self.contacts, strict=True)
             ],
             "gaps": {" - ".join(pair): gap for pair, gap in self.gaps.items()},

@@ -146,9 +146,8 @@ class Assembly:
         moved = _by_part(motions, "motions", bodies)
         for part, motion in moved.items():
             if not isinstance(motion, Motion) or not motion.parameters:
-                raise InputError(
-                    "not a motion", key=f"motions.{part}", found=motion, allowed="a Motion with parameters"
-                )
+                allowed = "a Motion with parameters"
+                raise InputError("not a motion", key=f"motions.{part}", found=motion, allowed=allowed)
         resting = tuple(part for part in bodies if part not in moved)
         if not resting or not moved:
             what = "some parts must be without a motion: those that are fixed; and some with one"
@@ -298,9 +297,8 @@ def _bodies(parts: Any) -> dict[str, Body]:
         if not isinstance(name, str) or not name.strip() or not name.isprintable():
             raise InputError("a part needs a name", key="parts", found=name, allowed="a text")
         if name in found:
-            raise InputError(
-                "two parts have one name", key="parts", found=name, allowed="a name that no other part has"
-            )
+            allowed = "a name that no other part has"
+            raise InputError("two parts have one name", key="parts", found=name, allowed=allowed)
         found[name] = body
     if len(found) < 2:
         raise InputError("an assembly has several parts", key="parts", found=len(found), allowed="two or more")
@@ -331,7 +329,7 @@ def _numbers(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, float
 def _limits(values: Any, moved: Mapping[str, Motion]) -> dict[str, dict[str, tuple[float, float]]]:
     found: dict[str, dict[str, tuple[float, float]]] = {part: {} for part in moved}
     for part, own in _by_part(values, "limits", moved).items():
-        names = [parameter.name for parameter in moved[part].parameters]
+        names = moved[part].names
         listed = by_parameter(own, f"limits.{part}", names)
         found[part] = {name: interval(ends, f"limits.{part}.{name}") for name, ends in listed.items()}
     return found
@@ -370,9 +368,8 @@ def _followed(
     for part, leader in asked.items():
         _known(leader, f"follows.{part}", parts)
         if part in fixed:
-            raise InputError(
-                "a fixed part follows none", key=f"follows.{part}", found=leader, allowed="a part that moves"
-            )
+            allowed = "a part that moves"
+            raise InputError("a fixed part follows none", key=f"follows.{part}", found=leader, allowed=allowed)
     found: dict[str, str] = {}
     reached = [*fixed]
     for part in reached:  # grows meanwhile

@@ -103,24 +103,18 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
-            raise refusal(
-                "a body is given by its file or by its vertices, not by both",
-                found=f"file and {wrong}",
-                allowed="file, unit, file_unit, decomposition, seed, name, and of a STEP file deviation, one length",
-                inside=(wrong,),
-            )
+            what = "a body is given by its file or by its vertices, not by both"
+            allowed = "file, unit, file_unit, decomposition, seed, name, and of a STEP file deviation, one length"
+            raise refusal(what, found=f"file and {wrong}", allowed=allowed, inside=(wrong,))
         if wrong:
             what = "this key goes with file" if wrong in read[:1] else "one length goes with file"
             allowed = 'file = "peg.stl"' if wrong in read[:1] else 'file = "peg.step", or [outward, inward]'
             raise refusal(what, found=getattr(self, wrong), allowed=allowed, inside=(wrong,))
         needed = "vertices" if self.file is None else "unit"
         if self.decomposition and self.file is None and (self.faces is None or "parts" in given):
-            raise refusal(
-                "only a mesh is cut into parts",
-                found=", ".join(sorted(given)),
-                allowed="decomposition with file and unit, or with vertices and faces alone",
-                inside=("decomposition",),
-            )
+            what = "only a mesh is cut into parts"
+            allowed = "decomposition with file and unit, or with vertices and faces alone"
+            raise refusal(what, found=", ".join(sorted(given)), allowed=allowed, inside=("decomposition",))
         if getattr(self, needed) is None:
             found = f"only {', '.join(sorted(given))}" if given else "an empty table"
             allowed = str(type(self).model_fields[needed].description)
@@ -138,9 +132,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             allowed = "the path of a mesh file"
             raise InputError("no such home folder", key="file", found=self.file, allowed=allowed) from reason
         if folder is None and not path.is_absolute():
-            raise InputError(
-                "there is no problem file to start from", key="file", found=self.file, allowed="a full path"
-            )
+            allowed = "a full path"
+            raise InputError("there is no problem file to start from", key="file", found=self.file, allowed=allowed)
         try:
             return Body.from_file(
                 (folder or path) / path,
@@ -494,11 +487,8 @@ class PublishedEntry(Entry, title="Reference values"):
             or len(angles) != kinds.count("rotation")
             or (len(shifts) != kinds.count("translation") and not fixed_pitch)
         ):
-            raise InputError(
-                f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
-                found=", ".join(given) or "none",
-                allowed=allowed,
-            )
+            what = f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})"
+            raise InputError(what, found=", ".join(given) or "none", allowed=allowed)
         if isinstance(step, Screw) and fixed_pitch and shifts:
             _check_pitch(step, shifts[0], angles[0], degrees[0] if degrees else None)
         values = {"translation": iter(shifts), "rotation": iter(angles)}
@@ -516,12 +506,8 @@ def _check_pitch(step: Screw, translation: float, angle: float, degrees: float |
     slack = _half_digit(translation) + abs(per_unit) * unit * _half_digit(shown)
     expected = per_unit * angle
     if abs(translation - expected) > slack:
-        raise InputError(
-            "translation and angle do not agree with the screw's pitch",
-            key="translation",
-            found=translation,
-            allowed=f"{expected:.9g}, to the digits given",
-        )
+        what = "translation and angle do not agree with the screw's pitch"
+        raise InputError(what, key="translation", found=translation, allowed=f"{expected:.9g}, to the digits given")
 
 
 def _half_digit(x: float) -> float:

@@ -77,8 +77,7 @@ class KeepOut:
 
 def _holds_seed(part: ConvexPart) -> bool:
     """Tell whether the seed lies in the part, so that smaller scales lie within larger ones."""
-    corners = part.vertices[[loop[0] for loop in part.loops]]
-    return bool((((corners - part.seed) * part.normals).sum(axis=1) >= 0).all())
+    return bool((((part.bases - part.seed) * part.normals).sum(axis=1) >= 0).all())
 
 
 def _swept(part: ConvexPart, low: float, high: float) -> ConvexPart:
@@ -90,22 +89,17 @@ def _swept(part: ConvexPart, low: float, high: float) -> ConvexPart:
 def keep_outs(values: Any) -> tuple[KeepOut, ...]:
     """Return checked keep-outs, plain bodies at scale 1 and without clearance; their names are distinct."""
     if not isinstance(values, list | tuple):
-        raise InputError(
-            "not a sequence", key="keep_out", found=type(values).__name__, allowed="a tuple of KeepOut or Body"
-        )
+        allowed = "a tuple of KeepOut or Body"
+        raise InputError("not a sequence", key="keep_out", found=type(values).__name__, allowed=allowed)
     made: dict[str, KeepOut] = {}
     for k, value in enumerate(values, 1):
         if not isinstance(value, Body | KeepOut):
-            raise InputError(
-                "wrong kind of item", key=f"keep_out[{k}]", found=type(value).__name__, allowed="a KeepOut or a Body"
-            )
+            allowed = "a KeepOut or a Body"
+            raise InputError("wrong kind of item", key=f"keep_out[{k}]", found=type(value).__name__, allowed=allowed)
         keep_out = KeepOut(value) if isinstance(value, Body) else value
         if keep_out.name in made:
-            raise InputError(
-                f"the name is that of keep_out[{list(made).index(keep_out.name) + 1}]",
-                key=f"keep_out[{k}].name",
-                found=keep_out.name,
-                allowed="a name that no other keep-out has: KeepOut(body, name=...)",
-            )
+            what = f"the name is that of keep_out[{list(made).index(keep_out.name) + 1}]"
+            allowed = "a name that no other keep-out has: KeepOut(body, name=...)"
+            raise InputError(what, key=f"keep_out[{k}].name", found=keep_out.name, allowed=allowed)
         made[keep_out.name] = keep_out
     return tuple(made.values())

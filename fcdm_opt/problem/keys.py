@@ -237,7 +237,7 @@ class Case(Defaults, title="Cases"):
         steps = each("motion", [entry.step for entry in given["motion"]])
         motion = given["motion"] = reduce(rshift, steps)
         if isinstance(given.get("amount"), AmountEntry):
-            given["amount"] = OwnAmount.from_text(given["amount"].casadi, [name for name, _ in motion.parameters])
+            given["amount"] = OwnAmount.from_text(given["amount"].casadi, motion.names)
         if isinstance(given.get("resolution"), float):
             turning = [name for name, kind in motion.parameters if kind == "rotation"]
             if turning:
@@ -396,9 +396,8 @@ def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any
 
 def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[float]:
     if len(entries) != len(steps):
-        raise InputError(
-            "not one table for each step of the motion", key="published", found=len(entries), allowed=f"{len(steps)}"
-        )
+        what = "not one table for each step of the motion"
+        raise InputError(what, key="published", found=len(entries), allowed=f"{len(steps)}")
     pairs = zip(entries, steps, strict=True)
     values = each("published", [lambda entry=entry, step=step: entry.values(step) for entry, step in pairs])
     return [value for own in values for value in own]
@@ -496,13 +495,9 @@ class ProblemFile(Entry, title="Problem file"):
             except InputError as reason:
                 raise InputError(f"its bodies cannot be taken: {reason}", file=file, key="bodies") from reason
             if isinstance(bodies, str):
-                raise InputError(
-                    "that file has no bodies of its own",
-                    file=file,
-                    key="bodies",
-                    found=bodies,
-                    allowed="a file with [bodies.movable] and [bodies.static]",
-                )
+                what = "that file has no bodies of its own"
+                allowed = "a file with [bodies.movable] and [bodies.static]"
+                raise InputError(what, file=file, key="bodies", found=bodies, allowed=allowed)
         return bodies, home
 
     def common_unit(self, bodies: Bodies, file: Path | None) -> str:
@@ -534,11 +529,8 @@ def same_unit(given: Mapping[str, str | None], file: Path | None) -> str:
     first = next(iter(units), "")
     for place, unit in units.items():
         if unit != units[first]:
-            raise InputError(
-                "the bodies come in different units",
-                file=file,
-                key=f"{place}.unit",
-                found=f"{place} in {unit}, {first} in {units[first]}",
-                allowed="one unit for all bodies; file_unit says what a mesh file is in",
-            )
+            what = "the bodies come in different units"
+            found = f"{place} in {unit}, {first} in {units[first]}"
+            allowed = "one unit for all bodies; file_unit says what a mesh file is in"
+            raise InputError(what, file=file, key=f"{place}.unit", found=found, allowed=allowed)
     return units.get(first, "")

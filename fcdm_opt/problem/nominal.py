@@ -230,12 +230,9 @@ class NominalContact:
             return
         points = self.curve.switching_points
         listed = ", ".join(f"{k} at ({point.rho[0]:.6g}, {point.rho[1]:.6g})" for k, point in enumerate(points, 1))
-        raise InputError(
-            f"no such switching point in the box {self.box}",
-            key="nominal",
-            found=self.nominal,
-            allowed=f"one of {len(points)}: {listed}" if points else "a scale pair; the curve has no switching point",
-        )
+        what = f"no such switching point in the box {self.box}"
+        allowed = f"one of {len(points)}: {listed}" if points else "a scale pair; the curve has no switching point"
+        raise InputError(what, key="nominal", found=self.nominal, allowed=allowed)
 
     def default_goal(self, required: bool) -> str:
         """Return the goal where none is asked for; `required` tells whether there is a requirement."""
@@ -254,39 +251,32 @@ class NominalContact:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)
             near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"
-            raise InputError(
+            what = (
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
                 f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
                 f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
-                f"{self.snap:.3g} (snap) of what was asked",
-                key="nominal",
-                found=asked.tolist(),
-                allowed='a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"',
+                f"{self.snap:.3g} (snap) of what was asked"
             )
+            allowed = 'a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"'
+            raise InputError(what, key="nominal", found=asked.tolist(), allowed=allowed)
         if goal == "beyond" and not isinstance(self.nominal_contact, SwitchingPoint):
-            raise InputError(
+            what = (
                 "the nominal pair lies inside a segment, and a long segment reaches the quadrant beyond the target "
-                "pair with no motion at all, so the goal would say nothing",
-                key="goal",
-                found=goal,
-                allowed='"at" or "touch" there; "beyond" at a switching point',
+                "pair with no motion at all, so the goal would say nothing"
             )
+            allowed = '"at" or "touch" there; "beyond" at a switching point'
+            raise InputError(what, key="goal", found=goal, allowed=allowed)
         if goal == "beyond" and not signs.all():
-            raise InputError(
-                'goal "beyond" needs a direction for both scales, but the target equals the nominal pair in one',
-                key="target",
-                found=target.tolist(),
-                allowed=f"both scales off {self.nominal_pair.tolist()}",
-            )
+            what = 'goal "beyond" needs a direction for both scales, but the target equals the nominal pair in one'
+            allowed = f"both scales off {self.nominal_pair.tolist()}"
+            raise InputError(what, key="target", found=target.tolist(), allowed=allowed)
         if goal == "seat" and not self.nominal_seats:
             contact = self.nominal_contact
             found = getattr(contact, "configurations", None) or (getattr(contact, "configuration", ""),)
-            raise InputError(
-                'goal "seat" keeps flush contacts flush, but the nominal contact shares no more than a point',
-                key="goal",
-                found=f'"seat" at a nominal contact {" and ".join(found)}',
-                allowed='a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one',
-            )
+            what = 'goal "seat" keeps flush contacts flush, but the nominal contact shares no more than a point'
+            found = f'"seat" at a nominal contact {" and ".join(found)}'
+            allowed = 'a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one'
+            raise InputError(what, key="goal", found=found, allowed=allowed)
 
     def _read(self, label: str, known: Iterable[Feature]) -> Feature:
         """Return the feature of a label, or of one with names of faces (`Feature.told`) that only one of these has."""
@@ -308,16 +298,12 @@ class NominalContact:
                 feature = self._read(label, lines)
             if feature not in lines:
                 listed = "; ".join(str(name) for name in lines)
-                raise InputError(
-                    "no such feature touches at the nominal point", key=f"features[{k}]", found=label, allowed=listed
-                )
+                what = "no such feature touches at the nominal point"
+                raise InputError(what, key=f"features[{k}]", found=label, allowed=listed)
             chosen.append(lines[feature])
         if parallel(chosen[0].line, chosen[1].line):
             others = "; ".join(str(name) for name in lines)
-            raise InputError(
-                "the lines of these two features are parallel: they fix no point",
-                key="features",
-                found=" and ".join(labels),
-                allowed=f"two of different direction: {others}",
-            )
+            what = "the lines of these two features are parallel: they fix no point"
+            allowed = f"two of different direction: {others}"
+            raise InputError(what, key="features", found=" and ".join(labels), allowed=allowed)
         return chosen[0].feature, chosen[1].feature

@@ -220,7 +220,7 @@ class Problem(NominalContact, Shown):
         """Return what is asked, on one line; everything else is an attribute."""
         asked = f"requirement {self.requirement}" if self.requirement else "explicit target"
         made = ", ".join(f"{x:.6g}" for x in self.target.tolist())
-        steps = ", ".join(name for name, _ in self.motion.parameters)
+        steps = ", ".join(self.motion.names)
         bodies = f"{self.movable.name!r} against {self.static.name!r}"
         unit = f", {self.unit}" if self.unit else ""
         return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made at ({made}), motion {steps}{unit})"
@@ -341,11 +341,11 @@ def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
 
 def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any]]:
     """Return reference values as a file has them, one table a step."""
-    entries, values = [], iter(numbers)
-    for step in motion.steps:
+    entries = []
+    for step, values in zip(motion.steps, motion.by_step(numbers), strict=True):
         entry: dict[str, Any] = {}
-        for _, kind in step.own_parameters:
-            entry.setdefault("translation" if kind == "translation" else "angle_rad", []).append(next(values))
+        for (_, kind), value in zip(step.own_parameters, values, strict=True):
+            entry.setdefault("translation" if kind == "translation" else "angle_rad", []).append(value)
         entries.append({key: own if len(own) > 1 else own[0] for key, own in entry.items()})
     return entries
 
@@ -362,7 +362,7 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
         # the curve of the parts made has no contact where they are: those drawn are to be restored
         given = {**given, "contacts": given.get("contacts") or "all"}
     asked = _asked(given)
-    names = [name for name, _ in asked.motion.parameters]
+    names = asked.motion.names
     request = {
         **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
@@ -386,13 +386,13 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
         as_asked = goal not in TRACKING  # "touch" takes the nominal pair as asked for, not as closed to the curve
         contact = NominalContact(**{**(request if as_asked else vars(contact)), **parts, "goal": goal})
     length = asked.movable.size / 2 if asked.length is None else asked.length
-    usual = dict(zip(names, asked.motion.weights(length).tolist(), strict=True))
+    usual = asked.motion.by_name(asked.motion.weights(length))
     free = (-math.inf, math.inf)
     steps = asked.resolution
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
-    if contact.goal == "seat" and contact.movable.whole is not None and not _alone(asked):
+    if contact.goal == "seat" and contact.movable.whole is not None and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
         what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
@@ -417,7 +417,7 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     motion, step = given.get("motion"), given.get("resolution")
     if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
         given = {**given, "target": (1.0, 1.0)}
-    names = [name for name, _ in motion.parameters] if isinstance(motion, Motion) else []
+    names = motion.names if isinstance(motion, Motion) else ()
     if is_real(step):
         given = {**given, "resolution": dict.fromkeys(names, step)}
     try:
@@ -449,9 +449,8 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
         size.offsets(request[size.body])  # refused here if its faces are not there, whatever is made
     for name in names:
         if names.count(name) > 1:
-            raise InputError(
-                "two sizes have one name", key="sizes", found=name, allowed="a name that no other size has"
-            )
+            allowed = "a name that no other size has"
+            raise InputError("two sizes have one name", key="sizes", found=name, allowed=allowed)
     if made is None:
         return {}
     known_sizes(made if isinstance(made, Mapping) else (), "made", names)
@@ -463,11 +462,6 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
 def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:
     """Return the deviations of the sizes of either body."""
     return {role: {size: values[size.name] for size in sizes if size.body == role} for role in ("movable", "static")}
-
-
-def _alone(asked: Arguments) -> bool:
-    """Tell whether something is asked for that contacts which are restored together leave no room for."""
-    return asked.features is not None or asked.resolution is not None or asked.amount != "weighted"
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -496,43 +490,39 @@ def _check_motion(asked: Arguments) -> None:
         return
     away = float(np.linalg.norm(asked.static.seed - asked.movable.seed))
     if away <= DEFAULT.seeds * max(asked.movable.size, asked.static.size):
-        raise InputError(
-            "the seeds coincide: they define no screw axis",
-            key="motion.Screw.axis",
-            found=away,
-            allowed="a screw about a line (point, direction)",
-        )
+        what = "the seeds coincide: they define no screw axis"
+        raise InputError(what, key="motion.Screw.axis", found=away, allowed="a screw about a line (point, direction)")
 
 
 def _check_agreement(asked: Arguments) -> None:
     """Refuse arguments that exclude each other, or that the goal would ignore."""
     if (asked.requirement is None) == (asked.target is None):
         found = "neither" if asked.target is None else f"requirement {asked.requirement!r} and target {asked.target}"
-        raise InputError(
-            "exactly one of requirement and target must be given",
-            key="requirement",
-            found=found,
-            allowed='requirement "A", "B", "C" or "D" with a tolerance, or a target (rho_1, rho_2)',
-        )
+        what = "exactly one of requirement and target must be given"
+        allowed = 'requirement "A", "B", "C" or "D" with a tolerance, or a target (rho_1, rho_2)'
+        raise InputError(what, key="requirement", found=found, allowed=allowed)
     if (asked.requirement is None) != (asked.tolerance is None):
         what = "a requirement needs a tolerance" if asked.tolerance is None else "a target takes no tolerance"
         given = "no tolerance" if asked.tolerance is None else asked.tolerance
         raise InputError(what, key="tolerance", found=given, allowed="requirement and tolerance, or target alone")
     _check_several(asked)
     if asked.clearance > 0 and "clear" not in (asked.goal, asked.pair):
-        raise InputError(
-            "nothing asks for this clearance",
-            key="clearance",
-            found=asked.clearance,
-            allowed='0, or goal = "clear", or pair = "clear"',
-        )
+        allowed = '0, or goal = "clear", or pair = "clear"'
+        raise InputError("nothing asks for this clearance", key="clearance", found=asked.clearance, allowed=allowed)
     if asked.clearance > 0 and "touch" in (asked.goal, asked.pair):
-        raise InputError(
-            "the target pair cannot touch and keep a clearance",
-            key="pair",
-            found=f"goal {asked.goal!r}, pair {asked.pair!r}, clearance {asked.clearance}",
-            allowed='clearance = 0, or "clear" without "touch"',
-        )
+        what = "the target pair cannot touch and keep a clearance"
+        found = f"goal {asked.goal!r}, pair {asked.pair!r}, clearance {asked.clearance}"
+        raise InputError(what, key="pair", found=found, allowed='clearance = 0, or "clear" without "touch"')
+
+
+def _no_room(asked: Arguments) -> list[tuple[str, Any, str]]:
+    """Return what contacts that are restored together leave no room for: key, what is asked, what is allowed."""
+    usual = (
+        ("amount", "weighted", '"weighted" with contacts'),
+        ("resolution", None, "none with contacts: in whole steps they would not all touch"),
+        ("features", None, "either features, two that are tracked, or contacts"),
+    )
+    return [(key, getattr(asked, key), allowed) for key, value, allowed in usual if getattr(asked, key) != value]
 
 
 def _check_several(asked: Arguments) -> None:
@@ -547,13 +537,7 @@ def _check_several(asked: Arguments) -> None:
         wrong.append(("goal", asked.goal, '"at", "seat" or "fit" with contacts, or no contacts'))
     if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):
         wrong.append(("pair", asked.pair, '"any" with contacts: nothing overlaps in any case'))
-    if asked.amount != "weighted":
-        wrong.append(("amount", asked.amount, '"weighted" with contacts'))
-    if asked.resolution is not None:
-        wrong.append(("resolution", asked.resolution, "none with contacts: in whole steps they would not all touch"))
-    if asked.features is not None:
-        wrong.append(("features", asked.features, "either features, two that are tracked, or contacts"))
-    for key, found, allowed in wrong:
+    for key, found, allowed in (*wrong, *_no_room(asked)):
         raise InputError("does not go with contacts that are restored together", key=key, found=found, allowed=allowed)
 
 
@@ -567,10 +551,7 @@ def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str
     sides = zip(contact.nominal_pair.tolist(), SIGNS[request["requirement"]], tolerance.tolist(), strict=True)
     target = [scale * (1.0 + sign * (minus if sign < 0 else plus)) for scale, sign, (minus, plus) in sides]
     if not all(0.0 < scale < math.inf for scale in target):
-        raise InputError(
-            f"requirement {request['requirement']} would make the scales {target}",
-            key="tolerance",
-            found=request["tolerance"],
-            allowed="below 1 (100 %) where a body is made smaller",
-        )
+        what = f"requirement {request['requirement']} would make the scales {target}"
+        allowed = "below 1 (100 %) where a body is made smaller"
+        raise InputError(what, key="tolerance", found=request["tolerance"], allowed=allowed)
     return {"tolerance": tolerance, "target": frozen(target)}

@@ -235,9 +235,8 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
-            raise InputError(
-                "the file is too large", file=file, allowed=f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
-            )
+            allowed = f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
+            raise InputError("the file is too large", file=file, allowed=allowed)
         text = content.decode("utf-8-sig")  # some editors begin a file with a mark
         data = parsed(text)
     except tomllib.TOMLDecodeError as reason:
@@ -287,6 +286,5 @@ def checked(
         context = detail["ctx"]
         inside, _ = descend(data, detail["loc"])
         key = placed((*inside, *context["inside"]), data) or None
-        raise InputError(
-            context["what"], file=file, key=key, found=context["found"], allowed=context["allowed"]
-        ) from error
+        allowed = context["allowed"]
+        raise InputError(context["what"], file=file, key=key, found=context["found"], allowed=allowed) from error

@@ -362,7 +362,6 @@ class Solution(Bounded, Shown):
         problem, values = self.problem, list(self.parameters.values())
         made = {
             "motion": problem.motion.describe(values, unit=problem.unit) if values else None,
-            "features": [feature.label for feature in self.features],
             "snapped": problem.snapped,
             "sensitivity": vars(self).get("sensitivity", self.derivatives),
         }

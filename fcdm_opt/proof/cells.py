@@ -24,6 +24,7 @@ from fcdm_opt.curve.kernels import (
     _entry,
     _length,
     _minus,
+    _plus,
     _times,
     _turned,
     _turned_back,
@@ -329,11 +330,6 @@ def left_cells(T, features, target, first, second, margin, codes, witness):
 
 
 # -------------------------------------------------------------------------------------- two polyhedra at fixed scales
-
-
-@step
-def _plus(u, x):
-    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
 
 
 @step

@@ -237,7 +237,7 @@ class _Examiner:
             limits[still & around] = 0.0
         if self.features[1]:
             return limits
-        steps = [step for step in problem.motion.steps for _ in step.own_parameters]
+        steps = problem.motion.owners
         half, reach = np.pi * (1.0 + FLOATS), self._reach(steps)
         for k, step in enumerate(steps):
             low, high = limits[k]

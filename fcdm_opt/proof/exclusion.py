@@ -189,8 +189,7 @@ class Exclusion:
         """The opponents as placed, about s_2."""
         made = []
         for own in self.task.opponents:
-            part = own.part
-            placed = part.seed - self.task.static.seed + own.scale * (part.vertices - part.seed)
+            part, placed = own.part, own.placed(self.task.static.seed)
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
                 placed = part.vertices
@@ -239,7 +238,7 @@ class Exclusion:
             limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
         if task.tracked:
             return limits
-        steps = [step for step in task.motion.steps for _ in step.own_parameters]
+        steps = task.motion.owners
         for k, step in enumerate(steps):
             if step.closed and not isinstance(task.amount_kind, OwnAmount):
                 low, high = limits[k]

@@ -50,9 +50,8 @@ class Album:
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as reason:
-            raise InputError(
-                f"not a directory that can be written ({reason.strerror})", key="--out", found=str(directory)
-            ) from reason
+            what = f"not a directory that can be written ({reason.strerror})"
+            raise InputError(what, key="--out", found=str(directory)) from reason
 
     def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
         """Add a decision curve, and its bodies as drawn, in a unit of length."""

@@ -142,7 +142,7 @@ def curve_card(curve: DecisionCurve) -> Card:
 
 def problem_card(problem: Problem) -> Card:
     """Return the card of a problem: what is asked, and the curve with what it is about."""
-    names = [name for name, _ in problem.motion.parameters]
+    names = problem.motion.names
     limits = [
         f"{name} from {number(in_unit(low, unit))} to {number(in_unit(high, unit))} {unit}"
         for name, unit, (low, high) in zip(names, parameter_units(problem), problem.limits.tolist(), strict=True)

@@ -106,8 +106,7 @@ def _leaves_freedom(problem: Problem) -> bool:
     """Tell whether there are shifts along all contacts: their normals span less than the motion does."""
     if not problem.motion.shifts:
         return False
-    seeds = problem.movable.seed, problem.static.seed
-    ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
+    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
     normals = np.vstack([joint.normals for joint in problem.chosen_joints])
     return bool(np.linalg.matrix_rank(normals @ ways.T, tol=DEFAULT.nominal) < len(ways))
 
@@ -128,8 +127,8 @@ def _large(solution: Solution) -> list[str]:
     if moved <= max(LARGE * side, GROWTH * float(change), open_way):
         return []
     way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
-    names = [parameter.name for parameter in problem.motion.parameters]
-    free = [name for name, limits in zip(names, problem.limits, strict=True) if not np.isfinite(limits).all()]
+    limited = zip(problem.motion.names, problem.limits, strict=True)
+    free = [name for name, limits in limited if not np.isfinite(limits).all()]
     cure = f"; limits keep it near, for instance of {', '.join(free)}" if free else ""
     return [
         f"a large motion: a corner moves by {way}, the thinner part measures {long}. It may end on another "
@@ -140,7 +139,7 @@ def _large(solution: Solution) -> list[str]:
 def left_out(solution: Solution) -> list[str]:
     """Return what was not modelled, or not looked at, and why; the template `left_out.txt` says it."""
     problem, counts = solution.problem, solution.modelled
-    limited = zip(problem.motion.parameters, problem.limits.tolist(), strict=True)
+    limited = zip(problem.motion.names, problem.limits.tolist(), strict=True)
     kept = [
         (counts.get(f"{key}_kept", 0), counts.get(f"{key}_total", 0), noun)
         for key, noun in (("part_pairs", "part pairs"), ("features", "pairs of elements"))
@@ -151,7 +150,7 @@ def left_out(solution: Solution) -> list[str]:
         problem=problem,
         bodies=(problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out)),
         tracking=problem.goal in TRACKING,
-        free=[parameter.name for parameter, limits in limited if not any(map(math.isfinite, limits))],
+        free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],
         impossible=math.isinf(solution.lower_bound),
         closed=CLOSED,

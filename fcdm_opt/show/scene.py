@@ -540,8 +540,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     normal = middle / max(float(np.linalg.norm(middle)), 1e-300)
     parts = [*one.parts, *two.parts]
     normals = np.concatenate([part.normals for part in parts])
-    tops = np.concatenate([part.vertices[[loop[0] for loop in part.loops]] for part in parts])
-    levels = (tops * normals).sum(axis=1)
+    levels = np.concatenate([part.levels for part in parts])
     firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
     spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
     size = float(np.ptp(points, axis=0).max())

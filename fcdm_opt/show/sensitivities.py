@@ -174,12 +174,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         for body, row in zip(names, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
                 yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
-    for parameter, (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
-        rotates = parameter.kind != "translation"
+    for (name, kind), (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
+        rotates = kind != "translation"
         step, unit = (STEP, f"+{math.degrees(STEP):.3g} deg") if rotates else (shift, length)
-        for side, value in zip(("lower", "upper"), derivatives.limits[parameter.name], strict=True):
+        for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
-                yield Bar(f"{side} limit of {parameter.name}", step * value, unit, "the limit raised")
+                yield Bar(f"{side} limit of {name}", step * value, unit, "the limit raised")
     yield Bar("clearance", shift * derivatives.clearance, length, "")
     for name, value in derivatives.keep_out.items():
         yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
@@ -188,9 +188,8 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         yield Bar(
             f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of body {own.body}, from what is made"
         )
-    parameters = [parameter.name for parameter in problem.motion.parameters]
-    for name, weight, value in zip(parameters, problem.weights.tolist(), derivatives.weights.values(), strict=True):
-        yield Bar(f"weight of {name}", STEP * weight * value, percent, "of the amount")
+    for name, weight in problem.motion.by_name(problem.weights).items():
+        yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "of the amount")
     for label, value in _largest(derivatives.faces):
         yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():

@@ -85,13 +85,8 @@ def answer_text(solution: Solution) -> str:
 def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
     values = telling(problem, values, amount)
-    kept, start = [], 0
-    for step, deed in zip(problem.motion.steps, problem.motion.deeds(values, unit=problem.unit), strict=True):
-        own = values[start : start + len(step.own_parameters)]
-        start += len(own)
-        if any(own):
-            kept.append(deed)
-    return kept
+    deeds = zip(problem.motion.by_step(values), problem.motion.deeds(values, unit=problem.unit), strict=True)
+    return [deed for own, deed in deeds if any(own)]
 
 
 def range_texts(coherent: CoherentRange) -> list[str]:

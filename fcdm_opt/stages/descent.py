@@ -76,11 +76,6 @@ class Descent:
         return self.task.unit / self.task.weights
 
     @cached_property
-    def turning(self) -> Array:
-        """Which parameters are angles, (k,)."""
-        return np.array([kind == "rotation" for _, kind in self.task.motion.parameters])
-
-    @cached_property
     def scene(self) -> tuple[Any, ...]:
         """What every kernel takes first."""
         task = self.task
@@ -91,13 +86,13 @@ class Descent:
         # where a contact is tracked, the state of the target pair is left to other stages
         pairs = np.array([task.nominal, task.target, (-np.inf if task.tracked else task.need, 0.0)])
         points = (DEFAULT.path_points - 1, task.coherent, DEFAULT.path_turn, MOST_TURNED, DEFAULT.cut * task.size)
-        path = np.array([*points, *self.turning], dtype=np.float64)
+        path = np.array([*points, *self.task.motion.turning], dtype=np.float64)
         return motion, task.movable.packed, task.static.packed, tracked, signs, pairs, path
 
     @cached_property
     def steepest(self) -> Array:
         """Longest step in each z: angles and shares of the size."""
-        return np.where(self.turning, 1.0, self.task.size) * compiled.STEEPEST / self.scale
+        return np.where(self.task.motion.turning, 1.0, self.task.size) * compiled.STEEPEST / self.scale
 
     @cached_property
     def rows(self) -> tuple[Ints, Array, int]:
@@ -201,7 +196,7 @@ class Descent:
     @cached_property
     def starts(self) -> Array:
         """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
-        reach = np.diag(np.where(self.turning, np.minimum(REACH, 1.0 / self.scale), REACH))
+        reach = np.diag(np.where(self.task.motion.turning, np.minimum(REACH, 1.0 / self.scale), REACH))
         first = self.task.start / self.scale
         low, high = self.task.limits.T / self.scale
         made: Array = np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
@@ -210,7 +205,7 @@ class Descent:
     def _wide(self) -> Array:
         """Return starts further away, along fixed directions, see `rays.directions`."""
         ways = rays.directions(self.task) * self.task.weights
-        steps = [np.where(self.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
+        steps = [np.where(self.task.motion.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
         return np.vstack([ways * own for own in steps])
 
     def least_tracked(self) -> Settled | None:

@@ -82,9 +82,9 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     *scene, path = own.scene
     path = path.copy()
     path[4] *= WITHIN
-    turns = np.where(own.turning, rays.TURNS, np.inf)
+    turns = np.where(task.motion.turning, rays.TURNS, np.inf)
     limits = np.clip(task.limits, -turns[:, None], turns[:, None]) / own.scale[:, None]
-    steps = np.array([FIRST, *(np.where(own.turning, TURN, SHARE * task.size) / own.scale)])
+    steps = np.array([FIRST, *(np.where(task.motion.turning, TURN, SHARE * task.size) / own.scale)])
     given = ((*scene, path), task.signs.astype(np.float64), np.ascontiguousarray(limits), steps)
     count = RAYS if task.part_pairs <= MANY else RAYS_OF_MANY
     cap, width = farthest(task) / task.unit, 2.0 * math.pi / count

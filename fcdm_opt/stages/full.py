@@ -97,8 +97,7 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
         one, opponent = task.movable.parts[i], task.opponents[j]
         if np.isfinite(opponent.need):
             _, facets, gaps = task.separations((i, j), pose)
-            placed = opponent.part.seed - task.static.seed
-            placed = placed + opponent.scale * (opponent.part.vertices - opponent.part.seed)
+            placed = opponent.placed(task.static.seed)
             for body, need, vertices in ((1, 0.0, one.vertices), (2, opponent.need, placed)):
                 rows += [program.plane_row(task, len(planes), body, v, need, "") for v in vertices]
             planes.append(_level(task, one, facets[int(np.argmax(gaps)), :3], task.target[0]))

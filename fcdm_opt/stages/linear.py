@@ -120,7 +120,7 @@ def _on_lines(task: Task, q: Array) -> Answer:
 
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
-    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    steps = task.motion.owners
     if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
         return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)
@@ -176,7 +176,7 @@ def straight(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along = DEFAULT.line * task.size, _shifts(task)[0]
+    slack, along = DEFAULT.line * task.size, task.motion.ways(task.movable.seed, task.static.seed)[0]
     pairs = meeting(task, along)
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
     low, high, beside, features = task.spans(pairs, along).T
@@ -241,7 +241,8 @@ def translations(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    shifts, walls, polytopes = _shifts(task), dict[Parts, Rows](), dict[Parts, Array]()
+    shifts = task.motion.ways(task.movable.seed, task.static.seed)
+    walls, polytopes = dict[Parts, Rows](), dict[Parts, Array]()
     closings, later = list[tuple[Parts | None, Rows]](), _touching(task, shifts)
     if not later:
         closings.append((None, Rows(np.empty((0, len(task.weights))), np.empty(0))))
@@ -329,7 +330,7 @@ def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
     """Return the vertices of two parts as made, at rest, about s_2."""
     one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
     moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
-    return moved, opponent.scale * (opponent.part.vertices - opponent.part.seed) + (opponent.part.seed - centre)
+    return moved, opponent.placed(centre)
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
@@ -396,12 +397,6 @@ def _distinct(rows: Array) -> Ints:
     order = np.lexsort(rows.T[::-1])
     sorted_ = rows[order]
     return order[np.append(True, (sorted_[1:] != sorted_[:-1]).any(axis=1))]
-
-
-def _shifts(task: Task) -> Array:
-    """Return what each parameter shifts, (k, 3)."""
-    rest = task.transform(task.rest)
-    return np.array([(task.transform(step) - rest)[:3, 3] for step in np.eye(len(task.weights))])
 
 
 def _least(

@@ -226,8 +226,7 @@ def is_steady(task: Task, direction: Array) -> bool:
 
 def _stepped(task: Task) -> list[tuple[Step, str]]:
     """Return the step that each parameter belongs to, and the parameter's kind."""
-    steps = [step for step in task.motion.steps for _ in step.own_parameters]
-    return [(step, kind) for step, (_, kind) in zip(steps, task.motion.parameters, strict=True)]
+    return [(step, kind) for step, (_, kind) in zip(task.motion.owners, task.motion.parameters, strict=True)]
 
 
 def _way(task: Task, direction: Array) -> Array:

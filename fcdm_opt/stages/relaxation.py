@@ -12,7 +12,7 @@ from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import feature_points
-from fcdm_opt.model.task import Answer, Opponent, Parts, Task
+from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import program, rays
 from fcdm_opt.stages.program import INF, Outcome, Row
@@ -77,7 +77,7 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
 
     Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
     """
-    turning = np.array([kind == "rotation" for _, kind in task.motion.parameters])
+    turning = task.motion.turning
     near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
     near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
     near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]
@@ -315,7 +315,7 @@ class Relaxation:
             need, point = 0.0, task.movable.parts[parts[0]].vertices[vertex]
         else:
             opponent = task.opponents[parts[1]]
-            need, point = opponent.need, _placed(task, opponent)[vertex]
+            need, point = opponent.need, opponent.placed(task.static.seed)[vertex]
         self._rows.append(program.plane_row(task, block, body, point, need, f"{task.named(parts)} stays apart"))
         return True
 
@@ -325,13 +325,7 @@ class Relaxation:
         one = task.movable.parts[parts[0]]
         own = normal @ pose[:9].reshape(3, 3)
         first = task.target[0] * (one.vertices - one.seed) @ own - normal @ pose[9:]
-        return first, _placed(task, task.opponents[parts[1]]) @ normal
-
-
-def _placed(task: Task, opponent: Opponent) -> Array:
-    """Return an opponent's vertices as scaled, relative to s_2."""
-    part = opponent.part
-    return part.seed - task.static.seed + opponent.scale * (part.vertices - part.seed)
+        return first, task.opponents[parts[1]].placed(task.static.seed) @ normal
 
 
 def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]:

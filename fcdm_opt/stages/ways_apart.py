@@ -215,7 +215,7 @@ class Linearised(NamedTuple):
             some = np.argsort(-gaps)[: int((gaps >= need - self.band).sum())]  # one that nothing can join comes first
             return list(zip(-(lines[some, None, :3] @ self.shifts.T), gaps[some, None], strict=True))
         x = task.target[0] * (one.vertices - one.seed)
-        p = two.seed - task.static.seed + opponent.scale * (two.vertices - two.seed)
+        p = opponent.placed(task.static.seed)
         moved = x @ self.R.T + self.offset
         speeds = np.einsum("kab,nb->kna", self.turns, x) + self.shifts[:, None]  # of the vertices of body 1
         away = p - self.offset

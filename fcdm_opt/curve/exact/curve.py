@@ -34,11 +34,6 @@ class ExactCorner:
     one: tuple[int, ...]
     two: tuple[int, ...]
 
-    @property
-    def exact_rho(self) -> tuple[fmpq, fmpq]:
-        """The scale pair as rationals."""
-        return fmpq(self.point[0], self.point[2]), fmpq(self.point[1], self.point[2])
-
     @cached_property
     def rho(self) -> Array:
         """The scale pair, correctly rounded, (2,)."""

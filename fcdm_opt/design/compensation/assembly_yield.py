@@ -16,7 +16,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.arguments import by_parameter, interval, is_real, length
+from fcdm_opt.problem.arguments import by_parameter, interval, length, real
 from fcdm_opt.tolerances import DEFAULT
 
 BLOCK = 2**14
@@ -173,8 +173,7 @@ def assembly_yield(
     names = tuple(getattr(getattr(sizes_map, "table", sizes_map), "names", ()))
     most = math.inf if budget is None else length(budget, "budget")
     kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
-    if not is_real(confidence) or not 0.0 < confidence < 1.0:
-        raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
+    real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
     looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
     over = getattr(sizes_map, "over", SCALES)
     scales = over == SCALES

@@ -23,7 +23,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.arguments import is_real, positive, whole
 from fcdm_opt.problem.problem import Problem
 
 BUDGET = 20_000
@@ -213,11 +213,10 @@ def compensation_map(
     """
     start = perf_counter()
     names, made = covered(problem, box, over)
-    for key, value, least in (("budget", budget, 1), ("jobs", jobs, 1)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
-    if error is not None and not (is_real(error) and math.isfinite(error) and error > 0):
-        raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
+    for key, value in (("budget", budget), ("jobs", jobs)):
+        whole(value, key, "number", 1)
+    if error is not None:
+        positive(error, "error")
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
     sampler = Sampler(problem, made, budget, jobs, seconds, names)
@@ -254,7 +253,7 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
         values=nodes,
         errors=np.array(errors),
         regions=np.array([sets.index(one) for one in held]),
-        names=tuple(parameter.name for parameter in mesh.sampler.problem.motion.parameters),
+        names=mesh.sampler.problem.motion.names,
     )
     return table, sets
 

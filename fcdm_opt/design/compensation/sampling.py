@@ -160,28 +160,20 @@ def covered(problem: Problem, box: Any, over: Any = None) -> tuple[tuple[str, ..
     """
     expected(problem, Problem, "problem")
     if problem.goal == "beyond":
-        raise InputError(
-            "the amount of this goal jumps wherever the deviation changes sign, so it has no map",
-            key="goal",
-            found="beyond",
-            allowed='"touch", "clear", "at" or "seat"',
-        )
+        what = "the amount of this goal jumps wherever the deviation changes sign, so it has no map"
+        raise InputError(what, key="goal", found="beyond", allowed='"touch", "clear", "at" or "seat"')
     if problem.resolution is not None:
-        raise InputError(
-            "a motion in whole steps jumps from pair to pair, so it has no map",
-            key="resolution",
-            found=problem.resolution.tolist(),
-            allowed="a problem without resolution",
-        )
+        what = "a motion in whole steps jumps from pair to pair, so it has no map"
+        allowed = "a problem without resolution"
+        raise InputError(what, key="resolution", found=problem.resolution.tolist(), allowed=allowed)
     sizes = chosen_sizes(problem, over)
     if box is not None:
         made = size_box(box, "box", positive=not sizes)
     else:
         made = tolerance_boxes(sizes) if sizes else tolerance_box(problem)
     if (np.ptp(made, axis=1) <= DEFAULT.snap * np.abs(made).max(axis=1)).any():
-        raise InputError(
-            "a box this narrow has no map", key="box", found=made.tolist(), allowed="low < high, for both sizes"
-        )
+        allowed = "low < high, for both sizes"
+        raise InputError("a box this narrow has no map", key="box", found=made.tolist(), allowed=allowed)
     return tuple(size.name for size in sizes) or SCALES, made
 
 

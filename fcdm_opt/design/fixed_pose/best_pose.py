@@ -176,17 +176,12 @@ def best_pose(
     """
     start = time.perf_counter()
     expected(problem, Problem, "problem")
-    if not isinstance(certify, bool):
-        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
-    if isinstance(effort, bool) or not isinstance(effort, int | np.integer) or effort < 1:
-        raise InputError("unusable number of cells", key="effort", found=effort, allowed="a whole number >= 1")
+    arguments.truth(certify, "certify")
+    arguments.whole(effort, "effort", "number of cells", 1)
     if problem.keep_out:
-        raise InputError(
-            "one pose for all pairs is not looked for among keep-outs",
-            key="keep_out",
-            found=[own.name for own in problem.keep_out],
-            allowed="a problem without keep-outs: problem.changed(keep_out=())",
-        )
+        what = "one pose for all pairs is not looked for among keep-outs"
+        allowed = "a problem without keep-outs: problem.changed(keep_out=())"
+        raise InputError(what, key="keep_out", found=[own.name for own in problem.keep_out], allowed=allowed)
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
@@ -321,15 +316,11 @@ def _searched(
 
 def _bounded(worst: Worst, limits: Array) -> Array:
     """Return limits that are all finite; raise `InputError` for others."""
-    names = [parameter.name for parameter in worst.problem.motion.parameters]
-    for name, ends in zip(names, limits.tolist(), strict=True):
+    for name, ends in zip(worst.problem.motion.names, limits.tolist(), strict=True):
         if not np.isfinite(ends).all():
-            raise InputError(
-                "nothing bounds this parameter: a proof needs limits",
-                key=f"limits.{name}",
-                found=ends,
-                allowed="finite limits, a window with a finite upper end, or certify=False",
-            )
+            what = "nothing bounds this parameter: a proof needs limits"
+            allowed = "finite limits, a window with a finite upper end, or certify=False"
+            raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
     return limits
 
 
@@ -337,9 +328,9 @@ def _told(
     problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
 ) -> BestPose:
     """Return the result for a pose, by the ends of the range of its gaps and how far they are off the window."""
-    parameters, q = [parameter.name for parameter in problem.motion.parameters], q + 0.0
+    q = q + 0.0
     return BestPose(
-        parameters=dict(zip(parameters, q.tolist(), strict=True)),
+        parameters=problem.motion.by_name(q),
         motion=problem.motion.describe(q.tolist(), unit=problem.unit),
         worst_gap=max(abs(least.gap), abs(most.gap)),
         violation=max(off, 0.0),

@@ -172,7 +172,7 @@ class Search:
         """Return how much each parameter adds to what the linear part of the poses leaves out: turns do."""
         scene = self.worst.scene
         error = scene.sizes.box[0, 1] * scene.reach[0] * T[:9, -1].sum() + T[9:, -1].sum()
-        turns = np.where([kind == "rotation" for _, kind in self.worst.problem.motion.parameters], width**2, 0.0)
+        turns = np.where(self.worst.problem.motion.turning, width**2, 0.0)
         if not (error < np.inf and turns.any()):
             return turns
         return np.asarray(error * turns / turns.sum())

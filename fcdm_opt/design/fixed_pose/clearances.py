@@ -247,7 +247,7 @@ def transform_of(problem: Problem, pose: Any) -> Array:
     """Return the transform of a pose: at rest, by motion parameters, or as given; raises `InputError`."""
     if pose is None:
         return rigid_transform(None)
-    names = [parameter.name for parameter in problem.motion.parameters]
+    names = problem.motion.names
     if isinstance(pose, Mapping):
         given = arguments.by_parameter(pose, "pose", names)
         q = [arguments.real(given.get(name, 0.0), f"pose.{name}", "a finite number") for name in names]

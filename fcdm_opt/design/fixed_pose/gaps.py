@@ -19,7 +19,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
 _INF = np.inf
-_ROUNDING = 64.0 * 2.0**-53  # of a right side, relative to the lengths that enter: it takes five operations
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
 
 

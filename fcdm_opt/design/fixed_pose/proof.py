@@ -235,7 +235,7 @@ class _PoseExaminer:
     def _bent(self, width: Array) -> int:
         """Return the parameter across which to halve: what the mean value form loses, it loses to turns."""
         lengths = width * self.worst.problem.weights
-        turns = np.array([kind == "rotation" for _, kind in self.worst.problem.motion.parameters])
+        turns = self.worst.problem.motion.turning
         return int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths))
 
     def _poses(self, low: Array, high: Array) -> Array:

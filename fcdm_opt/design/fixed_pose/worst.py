@@ -103,11 +103,10 @@ def domain(worst: Worst, most: float, amount: float) -> Array:
     limits = np.array(problem.limits)
     reach = amount / problem.weights * (1.0 + DEFAULT.line) if np.isfinite(amount) else np.full(len(limits), np.inf)
     limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
-    steps = [step for step in problem.motion.steps for _ in step.own_parameters]
     half = float(np.nextafter(np.pi, 4.0))
-    for k, step in enumerate(steps):
+    for k, step in enumerate(problem.motion.owners):
         low, high = limits[k]
-        turns = problem.motion.parameters[k].kind == "rotation"
+        turns = problem.motion.turning[k]
         free = isinstance(step, Free) or (isinstance(step, Screw) and step.pitch == "free")
         if step.closed or (free and turns and low == -np.inf and high == np.inf):
             limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))

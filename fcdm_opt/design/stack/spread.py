@@ -15,7 +15,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.arguments import positive, real
+from fcdm_opt.problem.arguments import positive, real, whole
 
 CHUNK = 2**13  # pairs of parts that are drawn at a time: what they need stays in the processor's cache
 ALL = 8.0  # deviations beyond which a normal distribution draws nothing that floats of 53 digits could tell
@@ -123,10 +123,8 @@ def drawn_gaps(
     correlation: Any = None,
 ) -> GapYield:
     """Return what share of gaps is within limits, see `StackUp.yield_`."""
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
-        raise InputError("unusable number of draws", key="n", found=count, allowed=f"a whole number from 1 to {MOST}")
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
+    whole(count, "n", "number of draws", 1, MOST)
+    whole(seed, "seed", "seed", 0)
     real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
     rows, starts = touching.stacked
     rng = np.random.Generator(np.random.SFC64(seed))
@@ -257,9 +255,8 @@ def _mixed(correlation: Any, count: int) -> Array | None:
         raise InputError("unusable correlation", key="correlation", found=correlation, allowed=allowed)
     values, vectors = np.linalg.eigh(given)
     if values.min() < -1e-12:
-        raise InputError(
-            "no sizes have this correlation", key="correlation", found=correlation, allowed="no eigenvalue < 0"
-        )
+        allowed = "no eigenvalue < 0"
+        raise InputError("no sizes have this correlation", key="correlation", found=correlation, allowed=allowed)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 

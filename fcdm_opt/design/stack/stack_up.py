@@ -16,6 +16,7 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain, plain
+from fcdm_opt.problem.arguments import interval
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import known_sizes
 
@@ -261,7 +262,7 @@ class StackUp:
         cp : float
             See `share`.
         """
-        between = self.limits if limits is None else _limits(limits)
+        between = self.limits if limits is None else interval(limits, "limits")
         return allocated(self.touching, cost, between, share=share, widest=widest, cp=cp)
 
     def to_dict(self) -> dict[str, Any]:
@@ -303,17 +304,7 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
         changes its shape within the tolerances; names size and face.
     """
     expected(problem, Problem, "problem")
-    between = (problem.clearance, np.inf) if limits is None else _limits(limits)
+    between = (problem.clearance, np.inf) if limits is None else interval(limits, "limits")
     drawn = problem.request["movable"], problem.request["static"]
     touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)
     return StackUp(touching, between, problem.unit)
-
-
-def _limits(limits: Sequence[float]) -> tuple[float, float]:
-    try:
-        low, high = map(float, limits)
-    except (TypeError, ValueError):
-        low, high = np.nan, np.nan
-    if not low <= high:
-        raise InputError("unusable limits of the gap", key="limits", found=limits, allowed="(low, high), low <= high")
-    return low, high

@@ -108,7 +108,7 @@ def _answer(key: str, solution: Solution) -> Row:
         **row(key, solution.status.name, solution.advice),
         **{name: _number(getattr(solution, name)) for name in ("amount", "lower_bound", "pair_gap")},
         **{name: plain(getattr(solution, name)) for name in AS_PLAIN},
-        "features": [feature.label for feature in solution.features],
+        "features": plain(solution.features),
         "checks_failed": [check.name for check in certificate.failed] if certificate else [],
     }
 

@@ -168,9 +168,8 @@ def _refusals(path: Path) -> Iterator[None]:
     except sqlite3.IntegrityError:
         raise  # a row written twice: a fault of ours
     except sqlite3.DatabaseError as reason:
-        raise InputError(
-            f"the store cannot be used: {reason}", file=path, allowed=f"room to write; or {EMPTY}"
-        ) from reason
+        allowed = f"room to write; or {EMPTY}"
+        raise InputError(f"the store cannot be used: {reason}", file=path, allowed=allowed) from reason
     except ValueError as reason:
         if isinstance(reason, InputError):
             raise
@@ -193,12 +192,10 @@ def _locked(path: Path) -> Iterator[None]:
             except BlockingIOError as reason:
                 file.seek(0)
                 holder = file.read().strip()
-                raise InputError(
-                    "another run is writing to this folder",
-                    file=path.parent,
-                    found=f"process {holder}" if holder else None,
-                    allowed="waiting for it to end; or another folder",
-                ) from reason
+                what = "another run is writing to this folder"
+                found = f"process {holder}" if holder else None
+                allowed = "waiting for it to end; or another folder"
+                raise InputError(what, file=path.parent, found=found, allowed=allowed) from reason
             known = _identity(file.fileno())
         file.truncate(0)
         file.write(f"{os.getpid()}\n")

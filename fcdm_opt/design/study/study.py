@@ -410,9 +410,8 @@ def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
         if label in RESERVED:
             raise InputError("this label has a meaning in tables", key=where, found=label, allowed="another label")
         if names.setdefault(label, variable.where) != variable.where:
-            raise InputError(
-                f"the label is that of {names[label]}", key=where, found=label, allowed="a label of its own"
-            )
+            allowed = "a label of its own"
+            raise InputError(f"the label is that of {names[label]}", key=where, found=label, allowed=allowed)
 
 
 def _check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:

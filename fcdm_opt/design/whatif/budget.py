@@ -211,8 +211,7 @@ def budget(
         limit = arguments.real(limit, "limit", "a length >= 0, or None", lambda x: x >= 0)
     largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
-    if not isinstance(scale, bool):
-        raise InputError("not a truth value", key="scale", found=scale, allowed="True or False")
+    arguments.truth(scale, "scale")
     given = requirements if isinstance(requirements, str) else arguments.items(requirements)
     letters = tuple(SIGNS) if requirements is None else tuple(given)
     for letter in letters:

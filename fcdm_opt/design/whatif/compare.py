@@ -13,6 +13,7 @@ from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -166,8 +167,7 @@ def compare(
         For arguments of the wrong kind. A family that the question does not hold for is a row, not an error.
     """
     expected(problem, Problem, "problem")
-    if not isinstance(certify, bool):  # each family would be a row that says so
-        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
+    truth(certify, "certify")  # each family would be a row that says so
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
@@ -195,7 +195,7 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
             raise InputError("not a motion", key=f"motions[{name or k}]", found=type(motion).__name__, allowed="Motion")
         if name is not None and not isinstance(name, str):
             raise InputError("a family's name is text", key=f"motions[{k}]", found=name, allowed="a text")
-        label = name or " ".join(parameter.name for parameter in motion.parameters)
+        label = name or " ".join(motion.names)
         made[label if label not in made else f"{label} ({k})"] = motion
     if not made:
         raise InputError("no motions", key="motions", found=motions, allowed="at least one Motion")
@@ -204,7 +204,7 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
 
 def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> FamilyRow:
     """Return a family solved, or why it cannot be asked."""
-    names = {parameter.name for parameter in motion.parameters}
+    names = set(motion.names)
     given = {key: problem.request[key] for key in BY_PARAMETER if isinstance(problem.request[key], Mapping)}
     changes = {
         key: {name: value for name, value in values.items() if name in names} or None for key, values in given.items()

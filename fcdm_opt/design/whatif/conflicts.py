@@ -10,6 +10,7 @@ from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
+from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 
@@ -100,17 +101,13 @@ def conflicts(
     known = problem if isinstance(problem, Solution) else None
     problem = problem_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
-        if not isinstance(value, bool):
-            raise InputError("not a truth value", key=key, found=value, allowed="True or False")
+        arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
     if whole.verified:
-        raise InputError(
-            "the problem has a motion: nothing clashes",
-            key="problem",
-            found=f"{whole.status.name}, amount {whole.amount:.6g}",
-            allowed="a problem without a motion; `drop` tells what each constraint of a solvable one costs",
-        )
+        what = "the problem has a motion: nothing clashes"
+        allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
+        raise InputError(what, key="problem", found=f"{whole.status.name}, amount {whole.amount:.6g}", allowed=allowed)
     clashes, complete = search.smallest(whole)
     if certify:
         clashes = [search.certified(clash) for clash in clashes]

@@ -125,12 +125,9 @@ def drop(problem: Problem | Solution) -> Costs:
     known = isinstance(problem, Solution)
     solution = problem if isinstance(problem, Solution) else solve(problem_of(problem), effort="quick")
     if not solution.usable:
-        raise InputError(
-            "the problem has no motion that could become smaller",
-            key="problem",
-            found=solution.status.name,
-            allowed="a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none",
-        )
+        what = "the problem has no motion that could become smaller"
+        allowed = "a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none"
+        raise InputError(what, key="problem", found=solution.status.name, allowed=allowed)
     asked = solution.problem
     rows = [_without(solution, one) for one in constraints(asked)]
     goals = list(_other_goals(solution))

@@ -324,8 +324,8 @@ class ClashSearch:
         if not constraint.kept_at_rest:
             return math.inf
         weights = {
-            parameter.name: weight * (1.0 if parameter.name == constraint.parameter else LIGHT)
-            for parameter, weight in zip(self.problem.motion.parameters, self.problem.weights.tolist(), strict=True)
+            name: weight * (1.0 if name == constraint.parameter else LIGHT)
+            for name, weight in self.problem.motion.by_name(self.problem.weights).items()
         }
         return self._relaxed(constraint, most, amount="weighted", weights=weights)[1]
 

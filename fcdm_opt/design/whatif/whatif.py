@@ -146,11 +146,9 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
-    weights = {
-        parameter.name: float(weight)
-        for solution in (before, after)
-        for parameter, weight in zip(solution.problem.motion.parameters, solution.problem.weights, strict=True)
-    }
+    weights = dict[str, float]()
+    for problem in (before.problem, after.problem):
+        weights |= problem.motion.by_name(problem.weights)
     for name in dict.fromkeys((*before.parameters, *after.parameters)):
         one, two = before.parameters.get(name), after.parameters.get(name)
         if one is None or two is None or abs(one - two) * weights[name] > floor:
@@ -161,7 +159,7 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         if was_told != now_told and not tied:  # infinity is a word
             yield Difference(name, was_told, now_told)
     for name in ("status", "usable", "pair_state", "pair", "features", "active"):
-        was, now = ([item.label for item in told.features] if name == "features" else plain(getattr(told, name))
+        was, now = (plain(getattr(told, name))
                     for told in (before, after))  # fmt: skip
         if was != now:
             yield Difference(name, was, now)
