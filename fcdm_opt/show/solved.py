@@ -19,7 +19,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
 FITTED = 3.0
-"""Seconds that the tolerance at which parts fit is sought for, beside an answer: of large ones it would take longer."""
+"""Seconds that the tolerance at which parts fit is sought for, beside an answer; of large meshes it takes longer."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class SolvedCase:
         Least amount for goal "touch" with the same motions, beside goal "beyond".
     fits_up_to : float or None
         Where the parts made do not go together, the tolerance up to which they do (the largest, where there are
-        several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, and where no tolerances are asked for.
+        several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, of large meshes, and where no tolerances are
+        asked for.
     """
 
     solution: Solution
@@ -71,5 +72,5 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
     misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
     fits = None
     with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
-        fits = fits_up_to(problem) if misfits else None
+        fits = fits_up_to(problem) if misfits and problem.movable.whole is None else None
     return SolvedCase(solution, published, touch, fits)
