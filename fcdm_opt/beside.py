@@ -5,6 +5,7 @@ Such a process is a copy of this one as it stands: what was read is there, and o
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -110,6 +111,7 @@ def _received(end: Any, process: BaseProcess) -> Outcome:
 def _worked(work: Callable[[Any], Any], item: Any, out: Connection) -> None:
     """Do a piece of work in this process, which ends with it; the other one is told of interrupts, and ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.disable()  # looking through all that was copied would copy it once more
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     pacing.unheard()
     done, found = _tried(work, item)

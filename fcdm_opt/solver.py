@@ -27,7 +27,7 @@ from fcdm_opt.stages.order import STAGES, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone
 
-SHOWN_SECONDS = 1.5  # that such a proof about large meshes may take
+SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
 
 def solve(
