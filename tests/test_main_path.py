@@ -13,7 +13,7 @@ from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
 # files anything may use
-GROUND = {"compiling", "doors", "errors", "pacing", "beside", "plain", "threads", "tolerances", "version"}
+GROUND = {"beside", "compiling", "doors", "errors", "pacing", "plain", "threads", "tolerances", "version"}
 
 PACKAGES = {
     "geometry": set(),

@@ -14,7 +14,7 @@ import fcdm_opt as fo
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
-from fcdm_opt.show.report.cases import answered
+from fcdm_opt.show.report.cases import ANSWERED, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.tolerances import DEFAULT, Tolerances
@@ -454,6 +454,7 @@ def test_two_cases_of_one_requirement_have_two_tables():
 def test_a_bound_that_is_the_amount_is_shown_as_it_is():
     told = answered(fo.solve(opened("boxes", "slanted").problems[0]))
     assert told["least"] == {"text": f"{told['amount']:.4g}", "near": "exact"}
+    assert set(told) == set(ANSWERED)
 
 
 # ------------------------------------------------------------------------------------------------- grounds and limits

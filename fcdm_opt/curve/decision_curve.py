@@ -206,12 +206,13 @@ class DecisionCurve(Shown):
             met = without_borders(meetings(*bodies, self.pose, point, slack)) if on_curve else ()
         else:
             found = self.locate(point)
+            if found is None:
+                return ()
             if isinstance(found, SwitchingPoint):
                 return tuple(zip(found.touching, found.contact_sets, strict=True))
-            piece = found.piece_at(point) if found is not None else None
-            others = meetings(*bodies, self.pose, point, slack) if piece else ()
-            own = [Meeting(piece.parts, piece.contact)] if piece else []
-            met = (*own, *(other for other in others if piece and other.parts != piece.parts))
+            piece = found.piece_at(point)
+            others = meetings(*bodies, self.pose, point, slack)
+            met = (Meeting(piece.parts, piece.contact), *(own for own in others if own.parts != piece.parts))
         return tuple((own.contact, shared(bodies, self.pose, own, point)) for own in met)
 
     def contact_points(self, rho: ArrayLike) -> Array:

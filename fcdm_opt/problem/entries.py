@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
@@ -134,6 +135,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         if folder is None and not path.is_absolute():
             allowed = "a full path"
             raise InputError("there is no problem file to start from", key="file", found=self.file, allowed=allowed)
+        pacing.at(f"reading {path.name!r} and cutting it into convex parts")
         try:
             return Body.from_file(
                 (folder or path) / path,

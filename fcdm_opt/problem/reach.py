@@ -169,7 +169,9 @@ def _touching_sooner(
     Of an infinite one within larger and larger ones, as far as anything is looked for.
     """
     fastest, size = float(np.linalg.norm(_rates(problem) / problem.weights)), problem.size
-    shifts = _shifts(problem) if problem.motion.shifts else np.empty((0, 3))
+    shifts = np.empty((0, 3))
+    if problem.motion.shifts:
+        shifts = problem.motion.ways(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
     for largest in [amount] if math.isfinite(amount) else (DISTANCES * size / fastest).tolist():
         near = _near(movable, static, problem.target, np.eye(4), fastest * largest)
@@ -191,13 +193,6 @@ def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
     pairs = pairs[np.argsort(values, kind="stable")]
     first = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
     return np.asarray(pairs[first[:most]])
-
-
-def _shifts(problem: Problem) -> Array:
-    """Return the displacement by a unit of amount of each parameter of a motion that shifts, (k, 3)."""
-    seeds = problem.movable.seed, problem.static.seed
-    shifts = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(problem.weights))])
-    return np.asarray(shifts / problem.weights[:, None])
 
 
 def _rates(problem: Problem) -> Array:
