@@ -13,6 +13,10 @@ from fcdm_opt_benchmarks.attack import run as attack
 from fcdm_opt_benchmarks.attack.least import Setting, SolidPair, least, nearest
 from fcdm_opt_benchmarks.attack.lines import least_tracked, reached, switching_points
 from fcdm_opt_benchmarks.attack.motions import MotionStep, poses, weights
+from fcdm_opt_benchmarks.attack.raw_scenes import FAMILIES, raw_names, raw_scene
+from fcdm_opt_benchmarks.attack.raw_solids import RawSolid, block, depth_at_most
+from fcdm_opt_benchmarks.attack.raw_solids import distance as raw_distance
+from fcdm_opt_benchmarks.attack.raw_verdicts import RawReply, raw_verdicts
 from fcdm_opt_benchmarks.attack.scenes import KINDS, SEATS, Block, FitScene, drawn, names
 from fcdm_opt_benchmarks.attack.separation import ConvexSolid, distance, separations
 from fcdm_opt_benchmarks.attack.solids import FITS, Fit, box, circle, prism, walls
@@ -391,3 +395,71 @@ def test_a_wrong_answer_ends_the_run_with_3_and_its_name(monkeypatch, capsys):
 def test_the_walls_leave_the_hole_they_are_asked_for():
     peg = box((-0.9, -0.9, 0), (0.9, 0.9, 1))
     assert least_amount([peg], walls(1.0, 2.0, 0, 1), (X, Y), True) == pytest.approx(0.1)
+
+
+# ------------------------------------------------------------------------------------------------------------ raw solids
+
+
+def raw_kinds(name, **reply):
+    scene = raw_scene(name)
+    answer = {"status": "SOLVED", "usable": True, "amount": scene.least, "bound": scene.least, **reply}
+    answer = {"low": answer["amount"], "high": answer["amount"], **answer}
+    return {kind for kind, _ in raw_verdicts(scene, RawReply(**answer))}
+
+
+def shifted(x):
+    T = np.eye(4)
+    T[:3, 3] = x
+    return {"movable": T}
+
+
+def along_z(scene):
+    return scene.steps["movable"][0].axis == (0.0, 0.0, 1.0)
+
+
+DEEP = next(name for name in raw_names(60) if "deep" in name and raw_scene(name).least > 1 and along_z(raw_scene(name)))
+
+
+def test_two_blocks_overlap_by_their_depth_and_are_apart_by_their_distance():
+    one, two = (RawSolid.of(block((0, 0, low), (1, 1, low + 1)), (0, 0, 0)) for low in (0.0, 0.9))
+    assert not depth_at_most(one, two, 0.01)
+    assert depth_at_most(one, two.moved(shifted((0, 0, 0.1 - 1e-9))["movable"]), 1e-8)
+    assert raw_distance(one, two.moved(shifted((0, 0, 0.35))["movable"]), 5.0) == pytest.approx(0.25)
+
+
+def test_a_right_answer_to_a_raw_scene_is_told_right():
+    assert raw_kinds(DEEP, poses=shifted((0, 0, raw_scene(DEEP).least))) == set()
+
+
+@pytest.mark.parametrize(
+    ("reply", "expected"),
+    [
+        ({"poses": {}}, {"wrong motion"}),
+        ({"amount": 9.0}, {"not least"}),
+        ({"amount": 9.0, "low": 0.5}, set()),
+        ({"amount": 0.1, "bound": 0.0}, {"wrong amount"}),
+        ({"bound": 9.0}, {"bound refuted"}),
+        ({"status": "NOT_VERIFIED", "usable": False}, {"right motion refused"}),
+        ({"status": "INFEASIBLE", "usable": False}, {"impossibility refuted"}),
+        ({"status": "OUTSIDE_FIT", "usable": False}, {"not found"}),
+        ({"status": "RAISED", "usable": False}, {"raised"}),
+    ],
+)
+def test_a_planted_wrong_answer_to_a_raw_scene_is_reported(reply, expected):
+    assert raw_kinds(DEEP, **{"poses": shifted((0, 0, raw_scene(DEEP).least)), **reply}) == expected
+
+
+def test_a_motion_where_none_is_to_be_used_is_reported():
+    name = next(name for name in raw_names(30) if "drawn out" in name and "movable" in raw_scene(name).parts)
+    assert raw_kinds(name, amount=3.0, poses=shifted((0, 0, 5))) >= {"wrong motion"}
+    assert raw_kinds(name, status="OUTSIDE_FIT", usable=False) == set()
+
+
+def test_a_raw_scene_is_drawn_from_its_name_alone():
+    full = raw_names(attack.RAW * attack.ROUNDS)
+    assert len(set(full)) == len(full) >= 1500
+    assert {name.split(":")[1].split("/")[0] for name in full} == set(FAMILIES)
+    for name in raw_names(2):
+        one, two = raw_scene(name), raw_scene(name)
+        assert one.describe() == two.describe()
+        assert all(np.array_equal(own.vertices, two.made[part].vertices) for part, own in one.made.items())

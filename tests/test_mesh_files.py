@@ -13,13 +13,13 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 from solids import FAMILIES, random_solid
-from step_files import cylinder, polyhedron
 from strategies import random_rotation
 
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt_benchmarks.step_files import cylinder, polyhedron
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from step_files import cylinder, polyhedron, revolved
 from strategies import random_rotation
 from typer.testing import CliRunner
 
@@ -18,6 +17,7 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 
 PLATE = np.array([*product((-20.0, 20.0), (-20.0, 20.0), (0.0, 10.0))])
 SIDES = [(0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6), (0, 1, 3, 2), (4, 6, 7, 5)]

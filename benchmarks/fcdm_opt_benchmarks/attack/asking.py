@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 import fcdm_opt as fo
 from fcdm_opt_benchmarks.attack.motions import MotionStep
+from fcdm_opt_benchmarks.attack.raw_scenes import RawScene
+from fcdm_opt_benchmarks.attack.raw_solids import RawSolid
+from fcdm_opt_benchmarks.attack.raw_verdicts import RawReply
 from fcdm_opt_benchmarks.attack.scenes import FitScene
 from fcdm_opt_benchmarks.attack.verdicts import Reply
 
@@ -31,6 +39,13 @@ def _named(axis: Any) -> Any:
     return axis
 
 
+def _motion(steps: Any) -> Any:
+    motion = _step(steps[0])
+    for step in steps[1:]:
+        motion = motion >> _step(step)
+    return motion
+
+
 def _body(pieces: Any, seed: Any, name: str) -> Any:
     if len(pieces) == 1:
         return fo.Body.convex(pieces[0], seed=seed, name=name)
@@ -39,9 +54,7 @@ def _body(pieces: Any, seed: Any, name: str) -> Any:
 
 def problem(scene: FitScene) -> Any:
     """Return the package's question."""
-    motion = _step(scene.steps[0])
-    for step in scene.steps[1:]:
-        motion = motion >> _step(step)
+    motion = _motion(scene.steps)
     names = [parameter.name for parameter in motion.parameters]
     sizes: dict[str, Any] = {"target": tuple(scene.target.tolist())}
     if scene.requirement is not None:
@@ -85,6 +98,88 @@ def asked(scene: FitScene, **options: Any) -> Reply:
         np.asarray(question.target),
         np.asarray(solution.pair),
         solution.pair_gap,
+        "; ".join(f"{check.name} ({check.value:.3g}, limit {check.limit:.3g})" for check in checks),
+        time.perf_counter() - start,
+    )
+
+
+# ------------------------------------------------------------------------------------------------------ raw scenes
+
+
+def _raw_body(own: RawSolid, name: str, scene: RawScene) -> Any:
+    if name in scene.files or scene.kept == "single":
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / (f"{name}.step" if name in scene.files else f"{name}.stl")
+            if name in scene.files:
+                file.write_text(scene.files[name])
+            else:
+                trimesh.Trimesh(own.vertices, own.triangles, process=False).export(file)
+            return fo.Body.from_file(file, unit="mm", seed=own.seed, name=name)
+    how: Any = "surface" if scene.kept == "surface" else "auto"
+    return fo.Body.from_mesh(own.vertices, own.triangles, decomposition=how, seed=own.seed, name=name)
+
+
+def _raw_question(scene: RawScene) -> Any:
+    """Return the package's question: a problem of two parts, or an assembly."""
+    bodies = {part: _raw_body(own, part, scene) for part, own in scene.parts.items()}
+    motions = {part: _motion(steps) for part, steps in scene.steps.items()}
+    limits = None
+    if scene.limit is not None:
+        limits = {
+            part: {parameter.name: (-scene.limit, scene.limit) for parameter in motion.parameters}
+            for part, motion in motions.items()
+        }
+    if set(bodies) != {"movable", "static"}:
+        order = list(bodies)
+        joined: list[Any] = list(pairwise(order))[: len(motions)]
+        if scene.goal != "at":
+            joined = [{"parts": pair, "goal": scene.goal} for pair in joined]
+        return fo.Assembly(bodies, joined, motions=motions, scales=scene.scales, limits=limits)
+    sizes = [
+        fo.Size(own.name, own.part, faces=[{"through": x} for x in own.through], each=own.each, tolerance=own.most)
+        for own in scene.sizes
+    ]
+    kept = tuple(fo.KeepOut(_raw_body(own, f"block {k}", scene)) for k, own in enumerate(scene.keep_out))
+    more: dict[str, Any] = {"sizes": sizes, "made": {own.name: own.made for own in scene.sizes}} if sizes else {}
+    if not sizes:
+        more["target"] = scene.scales["movable"], scene.scales["static"]
+    return fo.Problem(
+        bodies["movable"],
+        bodies["static"],
+        motion=motions["movable"],
+        goal=scene.goal,
+        contacts=scene.contacts,
+        limits=limits["movable"] if limits else None,
+        keep_out=kept,
+        unit="mm",
+        **more,
+    )
+
+
+def asked_raw(scene: RawScene, **options: Any) -> RawReply:
+    """Ask the package; whatever it raises is an answer too."""
+    start = time.perf_counter()
+    try:
+        question = _raw_question(scene)
+        answer: Any
+        if isinstance(question, fo.Assembly):
+            answer = fo.solve_assembly(question, **options)
+            poses: Mapping[str, Any] = answer.transforms
+        else:
+            answer = fo.solve(question, **options)
+            poses = {} if answer.transform is None else {"movable": answer.transform}
+    except Exception as reason:  # an attack must outlive what it provokes
+        return RawReply("RAISED", False, advice=f"{type(reason).__name__}: {reason}")
+    checks = () if answer.certificate is None else answer.certificate.failed
+    low, high = (getattr(answer, key, answer.amount) for key in ("amount_low", "amount_high"))
+    return RawReply(
+        answer.status.name,
+        answer.usable,
+        answer.amount,
+        answer.lower_bound,
+        answer.amount if low is None else low,
+        answer.amount if high is None else high,
+        {part: np.asarray(pose) for part, pose in poses.items()},
         "; ".join(f"{check.name} ({check.value:.3g}, limit {check.limit:.3g})" for check in checks),
         time.perf_counter() - start,
     )

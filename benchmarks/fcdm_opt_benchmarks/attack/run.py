@@ -15,15 +15,20 @@ import time
 import traceback
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fcdm_opt_benchmarks.attack.scenes import CHEAP, drawn, names
+from fcdm_opt_benchmarks.attack.raw_scenes import RawScene, raw_names, raw_scene
+from fcdm_opt_benchmarks.attack.raw_verdicts import raw_verdicts
+from fcdm_opt_benchmarks.attack.scenes import CHEAP, FitScene
+from fcdm_opt_benchmarks.attack.scenes import drawn as fit_scene
+from fcdm_opt_benchmarks.attack.scenes import names as fit_names
 from fcdm_opt_benchmarks.attack.verdicts import FAILURES, NOTES, failed, verdicts
 from fcdm_opt_benchmarks.record import table
 from fcdm_opt_benchmarks.scripts import chunks, in_pieces
 
 CHUNK = 6
 ROUNDS, QUICK = 60, 5
+RAW = 3  # raw scenes of each family a round of a full run
 
 
 class SceneOutcome(NamedTuple):
@@ -38,21 +43,49 @@ class SceneOutcome(NamedTuple):
     known: bool
 
 
+def drawn(name: str) -> FitScene | RawScene | None:
+    """Return the scene of a name, None where the draw gives none."""
+    return raw_scene(name) if name.startswith("raw:") else fit_scene(name)
+
+
+def names(quick: bool, rounds: int) -> list[str]:
+    """Return the names of a run."""
+    return [*fit_names(quick, rounds), *raw_names(rounds if quick else RAW * rounds)]
+
+
+def _cheap(name: str) -> bool:
+    """Tell whether a scene is one of the quick run: raw scenes are, and motions that cost little."""
+    scene = drawn(name)
+    return isinstance(scene, RawScene) or (scene is not None and scene.label in CHEAP)
+
+
+def _asked(scene: FitScene | RawScene) -> Any:
+    from fcdm_opt_benchmarks.attack import asking
+
+    return asking.asked_raw(scene) if isinstance(scene, RawScene) else asking.asked(scene)
+
+
+def _judged(scene: FitScene | RawScene, answer: Any, effort: int) -> tuple[list[tuple[str, str]], Any]:
+    """Return what is wrong with an answer, and what the oracles know."""
+    if isinstance(scene, RawScene):
+        return raw_verdicts(scene, answer), scene.least
+    found = scene.least(effort)
+    return verdicts(scene, answer, found), found
+
+
 def run(chosen: list[str], effort: int = 1) -> list[SceneOutcome]:
     """Ask some scenes."""
-    from fcdm_opt_benchmarks.attack.asking import asked
-
     lines = []
     for name in chosen:
         scene = drawn(name)
         if scene is None:
             continue
-        answer = asked(scene)
+        answer = _asked(scene)
         start = time.perf_counter()
-        found, told = None, []
+        found: Any = None
+        told: list[tuple[str, str]] = []
         try:
-            found = scene.least(effort)
-            told = verdicts(scene, answer, found)
+            told, found = _judged(scene, answer, effort)
         except Exception:  # the run goes on, and ends with an error
             told = [("oracle failed", traceback.format_exc(limit=-3))]
         seconds = answer.seconds, time.perf_counter() - start
@@ -64,15 +97,22 @@ def run(chosen: list[str], effort: int = 1) -> list[SceneOutcome]:
 
 def replayed(name: str, effort: int) -> int:
     """Ask one scene and tell everything."""
-    from fcdm_opt_benchmarks.attack.asking import asked
-
     scene = drawn(name)
     if scene is None:
         print("this name draws no scene")
         return 2
-    answer, found = asked(scene), scene.least(effort)
-    told = verdicts(scene, answer, found)
+    answer = _asked(scene)
+    told, found = _judged(scene, answer, effort)
     print(scene.describe())
+    if isinstance(scene, FitScene):
+        _print_parts(scene)
+    print("answer", answer)
+    print("oracle", found)
+    print("verdicts", told or "all is well")
+    return 3 if failed(told) else 0
+
+
+def _print_parts(scene: FitScene) -> None:
     for step in scene.steps:
         print(" ", step)
     for what, pieces, seed in (("movable", scene.fit.movable, scene.s1), ("static", scene.fit.static, scene.s2)):
@@ -81,10 +121,6 @@ def replayed(name: str, effort: int) -> int:
             print(f"    {piece.tolist()}")
     for block in scene.keep_out:
         print(f"  keep-out, clearance {block.clearance}: {block.corners.tolist()}")
-    print("answer", answer)
-    print("oracle", found)
-    print("verdicts", told or "all is well")
-    return 3 if failed(told) else 0
 
 
 def report(lines: list[SceneOutcome], seconds: float) -> str:
@@ -129,7 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
     rounds = given.rounds or (QUICK if given.quick else ROUNDS)
     chosen = [name for name in names(given.quick, rounds) if given.only in name]
     if given.quick:
-        chosen = [name for name in chosen if (scene := drawn(name)) is not None and scene.label in CHEAP]
+        chosen = [name for name in chosen if _cheap(name)]
     pieces = [(chosen[part.start : part.stop], given.effort) for part in chunks(len(chosen), CHUNK)]
     lines: list[SceneOutcome] = []
     for found in in_pieces(run, pieces, given.jobs):

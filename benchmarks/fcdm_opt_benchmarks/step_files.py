@@ -28,38 +28,47 @@ class Part:
         self.lines: list[str] = []
 
     def add(self, text: str) -> str:
+        """Add an entity."""
         self.lines.append(text)
         return f"#{len(self.lines)}"
 
     def triple(self, kind: str, x: Iterable[float]) -> str:
+        """Add three numbers of a kind."""
         return self.add(f"{kind}('',({','.join(repr(float(value)) for value in x)}))")
 
     def point(self, x: Any) -> str:
+        """Add a point."""
         return self.triple("CARTESIAN_POINT", x)
 
     def direction(self, x: Any) -> str:
+        """Add a direction."""
         return self.triple("DIRECTION", x)
 
     def axes(self, origin: Any, z: Any, x: Any) -> str:
+        """Add a frame."""
         return self.add(f"AXIS2_PLACEMENT_3D('',{self.point(origin)},{self.direction(z)},{self.direction(x)})")
 
     def corner(self, x: Any) -> str:
+        """Add a vertex."""
         return self.add(f"VERTEX_POINT('',{self.point(x)})")
 
     def side(self, one: str, two: str, p: Any, q: Any) -> str:
+        """Add a straight edge between two vertices."""
         along = np.subtract(q, p)
         vector = self.add(f"VECTOR('',{self.direction(along / np.linalg.norm(along))},1.)")
         return self.curve(one, two, self.add(f"LINE('',{self.point(p)},{vector})"))
 
     def circle(self, centre: Any, z: Any, x: Any, radius: float) -> str:
+        """Add a circle."""
         return self.add(f"CIRCLE('',{self.axes(centre, z, x)},{float(radius)!r})")
 
     def curve(self, one: str, two: str, curve: str, way: bool = True) -> str:
+        """Add an edge along a curve."""
         return self.add(f"EDGE_CURVE('',{one},{two},{curve},{'.T.' if way else '.F.'})")
 
     def face(self, loops: Sequence[Sequence[tuple[str, bool]]], surface: str, way: bool = True) -> str:
-        """Loops run counter-clockwise seen from outside, the outer one first; `way`: that is the surface's own side."""
-        bounds = []
+        """Add a face of loops, counter-clockwise seen from outside, the outer first; `way`: as the surface itself."""
+        bounds: list[str] = []
         for sides in loops:
             ways = [self.add(f"ORIENTED_EDGE('',*,*,{edge},{'.T.' if along else '.F.'})") for edge, along in sides]
             loop = self.add(f"EDGE_LOOP('',({','.join(ways)}))")
@@ -67,6 +76,7 @@ class Part:
         return self.add(f"ADVANCED_FACE('',({','.join(bounds)}),{surface},{'.T.' if way else '.F.'})")
 
     def text(self, faces: Sequence[str], unit: str) -> str:
+        """Return the file with these faces."""
         shell = self.add(f"CLOSED_SHELL('',({','.join(faces)}))")
         solid = self.add(f"MANIFOLD_SOLID_BREP('',{shell})")
         origin = self.axes((0, 0, 0), (0, 0, 1), (1, 0, 0))
@@ -96,7 +106,7 @@ class Part:
 
 
 def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bore: float = 0.0) -> str:
-    """A STEP file of a solid with plane faces, corners counter-clockwise seen from outside.
+    """Return a STEP file of a solid with plane faces, corners counter-clockwise seen from outside.
 
     With a `bore` of this radius along z, through the origin, from the faces that look along z to those against it.
     """
@@ -136,7 +146,7 @@ def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bo
 
 
 def revolved(profile: Sequence[Sequence[float]], axes: np.ndarray, unit: str = "mm") -> str:
-    """A STEP file of what a closed profile sweeps about the third of the axes, its columns.
+    """Return a STEP file of what a closed profile sweeps about the third of the axes, its columns.
 
     Each row is a corner's radius and height, counter-clockwise, and where an arc leads to the next one those of its
     centre: straight sides sweep planes, cylinders and cones, arcs about a point of the axis spheres, others tori.
@@ -179,5 +189,5 @@ def revolved(profile: Sequence[Sequence[float]], axes: np.ndarray, unit: str = "
 
 
 def cylinder(radius: float, height: float, axes: np.ndarray) -> str:
-    """A STEP file, in mm, of a cylinder from the origin along the third of the axes, its columns."""
+    """Return a STEP file, in mm, of a cylinder from the origin along the third of the axes, its columns."""
     return revolved([(0, 0), (radius, 0), (radius, height), (0, height)], axes)
