@@ -1,1 +1,3 @@
-"""An attack on ordinary parts (`run`): oracles, scenes and verdicts; only `asking` knows the package under attack."""
+"""An attack on ordinary parts (`run`): oracles, scenes and verdicts; only `asking` and
+`mesh_files` know the package under attack.
+"""
