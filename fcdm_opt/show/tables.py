@@ -18,6 +18,7 @@ from fcdm_opt.show.texts import (
     bound_text,
     motion_text,
     outcome_text,
+    share_text,
     steps_text,
     units_text,
 )
@@ -272,7 +273,7 @@ def print_yield(result: AssemblyYield) -> None:
             "body": share.body,
             "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             "with the other": "-" if math.isnan(share.total) else f"{share.total:.2%}",
-            "yield without its scatter": f"{share.share_without:.3%}",
+            "yield without its scatter": share_text(share.share_without),
         }
         for share in result.contributions
     ]
