@@ -308,7 +308,8 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
     """Return how the gap of a problem's bodies depends on its sizes, at a pose.
 
     Contacts that are closed whatever the sizes are, as a flange on its plate, say nothing of them: the gap is that of
-    all others, and `StackUp.standing` names them.
+    all others, and `StackUp.standing` names them. What the problem's goal makes of them plays no part: of contacts that
+    it restores together too the gap is the least.
 
     Parameters
     ----------
@@ -322,10 +323,14 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
     Raises
     ------
     InputError
-        Where there are no sizes or one has no tolerance, where one scale turns faces, and where a body of several parts
-        changes its shape within the tolerances; names size and face.
+        Where there are no sizes or one has no tolerance, where one scale turns faces, where a body of several parts
+        changes its shape within the tolerances, which names size and face, and for keep-outs.
     """
     expected(problem, Problem, "problem")
+    if problem.keep_out:
+        what = "a stack-up is of the gap of two bodies, and does not look at keep-outs"
+        found = [own.name for own in problem.keep_out]
+        raise InputError(what, key="keep_out", found=found, allowed="problem.changed(keep_out=())")
     between = (problem.clearance, np.inf) if limits is None else interval(limits, "limits")
     drawn = problem.request["movable"], problem.request["static"]
     touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)

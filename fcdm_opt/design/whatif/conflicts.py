@@ -58,7 +58,8 @@ class Conflicts(Plain):
         lines = []
         for clash in self.clashes:
             what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
-            found = "none stays in the fit" if clash.status is Status.OUTSIDE_FIT else f"none found: {clash.status.name}"
+            outside = clash.status is Status.OUTSIDE_FIT
+            found = "none stays in the fit" if outside else f"none found: {clash.status.name}"
             lines.append(f"{what} ({'proved' if clash.proved else found})")
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
@@ -105,6 +106,7 @@ def conflicts(
         arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
+    search.inside = whole.verified and not whole.usable
     if whole.usable:
         what = "the problem has a motion: nothing clashes"
         allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
