@@ -109,6 +109,9 @@ def test_coherent_with_several_contacts_was_free_without_a_word() -> None:
     assert both().path == both(path="free").path == "free"
     assert fo.Problem.from_dict(both().to_dict()).path == "free"
     assert touching().path == "coherent"
+    old = fo.solve(both()).to_dict()
+    old["problem"]["case"][0]["path"] = "coherent"  # as earlier versions wrote it, asked for or not
+    assert fo.Solution.from_dict(old).problem.path == "free"
 
 
 @pytest.mark.parametrize(

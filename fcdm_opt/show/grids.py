@@ -84,6 +84,6 @@ def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: P
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
     words = {"title": title, "names": names, "moved": moved, "reached": number(found.reached), "unit": found.unit,
-             "undecided": found.undecided}  # fmt: skip
+             "undecided": found.undecided, "bounded": np.isfinite(found.reached)}  # fmt: skip
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths

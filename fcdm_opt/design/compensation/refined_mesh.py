@@ -291,6 +291,9 @@ class RefinedMesh(SizeMesh):
         One that must, and has motions in some places and none in others, is undecided, unless it is but a speck.
         """
         around = [Sample(*one) for k in triangle.corners for one in self.vertices[k].values.items()]
+        if must:  # what is known on its edges counts, too
+            splits = [edge.split for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.split]
+            around += [Sample(*one) for split in splits for one in split.values.items()]
         moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
         if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in triangle.edges)):
             return False

@@ -20,6 +20,7 @@ from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import known_sizes
+from fcdm_opt.tolerances import DEFAULT
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,12 +203,15 @@ class StackUp:
     def deciding(self) -> Array:
         """The row (1 + k,) that decides the least gap: gap as drawn, then a unit of each size.
 
-        Of several that are as low the one that is lowest three deviations below its mean.
+        Of several that are as low the one that is lowest three deviations below its mean, else the first by its rates
+        in the order of the sizes' names.
         """
         means, deviations = moments(spreads(self.sizes))
         rows = self._worst_rows[0]
         lows = rows[:, 0] + rows[:, 1:] @ means - 3.0 * np.linalg.norm(rows[:, 1:] * deviations, axis=1)
-        return np.asarray(rows[lows.argmin()])
+        near = rows[lows <= lows.min() + DEFAULT.tie * max(body.size for body in self.touching.bodies)]
+        named = sorted(range(len(self.names)), key=self.names.__getitem__)
+        return np.asarray(min(near, key=lambda row: tuple(row[1:][named])))
 
     @cached_property
     def _worst_rows(self) -> tuple[Array, Array]:
