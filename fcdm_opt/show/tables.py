@@ -273,7 +273,7 @@ def print_yield(result: AssemblyYield) -> None:
             "body": share.body,
             "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             "with the other": "-" if math.isnan(share.total) else f"{share.total:.2%}",
-            "yield without its scatter": share_text(share.share_without),
+            "yield without its scatter": share_text(share.share_without, 3),
         }
         for share in result.contributions
     ]

@@ -53,9 +53,9 @@ def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
     return ", ".join(number(value, digits) for value in values)
 
 
-def share_text(share: float) -> str:
+def share_text(share: float, digits: int = 2) -> str:
     """Return a share of all pairs in per cent; of one that is nan that it is not known."""
-    return "undecided" if math.isnan(share) else f"{share:.3%}"
+    return "undecided" if math.isnan(share) else f"{share:.{digits}%}"
 
 
 def counted(count: int, noun: str) -> str:
