@@ -100,6 +100,13 @@ def test_a_range_refuses_keep_outs_that_it_cannot_answer_for() -> None:
         fo.contact_rows(touching(keep_out=(hollow,)))
 
 
+def test_what_a_range_cannot_answer_leaves_the_rest_of_it() -> None:
+    asked = ["range", str(PROBLEMS / "bracket.toml"), "--case", "A flush above the ribs", "--json"]
+    (case,) = json.loads(CliRunner().invoke(app, asked).stdout)[0]["cases"]
+    assert case["events"]
+    assert "kept clear of by more" in case["contact_times"]["error"]
+
+
 # ----------------------------------------------------------------------------------------------------- several contacts
 
 

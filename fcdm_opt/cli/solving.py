@@ -137,14 +137,21 @@ def range_command(
     asked = None if direction is None else _direction(direction)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
 
-    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes]:
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes | str]:
         along = _default_direction(file, problem) if asked is None else asked
-        coherent, times = coherent_range(problem, along), contact_times(problem, along)
-        entry |= {**coherent.to_dict(), "contact_times": times.to_dict()}
+        coherent, times = coherent_range(problem, along), contact_times_told(problem, along)
+        told = {"error": times} if isinstance(times, str) else times.to_dict()
+        entry |= {**coherent.to_dict(), "contact_times": told}
         if inquiry.pictures:
             figure = family_figure(coherent, title=f"{file.name}: case {problem.name}, coherent range")
             inquiry.pictures.add(f"{file.path.stem}-{problem.name}", figure, ending="-range")
         return coherent, times
+
+    def contact_times_told(problem: Problem, along: Any) -> ContactTimes | str:
+        try:
+            return contact_times(problem, along)
+        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
+            return f"not told: {reason}"
 
     inquiry.ask(answered, print_ranges)
 
