@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
+from fcdm_opt.design.compensation import sampling
 from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
 from fcdm_opt.design.compensation.sampling import asked
 from fcdm_opt.errors import InputError
 from fcdm_opt.model.task import Task
+from fcdm_opt.show.grids import grids
 
 PROBLEMS = "problems"
 
@@ -248,6 +251,56 @@ def test_two_processes_make_the_same_map():
     one, two = (compensation_map(slab("clear"), box=box, jobs=jobs).to_dict() for jobs in (1, 2))
     one["seconds"] = two["seconds"] = 0.0
     assert json.dumps(one) == json.dumps(two)
+
+
+@pytest.mark.parametrize("count", [0, 3, 20, 26, 60, 130, 250])
+@pytest.mark.parametrize("limit", [0.03, 1.0])
+def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkeypatch, count, limit):
+    """A yield of 37.5 % (37.4 to 37.6 %) was told where half of all pairs pass."""
+    solved, looks = sampling.sample_at, iter(range(count))
+
+    def cut_off(*asked):
+        if next(looks, None) is None:
+            raise pacing.TimeOverError
+        return solved(*asked)
+
+    monkeypatch.setattr(sampling, "sample_at", cut_off)
+    found = compensation_map(slab("clear", limits={"TX": (-limit, limit)}), error=1e-6)
+    rho = pairs(found, 4000, 5)
+    short = np.maximum(rho[:, 0] + 3.0 * rho[:, 1] - 4.0, 0.0)
+    at = found.at(*rho.T)
+    known = ~at.undecided & (np.abs(short - limit) > 1e-7)
+    assert ((short <= limit) == np.isfinite(at.amount))[known].all()
+    assert (np.isnan(at.error) | ~known | ~np.isfinite(at.amount) | (np.abs(short - at.amount) <= at.error)).all()
+    for budget in (0.0, 0.02, 0.5):
+        told = fo.assembly_yield(found, sizes=rho, budget=budget)
+        assert told.interval[0] <= (short <= min(budget, limit)).mean() <= told.interval[1]
+        assert np.isnan(told.contributions[0].share_without) <= (told.undecided > 0.0)
+    kinds = {region.kind for region in found.regions}
+    assert ("undecided" in kinds) == (found.undecided > 0.0) == ("undecided" in str(found))
+    assert found.undecided == pytest.approx(at.undecided.mean(), abs=0.05)
+    assert (count >= 26) <= (found.undecided < 1.0)
+    if count == 0:
+        assert (found.undecided, found.reached) == (1.0, np.inf)
+        assert {cell for grid in grids(found, slab().motion.parameters) for row in grid.cells for cell in row} == {"?"}
+
+
+def test_no_look_is_begun_when_the_time_is_over(monkeypatch):
+    """`seconds=10` took 141 s: all that a wave asks for was solved, and what finishes it."""
+    solved, now = sampling.sample_at, [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: now[0])
+
+    def slow(*asked):
+        assert now[0] < 10.0
+        now[0] += 0.1
+        return solved(*asked)
+
+    monkeypatch.setattr(sampling, "sample_at", slow)
+    problem = fo.load_problems(f"{PROBLEMS}/example1_touch.toml")[0]
+    found = compensation_map(problem, seconds=10.0, error=1e-9)
+    assert 60 <= found.solved <= 100
+    assert found.reached > found.error
+    assert (found.at(*pairs(found, 100, 9).T).region >= 0).all()
 
 
 def test_time_that_is_up_is_told():

@@ -22,10 +22,14 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 20_000  # along a ray, at most
@@ -73,24 +77,32 @@ class ContactTimes(Plain):
         Increasing in x, without gaps; a stretch of x on which the pair keeps touching counts as apart.
     touches : tuple of Touch
         Between spans, and where a span is only grazed.
+    keep_outs : dict of str to tuple of StateSpan
+        The same for each keep-out, by its name.
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
     """
 
-    plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "proved")
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "keep_outs", "proved")
 
     problem: Problem
     direction: Array
     pair: Array
     spans: tuple[StateSpan, ...]
     touches: tuple[Touch, ...]
+    keep_outs: Mapping[str, tuple[StateSpan, ...]]
     proved: bool
 
     @property
     def free(self) -> tuple[float, float] | None:
-        """The range about x = 0 of motion without collision, None where the pair overlaps there."""
-        return next(((s.low, s.high) for s in self.spans if s.state == "apart" and s.low <= 0 <= s.high), None)
+        """The range about x = 0 of motion without collision, keep-outs included; None where bodies overlap there."""
+        each = [
+            next(((own.low, own.high) for own in spans if own.state == "apart" and own.low <= 0 <= own.high), None)
+            for spans in (self.spans, *self.keep_outs.values())
+        ]
+        known = [own for own in each if own is not None]
+        return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(each) else None
 
     def state(self, x: float) -> str:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
@@ -113,7 +125,7 @@ def contact_times(
     Parameters
     ----------
     problem : Problem
-        Bodies, motion and limits; goal and path do not matter, nor do keep-outs.
+        Bodies, motion, limits and keep-outs; goal and path do not matter.
     direction : mapping of parameter name to value, (k,) array or number, optional
         As for `coherent_range`.
     scale_pair : (rho_1, rho_2), optional
@@ -125,15 +137,18 @@ def contact_times(
     Raises
     ------
     InputError
-        For a direction, a pair or a limit that is none.
+        For a direction, a pair or a limit that is none, and for keep-outs with a clearance or of which the surface
+        alone is modelled.
     """
     along = checked_direction(problem, direction)
+    need_all_parts(problem.movable, problem.static, "a range", problem.keep_out)
     pair = (
         problem.target
         if scale_pair is None
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
+    keep_outs = {own.name: _beside(problem, own, along, pair, limit) for own in problem.keep_out}
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     first, *rest = [StateSpan(*own) for own in ahead.spans]
@@ -143,7 +158,22 @@ def contact_times(
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
     proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches), proved)
+    return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches),
+                        keep_outs, proved)  # fmt: skip
+
+
+def _beside(
+    problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
+) -> tuple[StateSpan, ...]:
+    """Return the states of the movable body and a keep-out, at all of its scales."""
+    if keep_out.clearance:
+        what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"
+        raise InputError(what, key="keep_out", found=keep_out.name, allowed="a keep-out without clearance")
+    parts = [part.seed + scale * (part.vertices - part.seed) for part, scale in keep_out.obstacles]
+    body = Body.from_parts(parts, seed=problem.static.seed, name=keep_out.name)  # the seed is the motion's datum
+    limits = dict(zip(problem.motion.names, problem.limits.tolist(), strict=True))
+    alone = Problem(problem.movable, body, motion=problem.motion, limits=limits, goal="clear", target=(pair[0], 1.0))
+    return contact_times(alone, along, limit=limit).spans
 
 
 class _OneWay:

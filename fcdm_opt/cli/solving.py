@@ -79,7 +79,14 @@ def solve_command(
     from fcdm_opt.show.tables import print_solutions
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
-    answers: list[tuple[str, Solution]] = []
+    answers: list[tuple[str, Solution | AssemblySolution]] = []
+
+    def tabled(file: OpenedFile, name: str, solution: Solution | AssemblySolution) -> None:
+        answers.append((name if len(files) == 1 else f"{file.path.stem}: {name}", solution))
+        if table is not None:
+            write_cases(table, answers)
+            if len(answers) == 1:
+                inquiry.wrote(f"wrote {table}")
 
     def assembled(file: OpenedFile, assembly: Assembly, entry: dict[str, Any]) -> AssemblySolution:
         from fcdm_opt.assembling import solve_assembly
@@ -87,6 +94,7 @@ def solve_command(
 
         solution = solve_assembly(assembly, certify=certify, effort=effort, seconds=seconds)
         entry |= solution.to_dict()
+        tabled(file, assembly.name, solution)
         inquiry.codes.append(code_of(solution.usable, solution.status.name))
         if inquiry.pictures:
             with pacing.unlimited():
@@ -101,9 +109,7 @@ def solve_command(
         beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
-        answers.append((problem.name if len(files) == 1 else f"{file.path.stem}: {problem.name}", row.solution))
-        if table is not None:
-            write_cases(table, answers)
+        tabled(file, problem.name, row.solution)
         if inquiry.pictures:
             with pacing.unlimited():  # drawn from what is known
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
@@ -112,8 +118,6 @@ def solve_command(
     def print_all(rows: Sequence[Any]) -> None:
         (print_solutions if isinstance(rows[0], SolvedCase) else print_assemblies)(rows)
 
-    if table is not None:
-        inquiry.wrote(f"wrote {table}")
     inquiry.ask(answered, print_all)
 
 
@@ -133,14 +137,21 @@ def range_command(
     asked = None if direction is None else _direction(direction)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
 
-    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes]:
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes | str]:
         along = _default_direction(file, problem) if asked is None else asked
-        coherent, times = coherent_range(problem, along), contact_times(problem, along)
-        entry |= {**coherent.to_dict(), "contact_times": times.to_dict()}
+        coherent, times = coherent_range(problem, along), contact_times_told(problem, along)
+        told = {"error": times} if isinstance(times, str) else times.to_dict()
+        entry |= {**coherent.to_dict(), "contact_times": told}
         if inquiry.pictures:
             figure = family_figure(coherent, title=f"{file.name}: case {problem.name}, coherent range")
             inquiry.pictures.add(f"{file.path.stem}-{problem.name}", figure, ending="-range")
         return coherent, times
+
+    def contact_times_told(problem: Problem, along: Any) -> ContactTimes | str:
+        try:
+            return contact_times(problem, along)
+        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
+            return f"not told: {reason}"
 
     inquiry.ask(answered, print_ranges)
 

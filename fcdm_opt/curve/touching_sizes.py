@@ -255,9 +255,13 @@ class TouchingSizes:
 
     def least(self) -> tuple[float, Array]:
         """Return the least gap in the box, exact, and sizes at which it is: the largest interference."""
-        found = [_least_of(pair.values, self.box) for pair in self.pairs]
-        value, place = min(found, key=lambda one: one[0])
+        value, place = min(self.leasts, key=lambda one: one[0])
         return value, self._plainest(place)
+
+    @cached_property
+    def leasts(self) -> tuple[tuple[float, Array], ...]:
+        """The same of each part pair."""
+        return tuple(_least_of(pair.values, self.box) for pair in self.pairs)
 
     def largest(self) -> tuple[float, Array]:
         """Return the largest gap in the box, exact, and sizes at which it is: the largest play.

@@ -9,6 +9,8 @@ from typing import Any
 
 from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError, expected
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -90,10 +92,13 @@ def solve_all(problem: Problem | Iterable[Problem], *, requirement: str | None =
     return SolvedCases(solved)
 
 
-def case_rows(cases: Iterable[tuple[str, Solution]]) -> list[dict[str, Any]]:
-    """Return a row for each named solution, all with the same columns."""
+def case_rows(cases: Iterable[tuple[str, Solution | AssemblySolution]]) -> list[dict[str, Any]]:
+    """Return a row for each named solution, all with the same columns; of an assembly parameters as PART.NAME."""
     rows = []
     for name, solution in cases:
+        if isinstance(solution, AssemblySolution):
+            rows.append(_assembly_row(name, solution))
+            continue
         problem, (rho_1, rho_2) = solution.problem, solution.pair.tolist()
         gap = 0.0 if abs(solution.pair_gap) <= DEFAULT.weld * problem.size else solution.pair_gap  # rounding
         told = (
@@ -101,16 +106,31 @@ def case_rows(cases: Iterable[tuple[str, Solution]]) -> list[dict[str, Any]]:
             solution.lower_bound, solution.gap, rho_1, rho_2, solution.pair_state, gap, problem.unit,
         )  # fmt: skip
         row: dict[str, Any] = dict(zip(COLUMNS, told, strict=True))
-        for (parameter, kind), value in zip(problem.motion.parameters, solution.parameters.values(), strict=False):
-            turned = kind == "rotation"
-            row[f"{parameter}_deg" if turned else parameter] = math.degrees(value) if turned else value
+        row |= _moved(problem.motion, solution.parameters)
         row["verdict"] = str(solution).splitlines()[0].removeprefix(f"{problem.name}: ")
         rows.append(row)
     moved = dict.fromkeys(key for row in rows for key in row if key not in (*COLUMNS, "verdict"))
     return [{key: row.get(key) for key in (*COLUMNS, *moved, "verdict")} for row in rows]
 
 
-def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Solution]]) -> None:
+def _assembly_row(name: str, solution: AssemblySolution) -> dict[str, Any]:
+    """Return the row of an assembly: the columns that one pair of bodies has are empty."""
+    names = ("usable", "amount", "lower_bound", "gap")
+    row: dict[str, Any] = {"case": name, "status": solution.status.name, "unit": solution.assembly.unit}
+    row |= {own: getattr(solution, own) for own in names}
+    for part, motion in solution.assembly.motions.items():
+        row |= {f"{part}.{own}": x for own, x in _moved(motion, solution.parameters.get(part, {})).items()}
+    return {**row, "verdict": solution.advice}
+
+
+def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of a motion's parameters, angles in degrees."""
+    pairs = zip(motion.parameters, parameters.values(), strict=False)
+    return {f"{own}_deg" if kind == "rotation" else own: math.degrees(x) if kind == "rotation" else x
+            for (own, kind), x in pairs}  # fmt: skip
+
+
+def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Solution | AssemblySolution]]) -> None:
     """Write a row for each named solution as CSV."""
     rows = case_rows(cases)
     to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *(list(row.values()) for row in rows)])

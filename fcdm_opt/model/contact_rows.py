@@ -13,6 +13,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.reach import need_all_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,8 @@ class ContactRows:
     limits : (k, 2) array
     weights : (k,) array
         The weighted amount is the norm of weights * q.
+    resolution : (k,) array or None
+        Steps of the machine that q is a whole number of, 0 where it is any; no row asks for that.
     motion : ContactRow
         (q, seeds) -> transform, (4, 4), of body 1.
     contacts : tuple of ContactRow
@@ -91,6 +94,7 @@ class ContactRows:
     parameters: tuple[str, ...]
     limits: Array
     weights: Array
+    resolution: Array | None
     motion: ContactRow
     contacts: tuple[ContactRow, ...]
     switching_point: ContactRow | None
@@ -113,9 +117,11 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     Raises
     ------
     InputError
-        Where the problem leaves open which two of several features it tracks, and for a wrong number of parameters.
+        Where the problem leaves open which two of several features it tracks, for a wrong number of parameters, and for
+        bodies and keep-outs of which not all parts are modelled: the rows of some would not keep the others apart.
     """
     expected(problem, Problem, "problem")
+    need_all_parts(problem.movable, problem.static, "contact_rows", problem.keep_out)
     if problem.contacts:
         allowed = 'one tracked contact, or goal "touch" or "clear"'
         raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)
@@ -133,6 +139,7 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
         parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
+        resolution=problem.resolution,
         motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),
         contacts=_contacts(task, q, nearest, seeds),
         switching_point=_switching_point(task, seeds),

@@ -127,8 +127,11 @@ class Defaults(SizeKeys, title="Defaults of all cases"):
         "any", '"any", "clear" or "touch": required state of the target pair, besides the goal', "clear"
     )
     clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal or pair "clear"', 0.1)
-    path: Literal["coherent", "free"] = declared(
-        "coherent", '"coherent" (the tracked features stay the real contact all along the motion) or "free"', "free"
+    path: Literal["coherent", "free"] | None = declared(
+        None,
+        '"coherent" (the tracked features stay the real contact all along the motion) or "free"; without it "coherent" '
+        "where one contact is tracked, as several are restored at the end of the motion alone",
+        "free",
     )
     amount: Annotated[
         Annotated[AmountWord, Tag("<word>")] | Annotated[AmountEntry, Tag("<casadi>")],

@@ -189,7 +189,7 @@ class Problem(NominalContact, Shown):
         goal: str | None = None,
         pair: str = "any",
         clearance: float = 0.0,
-        path: str = "coherent",
+        path: str | None = None,
         amount: Any = "weighted",
         length: float | None = None,
         weights: Mapping[str, float] | None = None,
@@ -397,9 +397,13 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
         what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
         raise InputError(what, key="contacts", found=asked.contacts, allowed="contacts on a face, or of crossing edges")
+    if several and asked.path == "coherent":
+        what = "several contacts are restored together at the end of the motion, and the way there is not looked at"
+        raise InputError(what, key="path", found="coherent", allowed='"free", or one contact')
     together = {"path": "free", "pair": "clear" if contact.goal == "fit" else "touch"} if several else {}
     return {
         **vars(contact),
+        "path": asked.path or "coherent",
         **together,
         "contacts": several,
         **made,

@@ -9,7 +9,7 @@ from it. That those left out are apart is judged on the whole surfaces, see `fcd
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -23,6 +23,7 @@ from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
+    from fcdm_opt.problem.keep_out import KeepOut
     from fcdm_opt.problem.problem import Problem
 
 FEW = 10_000  # part pairs that are all modelled
@@ -69,12 +70,16 @@ def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows
     return {"movable": one, "static": two, "box": tuple(box)}
 
 
-def need_all_parts(movable: Body, static: Body, what: str) -> None:
-    """Refuse a question that takes all parts about bodies of which only some are modelled."""
+def need_all_parts(movable: Body, static: Body, what: str, keep_out: Sequence[KeepOut] = ()) -> None:
+    """Refuse a question that takes all parts about bodies of which only some are modelled, or the surface alone."""
     if movable.whole is not None and static.whole is not None:
         found = f"{len(movable.whole.parts)} and {len(static.whole.parts)}"
-        wrong = f"{what} looks at all parts of the bodies, and these have too many"
-        raise InputError(wrong, key="bodies", found=found, allowed=f"solve and verify, or at most {FEW} pairs of parts")
+        wrong = f"{what} looks at all parts of the bodies, and of these only some are modelled"
+        allowed = f"solve and verify, or solids cut into at most {FEW} pairs of parts"
+        raise InputError(wrong, key="bodies", found=found, allowed=allowed)
+    if hollow := [own.name for own in keep_out if own.body.hollow]:
+        wrong = f"{what} looks at solids, and of this keep-out only the surface is modelled"
+        raise InputError(wrong, key="keep_out", found=hollow[0], allowed="solve and verify, or a solid cut into parts")
 
 
 def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:

@@ -23,7 +23,7 @@ from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.scene import body_figure
-from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units, study_facts
+from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units, share_text, study_facts
 from fcdm_opt.show.verdict import verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -318,7 +318,7 @@ def yield_card(result: AssemblyYield) -> Card:
         ("budget", number(result.budget) if math.isfinite(result.budget) else "", result.unit or "length"),
         *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(result, what))),
     ]
-    bodies = [(body.body, number(body.total, 3), f"{body.share_without:.2%}") for body in result.contributions]
+    bodies = [(body.body, number(body.total, 3), share_text(body.share_without)) for body in result.contributions]
     tables: list[Rows] = [
         (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
         (("body", "share of the variance", "would pass at its median size"), bodies),

@@ -33,7 +33,8 @@ class Grid(NamedTuple):
     rows, columns : sequence of str
         Sizes of the movable and of the static part, in per cent off the nominal ones; of sizes by name deviations.
     cells : sequence of sequence of str
-        A row for each size of the movable part; a dash where there is no motion.
+        A row for each size of the movable part; a dash where there is no motion, a question mark where
+        that is not known.
     """
 
     name: str
@@ -46,7 +47,8 @@ class Grid(NamedTuple):
 def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int = LINES) -> list[Grid]:
     """Return a grid for each parameter of a map's motion: lengths in its unit, angles in degrees."""
     sizes = [np.linspace(low, high, lines) for low, high in np.asarray(found.box)]
-    motion = found.at(sizes[0][:, None], sizes[1][None]).parameters
+    points = found.at(sizes[0][:, None], sizes[1][None])
+    motion, unknown = points.parameters, points.undecided.tolist()
     heads = [
         [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
         if nominal
@@ -58,7 +60,10 @@ def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int
         turned = kind == "rotation"
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
-        cells = [[number(0.0 if abs(x) <= small else x) for x in row] for row in values.tolist()]
+        cells = [
+            ["?" if open_ else number(0.0 if abs(x) <= small else x) for x, open_ in zip(*row, strict=True)]
+            for row in zip(values.tolist(), unknown, strict=True)
+        ]
         made.append(Grid(name, "deg" if turned else found.unit, heads[0], heads[1], cells))
     return made
 
@@ -78,6 +83,7 @@ def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: P
         lines.append([])
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
-    words = {"title": title, "names": names, "moved": moved, "reached": number(found.reached), "unit": found.unit}
+    words = {"title": title, "names": names, "moved": moved, "reached": number(found.reached), "unit": found.unit,
+             "undecided": found.undecided, "bounded": np.isfinite(found.reached)}  # fmt: skip
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths

@@ -13,6 +13,7 @@ from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
+from fcdm_opt.show.texts import share_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -33,8 +34,9 @@ INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"
 def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
-    Boundaries at which the motion jumps are double lines; where there is no motion the plane is hatched. Star: nominal
-    pair, or as drawn; A to D: the corners of the box that the requirements of these letters ask for.
+    Boundaries at which the motion jumps are double lines; where there is no motion, or none is known, the plane is
+    hatched. Star: nominal pair, or as drawn; A to D: the corners of the box that the requirements of these letters
+    ask for.
 
     Parameters
     ----------
@@ -184,7 +186,7 @@ def _draw_shares(axes: Any, result: AssemblyYield) -> None:
     low, high = result.interval
     for row, (share, end) in enumerate(zip(shares, (high, *shares[1:]), strict=True)):
         axes.barh(row, share, 0.6, color=GREY if row else BLACK)
-        _number(axes, row, end, f"{share:.2%}")
+        _number(axes, row, np.nan_to_num(end), share_text(share))
     axes.plot([low, high], [0, 0], color=ORANGE, linewidth=2.5, solid_capstyle="butt")
     axes.set_title("pairs that pass", loc="left")
     _rows(axes, ["as it is", *(f"{body.body} at its median" for body in result.contributions)])

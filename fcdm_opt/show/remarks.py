@@ -18,7 +18,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, bound_text, number, numbers
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, number, numbers
 from fcdm_opt.tolerances import DEFAULT
 
 NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
@@ -148,6 +148,8 @@ def left_out(solution: Solution) -> list[str]:
         "left_out.txt",
         solution=solution,
         problem=problem,
+        scaled=problem.tolerance is not None or bool((problem.target != 1.0).any()),
+        asked=asked_text(problem),
         bodies=(problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out)),
         tracking=problem.goal in TRACKING,
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.stack_up import StackUp
 
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
-DRAWN = "as drawn"
+DRAWN, DRAWN_ZERO = "as drawn", 2e-3
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, and corners of a face
-that are listed, and letters of a name."""
+that are listed, letters of a name; and what a mean over pairs drawn is zero below, of the largest."""
 
 
 def listed_faces(body: Body) -> list[dict[str, Any]]:
@@ -106,14 +106,21 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
         f"{spread.share:.4%} by root sum square"
     )
+    if not ends[0] <= spread.share <= ends[1]:
+        print_text(
+            "they differ: root sum square takes one contact, that of the worst case, as normal; "
+            f"in {spread.elsewhere:.2%} of the pairs drawn another one decides"
+        )
     print_text()
+    steepest = max(abs(own.coefficient) for own in stack.contributions)
     print_rows([
         {
-            "size": own.size, "gap per unit": f"{own.coefficient + 0.0:+.4g}", "half tolerance": f"{own.half:.4g}",
-            "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.2%}",
+            "size": own.size, "half tolerance": f"{own.half:.4g}",
+            "mean gap per unit": f"{own.coefficient if abs(own.coefficient) > DRAWN_ZERO * steepest else 0.0:+.3g}",
+            "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.1%}",
         }
         for own in stack.contributions
-    ], numbers=("gap per unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
+    ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
     if stack.standing:
         print_text(f"closed at all these sizes, and not counted: {'; '.join(stack.standing)}")
         print_text()

@@ -18,6 +18,7 @@ from fcdm_opt.show.texts import (
     bound_text,
     motion_text,
     outcome_text,
+    share_text,
     steps_text,
     units_text,
 )
@@ -25,7 +26,7 @@ from fcdm_opt.show.verdict import fit_text, range_texts, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
-    from fcdm_opt.along.contact_times import ContactTimes
+    from fcdm_opt.along.contact_times import ContactTimes, StateSpan
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.fixed_pose.clearances import Clearances
@@ -167,8 +168,11 @@ def _verdict(solution: Solution) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
-    """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches."""
+def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes | str]]) -> None:
+    """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches.
+
+    The latter may be a reason why that is not told.
+    """
     for coherent, times in rows:
         problem = coherent.problem
         head, *ends = range_texts(coherent)
@@ -177,16 +181,19 @@ def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
             print_text(f"- {text}", indent="  ")
         if not coherent.proved:
             print_text("- a condition touches zero at rest: what is near there is not proved")
-        made = ", ".join(f"{x:.{PLACES}g}" for x in times.pair.tolist())
-        print_text(f"- parts made, sizes ({made}): {_spans(coherent, times)}", indent="  ")
+        made = ", ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
+        told = times if isinstance(times, str) else _spans(coherent, times.spans)
+        print_text(f"- parts made, sizes ({made}): {told}", indent="  ")
+        for name, spans in ({} if isinstance(times, str) else times.keep_outs).items():
+            print_text(f"- keep-out {name}: {_spans(coherent, spans)}", indent="  ")
     print_text()
 
 
-def _spans(coherent: CoherentRange, times: ContactTimes) -> str:
+def _spans(coherent: CoherentRange, spans: Sequence[StateSpan]) -> str:
     """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
     problem, direction = coherent.problem, coherent.direction
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
-    seen = [span for span in times.spans if span.high > -far and span.low < far] or list(times.spans)
+    seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
     starts = [steps_text(problem, (span.low * direction).tolist(), 0.0) for span in seen[1:]]
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
@@ -272,7 +279,7 @@ def print_yield(result: AssemblyYield) -> None:
             "body": share.body,
             "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             "with the other": "-" if math.isnan(share.total) else f"{share.total:.2%}",
-            "yield without its scatter": f"{share.share_without:.3%}",
+            "yield without its scatter": share_text(share.share_without, 3),
         }
         for share in result.contributions
     ]

@@ -53,6 +53,11 @@ def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
     return ", ".join(number(value, digits) for value in values)
 
 
+def share_text(share: float, digits: int = 2) -> str:
+    """Return a share of all pairs in per cent; of one that is nan that it is not known."""
+    return "undecided" if math.isnan(share) else f"{share:.{digits}%}"
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number of things: "1 part", "2 parts"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

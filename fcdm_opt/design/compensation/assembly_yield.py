@@ -47,7 +47,7 @@ class Contribution(Plain):
     first_order_error, total_error : float
         Their standard errors.
     share_without : float
-        The yield if this body's size were always its median.
+        The yield if this body's size were always its median; nan where the map leaves open whether pairs have a motion.
     """
 
     body: str
@@ -65,10 +65,10 @@ class AssemblyYield(Plain, Shown):
     Attributes
     ----------
     share : float
-        Pairs that pass, of all.
+        Pairs whose amount passes, of all; an amount that is not known does not.
     interval : pair of float
-        Holds the true share with at least the `confidence` asked for (Clopper-Pearson); pairs that the map's error
-        leaves `undecided` fail for its lower end and pass for its upper one.
+        Holds the true share with at least the `confidence` asked for (Clopper-Pearson); pairs that are `undecided`
+        fail for its lower end and pass for its upper one.
     confidence : float
     count, passed : int
         All pairs looked at, and those that pass.
@@ -77,8 +77,9 @@ class AssemblyYield(Plain, Shown):
     impossible : float
         Share of the pairs without a motion; they fail.
     undecided : float
-        Share of the pairs whose amount is as near to the budget as the map's stated error. Limits of parameters are
-        taken at their word: a map states no error of single parameters.
+        Share of the pairs whose amount is as near to the budget as the map's stated error, and of those of which a map
+        that was cut off does not know whether they have a motion. Limits of parameters are taken at their word: a map
+        states no error of single parameters.
     budget : float
         Largest amount that passes, a length; inf where there are limits only.
     limits : mapping of str to (lower, upper)
@@ -199,7 +200,8 @@ def assembly_yield(
         held = pairs.T.copy()
         held[k] = scatter[k].quantile(0.5)
         (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()
-        without = float(looked_up(*held).passed.mean())
+        fixed = looked_up(*held)
+        without = math.nan if fixed.unknown.any() else float(fixed.passed.mean())
         contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
         share=float(points.passed.mean()),
@@ -208,7 +210,7 @@ def assembly_yield(
         count=of,
         passed=int(points.passed.sum()),
         outside=float(points.outside.mean()),
-        impossible=float((np.isnan(points.amount) & ~points.outside).mean()),
+        impossible=float((np.isnan(points.amount) & ~points.outside & ~points.unknown).mean()),
         undecided=(possibly - surely) / of,
         budget=most,
         limits=kept,
@@ -223,7 +225,7 @@ def assembly_yield(
 class _LookedUp(NamedTuple):
     """Amounts of pairs, nan without a motion, and which pairs pass, surely or possibly do, and are outside; (n,) each.
 
-    An error of nan decides nothing.
+    An error of nan decides nothing; where the amount is nan too it is `unknown` whether there is a motion.
     """
 
     amount: Array
@@ -231,6 +233,7 @@ class _LookedUp(NamedTuple):
     surely: Flags
     possibly: Flags
     outside: Flags
+    unknown: Flags
 
 
 def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array) -> _LookedUp:
@@ -242,7 +245,8 @@ def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, fl
         for k, (low, high) in limits.items():
             kept &= (points.parameters[..., k] >= low) & (points.parameters[..., k] <= high)
         surely, possibly = amount + error <= most, ~((amount - error > most) | np.isnan(amount))
-        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly & kept, points.region < 0))
+        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly & kept | points.undecided,
+                       points.region < 0, points.undecided))  # fmt: skip
     return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
 
 

@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt import pacing
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
-from fcdm_opt.design.compensation.sampling import ActiveSet, Sampler, covered
+from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
@@ -92,7 +93,7 @@ class CompensationMap(Plain, Shown):
         What amount and motion were asked to be within, length units.
     reached : float
         Largest bound outside the strips and specks in which jumps lie, see `Table.errors` there; above `error` where
-        the budget was spent.
+        the budget was spent, infinite where the time was over before all of the box was looked at.
     solved : int
         Number of pairs of sizes that were solved and judged.
     seconds : float
@@ -100,8 +101,8 @@ class CompensationMap(Plain, Shown):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "format", "problem", "over", "box", "nominal", "error", "reached", "solved", "seconds", "regions", "boundaries",
-        "table",
+        "format", "problem", "over", "box", "nominal", "error", "reached", "undecided", "solved", "seconds", "regions",
+        "boundaries", "table",
     )  # fmt: skip
     format: ClassVar[str] = _FORMAT
 
@@ -116,6 +117,11 @@ class CompensationMap(Plain, Shown):
     reached: float
     solved: int
     seconds: float
+
+    @property
+    def undecided(self) -> float:
+        """Share of the box of which the time did not tell whether there is a motion."""
+        return sum(region.share for region in self.regions if region.kind == UNDECIDED.kind)
 
     @property
     def unit(self) -> str:
@@ -136,6 +142,7 @@ class CompensationMap(Plain, Shown):
             f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
             f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
             f"error {reached} (asked for {self.error:.3g}), "
+            f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
 
@@ -198,7 +205,8 @@ def compensation_map(
     budget : int
         Number of pairs to be solved, about; when it is spent the map tells what error it reached.
     seconds : float
-        The same of the time; what was reached by then depends on the machine.
+        The same of the time; what was reached by then depends on the machine. Sizes of which it is not known by then
+        whether there is a motion are a region "undecided"; errors of amounts that were not looked at are nan.
     jobs : int
         Processes; more than one pays from about a thousand solves on.
 
@@ -219,9 +227,10 @@ def compensation_map(
         positive(error, "error")
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
-    sampler = Sampler(problem, made, budget, jobs, seconds, names)
-    mesh = RefinedMesh(sampler, error)
-    mesh.refine()
+    with pacing.within(seconds, share=1.0):
+        sampler = Sampler(problem, made, budget, jobs, names)
+        mesh = RefinedMesh(sampler, error)
+        mesh.refine()
     table, sets = _table(mesh)
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
@@ -233,7 +242,7 @@ def compensation_map(
         regions=_regions(table, sets),
         boundaries=tuple(_boundaries(mesh, sets)),
         error=float(mesh.error),
-        reached=float(max(smooth, default=math.inf)),
+        reached=float(np.nan_to_num(smooth, nan=math.inf).max(initial=0.0)) if smooth else math.inf,
         solved=len(sampler.known),
         seconds=perf_counter() - start,
     )

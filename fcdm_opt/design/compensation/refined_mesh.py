@@ -1,7 +1,7 @@
 """Refines a mesh until the motion is known to within an error everywhere.
 
 An edge whose ends have no active set in common is split where the active set changes; one along a boundary is bent to
-it; any is halved where quadratic interpolation along it is too coarse.
+it; any is halved where quadratic interpolation along it is too coarse. What the time does not do for is undecided.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
-from fcdm_opt.design.compensation.sampling import REJECTED, ActiveSet, Asking, Sample, Sampler
+from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
 from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.arrays import Array
@@ -27,6 +27,7 @@ ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its bo
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
+TOGETHER = 16  # searches side by side: those before are through when the time is over
 
 
 class RefinedMesh(SizeMesh):
@@ -44,41 +45,68 @@ class RefinedMesh(SizeMesh):
         self._rounding = DEFAULT.touch * problem.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
         samples = sampler.samples(places)
-        vertices = [MeshVertex(place, dict([sample])) for place, sample in zip(places, samples, strict=True)]
+        vertices = [
+            MeshVertex(place, {} if sample is None else dict([sample]))
+            for place, sample in zip(places, samples, strict=True)
+        ]
         super().__init__(vertices, len(GRID))
-        held = [sample.held for sample in samples]  # once only: may hold on a boundary alone
-        self._run([self._fill(vertex) for vertex, one in zip(vertices, held, strict=True) if held.count(one) == 1])
-        largest = max((float(sample.values[0]) for sample in samples if np.isfinite(sample.values[0])), default=0.0)
+        known = [sample for sample in samples if sample is not None]
+        held = [sample.held for sample in known]
+        alone = {one for one in held if held.count(one) == 1}  # may hold on a boundary only
+        self._run([self._fill(vertex) for vertex in vertices if not alone.isdisjoint(vertex.values)])
+        largest = max((float(sample.values[0]) for sample in known if np.isfinite(sample.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
 
     def refine(self) -> None:
-        """Refine until every triangle is within the error, or the budget is spent."""
+        """Refine until every triangle is within the error, or the budget or the time is spent."""
         for wave in range(WAVES):
             waiting = [triangle for triangle in self.triangles if not triangle.finished]
             if not waiting:
                 return
             self._look(waiting)
             self._judge(waiting, last=wave == WAVES - 1)
+            if self.sampler.late:
+                break
             fresh = [one.split for one in self.triangles if one.split is not None and not one.finished]
             self._run([self._fill(vertex) for vertex in fresh])
             self.subdivide()
+        self._judge([triangle for triangle in self.triangles if not triangle.finished], last=True)
+        for triangle in self.triangles:
+            if not triangle.finished:
+                self._leave(triangle)
 
-    def _run(self, searches: Sequence[Asking[None]]) -> None:
-        """Run searches side by side: what they ask for is solved in one go."""
-        asked = {search: places for search in searches if (places := next(search, None)) is not None}
-        while asked:
-            samples = iter(self.sampler.samples([place for places in asked.values() for place in places]))
-            for search, places in list(asked.items()):
-                try:
-                    asked[search] = search.send([next(samples) for _ in places])
-                except StopIteration:
-                    del asked[search]
+    def _run(self, searches: Sequence[Asking[None]], *, last: bool = False) -> list[bool]:
+        """Run searches side by side: what they ask for is solved in one go; tell which came to their end.
+
+        They are given up when refining has used its share of the time, with `last` when all the time is over.
+        """
+        ended = [False] * len(searches)
+        for first in range(0, len(searches), TOGETHER):
+            asked = {k: next(searches[k], None) for k in range(first, min(first + TOGETHER, len(searches)))}
+            while asked and (last or not self.sampler.late):
+                samples = iter(self.sampler.samples([place for places in asked.values() for place in places or ()]))
+                for k, places in list(asked.items()):
+                    found = [next(samples) for _ in places or ()]
+                    del asked[k]
+                    if any(sample is None for sample in found):
+                        continue
+                    try:
+                        if places is not None:
+                            asked[k] = searches[k].send([sample for sample in found if sample is not None])
+                            continue
+                    except StopIteration:
+                        pass
+                    ended[k] = True
+        return ended
 
     def _look(self, waiting: Sequence[Triangle]) -> None:
-        """Look at the edges that have not been looked at."""
+        """Look at the edges that have not been looked at, as far as the time does."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
+        new = [ends for ends in new if all(self.vertices[k].values for k in ends)]
         self.edges.update({ends: MeshEdge() for ends in new})
-        self._run([self._edge(ends) for ends in new])
+        for ends, ended in zip(new, self._run([self._edge(ends) for ends in new]), strict=True):
+            if not ended:
+                self.edges.pop(ends, None)
 
     def _edge(self, ends: Ends) -> Asking[None]:
         p, q = (self.vertices[k] for k in ends)
@@ -199,7 +227,18 @@ class RefinedMesh(SizeMesh):
                 edge.must = False
         looked = [(one, [self.edges.get(ends) for ends in one.edges]) for one in waiting]
         ready = [one for one, edges in looked if all(edge and (last or not edge.must) for edge in edges)]
-        self._run([self._settle(one, last) for one in ready])
+        self._run([self._settle(one, last) for one in ready], last=last)
+
+    def _leave(self, triangle: Triangle) -> None:
+        """Finish a triangle that was not looked at: undecided, but for a motion that its corners have in common."""
+        corners = [self.vertices[k].values for k in triangle.corners]
+        sets = [one for one in corners[0] if all(one in values for values in corners[1:])]
+        triangle.held = next((one for one in sets if np.isfinite(corners[0][one][0])), UNDECIDED)
+        triangle.values = np.full((6, 1 + len(self._walls)), np.nan)
+        if triangle.held != UNDECIDED:
+            ends = np.array([values[triangle.held] for values in corners])
+            triangle.values = np.vstack([ends, (ends + np.roll(ends, -1, axis=0)) / 2.0])
+        triangle.errors, triangle.finished = np.full(2, np.nan), True
 
     def _settle(self, triangle: Triangle, last: bool) -> Asking[None]:
         corners = [self.vertices[k].values for k in triangle.corners]
@@ -247,8 +286,14 @@ class RefinedMesh(SizeMesh):
             edges[k].must = bool(lengths[k] > SHORTEST)
 
     def _mixed(self, triangle: Triangle, sample: Sample, must: bool) -> bool:
-        """Finish a triangle in which regions meet if its values differ little, or if it must be."""
+        """Finish a triangle in which regions meet if its values differ little, or if it must be.
+
+        One that must, and has motions in some places and none in others, is undecided, unless it is but a speck.
+        """
         around = [Sample(*one) for k in triangle.corners for one in self.vertices[k].values.items()]
+        if must:  # what is known on its edges counts, too
+            splits = [edge.split for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.split]
+            around += [Sample(*one) for split in splits for one in split.values.items()]
         moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
         if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in triangle.edges)):
             return False
@@ -257,6 +302,9 @@ class RefinedMesh(SizeMesh):
         errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
         if not must and errors.max() > self.error:
             return False
+        if moving and len(moving) <= len(around) and self.size(triangle) > 2.0 * SHORTEST:
+            self._leave(triangle)
+            return True
         if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
             sample = moving[0]
         triangle.held, triangle.errors, triangle.finished = sample.held, errors, True

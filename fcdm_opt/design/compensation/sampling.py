@@ -7,11 +7,12 @@ import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from time import perf_counter
+from time import time
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve import kernels
@@ -39,7 +40,8 @@ class ActiveSet:
     Attributes
     ----------
     kind : str
-        "motion", "already satisfied", "no motion", "outside the fit" or "not verified".
+        "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was
+        cut off before it told which of the others holds.
     features : tuple of str
         Labels of the features that are in contact after the motion, or as near as they may be.
     active : tuple of str
@@ -55,7 +57,7 @@ class ActiveSet:
 
 
 SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
-OUTSIDE = ActiveSet("outside the fit")
+OUTSIDE, UNDECIDED = ActiveSet("outside the fit"), ActiveSet("undecided")
 
 
 class Sample(NamedTuple):
@@ -89,9 +91,21 @@ def _read(text: str) -> Problem:
     return Problem.from_dict(json.loads(text))
 
 
-def sample_of(text: str, pair: Pair, over: Sequence[str]) -> Sample:
-    """Return the sample of a problem in plain data: what a worker process does."""
-    return sample_at(_read(text), pair, over)
+def sample_of(text: str, pair: Pair, over: Sequence[str], end: float) -> Sample | None:
+    """Return the sample of a problem in plain data, None where it is not there by `end`: what a worker process does."""
+    left = end - time()
+    if left <= 0.0:
+        return None
+    with pacing.within(left if math.isfinite(left) else None, share=1.0):
+        return sample_within(_read(text), pair, over)
+
+
+def sample_within(problem: Problem, pair: Pair, over: Sequence[str]) -> Sample | None:
+    """Return the sample of a pair, None where the time given is over before it is there."""
+    try:
+        return None if pacing.over() else sample_at(problem, pair, over)
+    except pacing.TimeOverError:
+        return None
 
 
 @dataclass(eq=False)
@@ -99,17 +113,21 @@ class Sampler:
     """Finds least motions, in `jobs` processes, and remembers them.
 
     Places are relative to the box: (0, 0) is its lower, (1, 1) its upper corner. After as many samples as `budget`, or
-    as many `seconds`, it is `spent`.
+    when of the time given (`pacing.within`) as little is left as finishing takes, it is `spent`.
     """
 
     problem: Problem
     box: Array
     budget: int
     jobs: int = 1
-    seconds: float = math.inf
     over: Sequence[str] = SCALES
     known: dict[Pair, Sample] = field(default_factory=dict)
-    _start: float = field(default_factory=perf_counter)
+    _given: float = field(default_factory=pacing.left)
+
+    @property
+    def late(self) -> bool:
+        """Whether the time that refining may take is used up."""
+        return self._time >= 1.0
 
     @property
     def spent(self) -> bool:
@@ -119,27 +137,35 @@ class Sampler:
     @property
     def effort(self) -> float:
         """The share of the budget, or of the time, that is used up."""
-        return max(len(self.known) / self.budget, (perf_counter() - self._start) / self.seconds)
+        return max(len(self.known) / self.budget, self._time)
+
+    @property
+    def _time(self) -> float:
+        if self._given == math.inf:
+            return 0.0
+        return (1.0 - pacing.left() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
 
     def pair(self, place: Any) -> Array:
         """Return the sizes at a place, or at several, (..., 2)."""
         place = np.asarray(place, dtype=float)
         return np.asarray(self.box[:, 0] * (1.0 - place) + self.box[:, 1] * place)
 
-    def samples(self, places: Sequence[Array]) -> list[Sample]:
-        """Return the samples at some places."""
+    def samples(self, places: Sequence[Array]) -> list[Sample | None]:
+        """Return the samples at some places; None for those that the time given is too short for."""
         pairs = [(float(x), float(y)) for x, y in self.pair(np.reshape(places, (-1, 2)))]
         missing = [pair for pair in dict.fromkeys(pairs) if pair not in self.known]
-        self.known.update(zip(missing, self._solved(missing), strict=True))
-        return [self.known[pair] for pair in pairs]
+        solved = zip(missing, self._solved(missing), strict=True)
+        self.known.update({pair: sample for pair, sample in solved if sample is not None})
+        return [self.known.get(pair) for pair in pairs]
 
-    def _solved(self, pairs: list[Pair]) -> list[Sample]:
+    def _solved(self, pairs: list[Pair]) -> list[Sample | None]:
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
-            return [sample_at(self.problem, pair, self.over) for pair in pairs]
+            return [sample_within(self.problem, pair, self.over) for pair in pairs]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
-        found: list[Sample] = run(delayed(sample_of)(self._plain, pair, self.over) for pair in pairs)
+        end = time() + pacing.left()  # the wall clock is that of the other processes too
+        found: list[Sample | None] = run(delayed(sample_of)(self._plain, pair, self.over, end) for pair in pairs)
         return found
 
     @cached_property

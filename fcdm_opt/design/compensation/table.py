@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, numbers
 from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -37,7 +37,8 @@ class MapPoints:
     Attributes
     ----------
     parameters : array (..., k)
-        The motion: lengths and radians, in the order of the map's names. nan: no motion, or outside the map's box.
+        The motion: lengths and radians, in the order of the map's names. nan: no motion, outside the map's box, or
+        `undecided`.
     amount : array (...)
         Its amount, in length units. nan as above.
     error, displacement_error : array (...)
@@ -52,6 +53,11 @@ class MapPoints:
     error: Array
     displacement_error: Array
     region: Ints
+
+    @property
+    def undecided(self) -> Flags:
+        """Where a map that was cut off does not know whether there is a motion; a motion may have an error of nan."""
+        return np.isnan(self.amount) & np.isnan(self.error) & (self.region >= 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -148,7 +148,7 @@ def best_pose(
     least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
     lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
-    Asked are bodies, motion, limits and weights: the problem's goal, path, pair state and resolution play no part.
+    Asked are bodies, motion, limits and weights: the problem's goal, path and pair state play no part.
 
     Parameters
     ----------
@@ -171,17 +171,23 @@ def best_pose(
     Raises
     ------
     InputError
-        For sizes that are none (see `clearances`), an empty window, a problem with keep-outs, and where limits are
-        missing that keep the search finite.
+        For sizes that are none (see `clearances`), an empty window, a problem with keep-outs, several contacts, steps
+        of a machine or another amount than the weighted one, and where limits are missing that keep the search finite.
     """
     start = time.perf_counter()
     expected(problem, Problem, "problem")
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
-    if problem.keep_out:
-        what = "one pose for all pairs is not looked for among keep-outs"
-        allowed = "a problem without keep-outs: problem.changed(keep_out=())"
-        raise InputError(what, key="keep_out", found=[own.name for own in problem.keep_out], allowed=allowed)
+    for key, asked_for, found, instead in (
+        ("keep_out", bool(problem.keep_out), [own.name for own in problem.keep_out], ()),
+        ("contacts", bool(problem.contacts), "several", None),
+        ("resolution", problem.resolution is not None, problem.resolution, None),
+        ("amount", problem.amount != "weighted", problem.amount, "weighted"),
+    ):
+        if asked_for:
+            what = f"one pose for all pairs is about the gap of two bodies, and does not look at {key}"
+            more = ', goal="touch"' if key == "contacts" else ""
+            raise InputError(what, key=key, found=found, allowed=f"problem.changed({key}={instead!r}{more})")
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:

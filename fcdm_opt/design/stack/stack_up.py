@@ -11,6 +11,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.allocation import Allocation, allocated
+from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
 from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
@@ -19,6 +20,7 @@ from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import known_sizes
+from fcdm_opt.tolerances import DEFAULT
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,19 +67,22 @@ class WorstCase(Plain):
 
 @dataclass(frozen=True, eq=False)
 class SizeShare(Plain):
-    """What one size contributes to the gap, in the row that decides the least gap.
+    """What one size contributes to the gap.
 
     Attributes
     ----------
     size : str
     coefficient : float
-        Gap a unit of the size.
+        Gap a unit of the size, on average over all pairs of parts: of a size that moves one contact of two that decide
+        as often half of what it moves that.
     half : float
         Half its tolerance.
     worst : float
-        Share of what the tolerances take off the gap in the worst case; all add up to 1.
+        Share of what the tolerances take off the gap in the worst case; all add up to 1. Where several contacts are
+        as near there, the mean of their shares.
     variance : float
-        Share of the variance of the row; all add up to 1.
+        Share of the variance of the gap over all pairs of parts, whichever contact decides: its Shapley effect, which
+        halves what two sizes do together; all add up to 1. Exact where one row decides, else drawn.
     """
 
     size: str
@@ -98,6 +103,9 @@ class RootSumSquare(Plain):
         Mean minus and plus three deviations.
     share : float
         Of all pairs of parts that a normal distribution has within the limits.
+    elsewhere : float
+        Share of the pairs of parts in which another row decides: the gap is not this one then, and of solids of
+        several parts smaller, so that fewer pairs are within a lower limit than `share`.
     """
 
     mean: float
@@ -105,6 +113,7 @@ class RootSumSquare(Plain):
     low: float
     high: float
     share: float
+    elsewhere: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,19 +201,35 @@ class StackUp:
 
     @cached_property
     def deciding(self) -> Array:
-        """The row (1 + k,) that decides the least gap: gap as drawn, then a unit of each size."""
-        pair, row = self.touching.governing(list(self.worst().at_least.values()))
-        return self.touching.pairs[pair].values[row]
+        """The row (1 + k,) that decides the least gap: gap as drawn, then a unit of each size.
+
+        Of several that are as low the one that is lowest three deviations below its mean, else the first by its rates
+        in the order of the sizes' names.
+        """
+        means, deviations = moments(spreads(self.sizes))
+        rows = self._worst_rows[0]
+        lows = rows[:, 0] + rows[:, 1:] @ means - 3.0 * np.linalg.norm(rows[:, 1:] * deviations, axis=1)
+        near = rows[lows <= lows.min() + DEFAULT.tie * max(body.size for body in self.touching.bodies)]
+        named = sorted(range(len(self.names)), key=self.names.__getitem__)
+        return np.asarray(min(near, key=lambda row: tuple(row[1:][named])))
+
+    @cached_property
+    def _worst_rows(self) -> tuple[Array, Array]:
+        return worst_rows(self.touching)
+
+    @cached_property
+    def _spread(self) -> GapSpread:
+        return gap_spread(self.touching, self.deciding)
 
     @cached_property
     def contributions(self) -> tuple[SizeShare, ...]:
-        """What each size contributes to the deciding row, largest first."""
-        change = self.deciding[1:]
-        halves = np.array([size.half for size in self.sizes])
-        parts = np.abs(change) * halves, change**2 * moments(spreads(self.sizes))[1] ** 2
+        """What each size contributes to the gap, largest first."""
+        halves, (rows, weights) = np.array([size.half for size in self.sizes]), self._worst_rows
+        parts = np.abs(weights @ np.abs(rows[:, 1:])) * halves, self._spread.variances
         worst, variance = (own / own.sum() if own.sum() > 0.0 else own for own in parts)
-        found = zip(self.names, change.tolist(), halves.tolist(), worst.tolist(), variance.tolist(), strict=True)
-        return tuple(sorted((SizeShare(*row) for row in found), key=lambda own: -own.worst))
+        found = zip(*map(np.ndarray.tolist, (self._spread.slopes, halves, worst, variance)), strict=True)
+        shares = [SizeShare(name, *row) for name, row in zip(self.names, found, strict=True)]
+        return tuple(sorted(shares, key=lambda own: (-round(own.worst, 9), own.size)))
 
     def root_sum_square(self) -> RootSumSquare:
         """Return mean and deviation of the deciding row, and the share that is within the limits if it is normal."""
@@ -218,7 +243,8 @@ class StackUp:
             share = float(ndtr((high - mean) / deviation) - ndtr((low - mean) / deviation))
         else:
             share = float(low <= mean <= high)
-        return RootSumSquare(mean, deviation, mean - 3.0 * deviation, mean + 3.0 * deviation, share)
+        ends = mean - 3.0 * deviation, mean + 3.0 * deviation
+        return RootSumSquare(mean, deviation, *ends, share, self._spread.elsewhere)
 
     def yield_(
         self, n: int = 1_000_000, *, seed: int = 1, confidence: float = 0.95, correlation: Any = None
@@ -286,7 +312,8 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
     """Return how the gap of a problem's bodies depends on its sizes, at a pose.
 
     Contacts that are closed whatever the sizes are, as a flange on its plate, say nothing of them: the gap is that of
-    all others, and `StackUp.standing` names them.
+    all others, and `StackUp.standing` names them. What the problem's goal makes of them plays no part: of contacts that
+    it restores together too the gap is the least.
 
     Parameters
     ----------
@@ -300,10 +327,14 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
     Raises
     ------
     InputError
-        Where there are no sizes or one has no tolerance, where one scale turns faces, and where a body of several parts
-        changes its shape within the tolerances; names size and face.
+        Where there are no sizes or one has no tolerance, where one scale turns faces, where a body of several parts
+        changes its shape within the tolerances, which names size and face, and for keep-outs.
     """
     expected(problem, Problem, "problem")
+    if problem.keep_out:
+        what = "a stack-up is of the gap of two bodies, and does not look at keep-outs"
+        found = [own.name for own in problem.keep_out]
+        raise InputError(what, key="keep_out", found=found, allowed="problem.changed(keep_out=())")
     between = (problem.clearance, np.inf) if limits is None else interval(limits, "limits")
     drawn = problem.request["movable"], problem.request["static"]
     touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)

@@ -204,9 +204,15 @@ def budget(
     Raises
     ------
     InputError
-        For arguments out of range, and a question that does not hold with a requirement.
+        For arguments out of range, a question that does not hold with a requirement, and a problem whose tolerances are
+        those of sizes of its own.
     """
     expected(problem, Problem, "problem")
+    if problem.sizes and problem.tolerance is None:
+        what = "a budget is the largest tolerance of the uniform scales, and the tolerances here are those of sizes"
+        found = ", ".join(size.name for size in problem.sizes)
+        allowed = "`stack` with --cost, which finds tolerances of sizes; or a tolerance of the scales besides"
+        raise InputError(what, key="sizes", found=found, allowed=allowed)
     if limit is not None:
         limit = arguments.real(limit, "limit", "a length >= 0, or None", lambda x: x >= 0)
     largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)

@@ -12,7 +12,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Solution, Status
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,7 +58,9 @@ class Conflicts(Plain):
         lines = []
         for clash in self.clashes:
             what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
-            lines.append(f"{what} ({'proved' if clash.proved else 'none found: ' + clash.status.name})")
+            outside = clash.status is Status.OUTSIDE_FIT
+            found = "none stays in the fit" if outside else f"none found: {clash.status.name}"
+            lines.append(f"{what} ({'proved' if clash.proved else found})")
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
         lines += [f"relax {one}" for one in self.relaxations]
@@ -75,7 +77,7 @@ class Conflicts(Plain):
 def conflicts(
     problem: Problem | Solution, *, certify: bool = False, relax: bool = True, deviation: bool = True
 ) -> Conflicts:
-    """Find out why a problem has no motion.
+    """Find out why a problem has no motion, or none that stays in the fit in which the parts are drawn.
 
     Parameters
     ----------
@@ -104,7 +106,8 @@ def conflicts(
         arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
-    if whole.verified:
+    search.inside = whole.verified and not whole.usable
+    if whole.usable:
         what = "the problem has a motion: nothing clashes"
         allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
         raise InputError(what, key="problem", found=f"{whole.status.name}, amount {whole.amount:.6g}", allowed=allowed)

@@ -1,0 +1,131 @@
+"""What each size contributes to a gap: to how it is spread over all pairs of parts, and to its worst case."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
+from fcdm_opt.design.stack.spread import moments, spreads
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.tolerances import DEFAULT
+
+CHUNK = 2**11  # pairs of parts that are drawn at a time
+WORK, FEWEST, MOST = 2**25, 2**12, 2**17  # rows times sizes times draws, and draws
+
+
+class GapSpread(NamedTuple):
+    """How the gap changes with the sizes over all pairs of parts.
+
+    Attributes
+    ----------
+    slopes : array (k,)
+        Mean change of the gap a unit of each size.
+    variances : array (k,)
+        Shapley effects: what each size contributes to the variance of the gap; they add up to it.
+    elsewhere : float
+        Share of the pairs of parts whose gap is not that of the row asked about.
+    """
+
+    slopes: Array
+    variances: Array
+    elsewhere: float
+
+
+def gap_spread(touching: TouchingSizes, row: Array) -> GapSpread:
+    """Return how the gap is spread over the pairs of parts as independent sizes are distributed.
+
+    Parameters
+    ----------
+    touching : TouchingSizes
+    row : array (1 + k,)
+        The row that `elsewhere` is about.
+
+    Notes
+    -----
+    Of two pairs of parts x and y the sizes of x become those of y one after another, in random order, and the gap
+    changes by as much as each size then does. Half the mean of these changes times g(x) - g(y) are the Shapley effects
+    (A. B. Owen, Sobol' indices and Shapley value, SIAM/ASA Journal on Uncertainty Quantification 2 (2014); averaged
+    over both directions, the estimator of T. Goda, Reliability Engineering and System Safety 213 (2021)). They are
+    drawn by a Sobol' sequence, sizes in the order of their names; what is linear in the sizes is taken exactly.
+    """
+    from scipy.stats.qmc import Sobol
+
+    rows, starts = touching.stacked
+    named = sorted(range(len(touching.sizes)), key=lambda k: touching.sizes[k].name)
+    own_column, columns = np.argsort(named), np.append(0, 1 + np.array(named, np.int64))
+    rows, row, sources = rows[:, columns], row[columns], spreads([touching.sizes[k] for k in named])
+    deviations = moments(sources)[1]
+    if len(rows) == 1:
+        return GapSpread(rows[0, 1:][own_column], ((rows[0, 1:] * deviations) ** 2)[own_column], 0.0)
+    count, near = len(sources), DEFAULT.tie * max(body.size for body in touching.bodies)
+    draws = int(np.clip(2 ** np.ceil(np.log2(WORK / rows.size)), FEWEST, MOST))
+    sequence, each = Sobol(3 * count, rng=np.random.default_rng(1)), np.arange(CHUNK)
+    straight, slopes, variances, elsewhere = None, np.zeros(count), np.zeros(count), 0.0
+    for _ in range(0, draws, CHUNK):
+        u = sequence.random(CHUNK).T
+        x, y = (
+            np.array([np.full(CHUNK, own) if isinstance(own, float) else own.quantile(share)
+                      for own, share in zip(sources, shares, strict=True)])
+            for shares in (u[:count], u[count : 2 * count])
+        )  # fmt: skip
+        heights = rows[:, 1:] @ x + rows[:, :1]
+        first = before = _least_of_largest(heights, starts)
+        deciding = heights == first
+        slopes += rows[:, 1:].T @ (deciding / deciding.sum(axis=0)).sum(axis=1)
+        elsewhere += np.count_nonzero(np.abs(row[0] + row[1:] @ x - first) > near)
+        changes = np.empty_like(x)
+        for own in u[2 * count :].argsort(axis=0):
+            heights += rows[:, 1 + own] * (y[own, each] - x[own, each])
+            after = _least_of_largest(heights, starts)
+            changes[own, each], before = before - after, after
+        straight = slopes / CHUNK if straight is None else straight
+        linear = straight[:, None] * (x - y)
+        variances += (changes * (first - before) - linear * linear.sum(axis=0)).sum(axis=1)
+    variances = variances / (2.0 * draws) + ((0.0 if straight is None else straight) * deviations) ** 2
+    return GapSpread(slopes[own_column] / draws, np.maximum(variances, 0.0)[own_column], float(elsewhere / draws))
+
+
+def _least_of_largest(heights: Array, starts: Ints) -> Array:
+    """Return the least over part pairs of the largest of their rows' heights."""
+    return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=0), axis=0)
+
+
+def worst_rows(touching: TouchingSizes) -> tuple[Array, Array]:
+    """Return the rows, (m, 1 + k), that the least gap in the box is due to, and their weights, which add up to 1.
+
+    Rows that are all as low count alike, each once, however many part pairs have it. Of a pair whose least gap is no
+    row's alone several rows count as one, in proportions in which they prove it.
+    """
+    box, (least, _) = touching.box, touching.least()
+    middle, half = box.mean(axis=1), np.ptp(box, axis=1) / 2.0
+    near = DEFAULT.tie * max(body.size for body in touching.bodies)
+    found: list[tuple[Array, Array]] = []
+    for pair, (own, _) in zip(touching.pairs, touching.leasts, strict=True):
+        lows = pair.values[:, 0] + pair.values[:, 1:] @ middle - np.abs(pair.values[:, 1:]) @ half
+        if own > least + near:
+            continue
+        alone = np.flatnonzero(lows >= own - near)
+        found += [(pair.values[[k]], np.ones(1)) for k in alone] or [_mixture(pair, middle, half)]
+    distinct: list[tuple[Array, Array]] = []
+    for rows, weights in found:
+        same = (weights @ rows - other @ those for those, other in distinct)
+        if all(abs(off[0]) + np.abs(off[1:]) @ half > near for off in same):
+            distinct.append((rows, weights))
+    return np.vstack([rows for rows, _ in distinct]), np.concatenate([own for _, own in distinct]) / len(distinct)
+
+
+def _mixture(pair: PairRows, middle: Array, half: Array) -> tuple[Array, Array]:
+    """Return rows of a pair and their weights such that their mixture's least in the box is the pair's, by duality."""
+    from scipy.optimize import linprog
+
+    rows, count = pair.values, len(middle)
+    heights = rows[:, 0] + rows[:, 1:] @ middle
+    scaled = rows[:, 1:] * half
+    # the largest of mixture . heights - sum of s, s >= |mixture . scaled|
+    cost = np.concatenate([-heights, np.ones(count)])
+    left = np.vstack([np.hstack([sign * scaled.T, -np.eye(count)]) for sign in (1.0, -1.0)])
+    found = linprog(cost, left, np.zeros(2 * count), np.concatenate([np.ones(len(rows)), np.zeros(count)])[None], [1.0])
+    weights = found.x[: len(rows)]
+    return rows[weights > 0.0], weights[weights > 0.0] / weights.sum()
