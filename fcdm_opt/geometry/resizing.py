@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
@@ -100,7 +102,8 @@ class Resizing:
         shares = _shares(body, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
         turns = turns + shares[:, None, None] * np.eye(3)
-        parts = tuple(_moving(body, k, sizes, lone, turns) for k in range(len(body.parts)))
+        facets = _facets(body, sizes, lone)
+        parts = tuple(_moving(body, k, sizes, own, turns) for k, own in enumerate(facets))
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reach(self, low: Array, high: Array) -> tuple[float, str]:
@@ -147,6 +150,27 @@ class Resizing:
                 if bad.size:
                     return f"size '{size.name}' turns {self.named(own, int(bad[0]))}"
         return ""
+
+
+def fit_for_sizes(body: Body, sizes: Sequence[Size]) -> Body:
+    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be cut so that its faces may move like this.
+    """
+    lengths = [size for size in sizes if size.is_length]
+    if not lengths:
+        return body
+    try:
+        Resizing.of(body, lengths)
+    except InputError:
+        if body.by_features is body:
+            raise
+        Resizing.of(body.by_features, lengths)
+        return body.by_features
+    return body
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -374,9 +398,10 @@ def _shares(body: Body, offsets: Array) -> Array:
     return shares
 
 
-def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
-    part = body.parts[place]
-    faces, lengths = _facets(body, place, sizes, face_offsets)
+def _moving(
+    body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, Array], turns: Array
+) -> MovingPart:
+    part, (faces, lengths) = body.parts[place], facets
     offsets = lengths + np.einsum("fx,kxy,fy->fk", part.normals, turns, part.bases - body.seed)
     vertex = np.concatenate([np.array(loop) for loop in part.loops])
     facet = np.repeat(np.arange(len(part.loops)), [len(loop) for loop in part.loops])
@@ -389,9 +414,9 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
     vertices, split, apart = simple, np.zeros(len(part.vertices), bool), []
     for v in np.flatnonzero(counts > 3).tolist():
         around = facet[order][starts[v] : starts[v] + counts[v]]
-        n, g = part.normals[around], lengths[around]
-        whole = np.linalg.lstsq(n, g)[0]
-        if np.abs(n @ whole - g).max(initial=0.0) <= DEFAULT.planarity * max(1.0, np.abs(g).max(initial=0.0)):
+        n = part.normals[around]
+        whole = _agree(n, lengths[around])
+        if whole is not None:
             own = _fan(around, n)
             its = np.repeat(whole[None], len(own), axis=0)
         else:
@@ -424,36 +449,123 @@ def _fan(around: Ints, normals: Array) -> Ints:
     return np.array([[ring[0], ring[k], ring[k + 1]] for k in range(1, len(ring) - 1)])
 
 
-def _facets(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array) -> tuple[Ints, Array]:
-    """Return the face that each facet of a part moves with, and how far outward by size, (f, k)."""
-    part, (normals, points) = body.parts[place], body.face_planes
-    faces, moved = np.full(len(part.loops), -1), np.zeros((len(part.loops), len(sizes)))
-    loose = []
-    for k, loop in enumerate(part.loops):
-        own, side = list(body.facet_faces[place][k]), np.ones((1, 1))
-        if not own:  # a cut: it moves with the faces in its plane, whichever side they look to
-            n = part.normals[k]
-            flat = np.abs((points - part.vertices[loop[0]]) @ n) <= DEFAULT.nominal * body.size
-            own = np.flatnonzero(flat & (np.abs(np.abs(normals @ n) - 1.0) <= DEFAULT.nominal)).tolist()
-            side = np.sign(normals[own] @ n)[:, None]
-        if not own:
-            loose.append(k)
-            continue
-        offsets = side * face_offsets[own]
-        wrong = np.abs(offsets - offsets[0]).max(axis=0) > DEFAULT.nominal if len(own) > 1 else np.zeros(1, bool)
-        if wrong.any():
-            names = ", ".join(f"F{face + 1}" for face in own)
-            raise InputError(
-                f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
-                key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
-                allowed="all of these faces, or none",
-            )  # fmt: skip
-        faces[k], moved[k] = own[0], offsets[0]
-    if loose and moved.any():
-        k = int(np.flatnonzero(moved.any(axis=0))[0])
-        face = int(faces[np.flatnonzero(moved[:, k])[0]])
+class _Cut(NamedTuple):
+    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along.
+
+    Attributes
+    ----------
+    normal : (3,) array
+    facets : list of (int, int, float)
+        Part, facet of it, and 1 or -1: whether it looks along the normal.
+    elements : list of tuples of int
+        Labels of the solid's corners and edges that the piece's corners lie on.
+    """
+
+    normal: Array
+    facets: list[tuple[int, int, float]]
+    elements: list[tuple[int, ...]]
+
+
+@lru_cache(maxsize=16)
+def _cuts(body: Body) -> list[_Cut]:
+    """Return the cuts between a body's parts."""
+    near, where, rows = DEFAULT.nominal, list[tuple[int, int]](), list[Array]()
+    for place, (part, owners) in enumerate(zip(body.parts, body.facet_faces, strict=True)):
+        where += [(place, k) for k, own in enumerate(owners) if not own]
+        rows += [np.append(part.normals[k], part.levels[k] / body.size) for k, own in enumerate(owners) if not own]
+    if not rows:
+        return []
+    planes = np.array(rows)
+    polygons = [body.parts[place].vertices[list(body.parts[place].loops[k])] for place, k in where]
+    links = []
+    for i, plane in enumerate(planes[:-1]):
+        for j in i + 1 + np.flatnonzero(np.abs(planes[i + 1 :] + plane).max(axis=1) <= near):
+            one, two = (polygons[k] / body.size for k in (i, j))
+            if area(inside(one, two, -plane[:3])) > near:
+                links.append((i, j))
+    groups = groups_of(components(np.array(links, np.int64).reshape(-1, 2), len(where)))
+    found = []
+    for group in map(np.ndarray.tolist, groups):
+        sides = np.sign(planes[group, :3] @ planes[group[0], :3]).tolist()
+        own = {
+            body.parts[place].elements["V"][v].vertices: None
+            for place, k in (where[row] for row in group) for v in body.parts[place].loops[k]
+        }  # fmt: skip
+        facets = [(*where[row], side) for row, side in zip(group, sides, strict=True)]
+        found.append(_Cut(planes[group[0], :3], facets, list(own)))
+    return found
+
+
+def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tuple[Ints, Array]]:
+    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k).
+
+    A cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all.
+    """
+    normals, points = body.face_planes
+    found = []
+    for part, owners in zip(body.parts, body.facet_faces, strict=True):
+        faces, moved = np.full(len(part.loops), -1), np.zeros((len(part.loops), len(sizes)))
+        for k, own in enumerate(map(list, owners)):
+            if own:
+                _check_one_plane(body, sizes, own, face_offsets[own])
+                faces[k], moved[k] = own[0], face_offsets[own[0]]
+        found.append((faces, moved))
+    for cut in _cuts(body):
+        ways = []
+        for labels in cut.elements:
+            rows = [body.face_rows[face] for face in body.faces_with(labels)]
+            across, off = _combined(normals[rows], cut.normal), face_offsets[rows]
+            if across is not None and _agree(normals[rows], off) is not None:
+                ways.append(across @ off)
+        if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
+            offset = ways[0]
+        else:
+            place, k, _ = cut.facets[0]
+            level = points @ cut.normal - body.parts[place].vertices[body.parts[place].loops[k][0]] @ cut.normal
+            along = normals @ cut.normal
+            own = np.flatnonzero(
+                (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
+            ).tolist()
+            if ways and not own:
+                raise _loose(body, sizes, np.array(ways), cut)
+            offsets = np.sign(along[own])[:, None] * face_offsets[own]
+            _check_one_plane(body, sizes, own, offsets)
+            offset = offsets[0] if own else np.zeros(len(sizes))
+        for place, k, side in cut.facets:
+            found[place][1][k] = side * offset
+    return found
+
+
+def _combined(normals: Array, normal: Array) -> Array | None:
+    """Return factors of normals, (m, 3), that add up to a normal; None where it is not among their sums."""
+    if not len(normals):
+        return None
+    factors = np.linalg.lstsq(normals.T, normal)[0]
+    return factors if np.abs(factors @ normals - normal).max() <= DEFAULT.nominal else None
+
+
+def _agree(normals: Array, offsets: Array) -> Array | None:
+    """Return how a point on faces moves as they do, (3, k); None where it does not stay one point."""
+    move = np.linalg.lstsq(normals, offsets)[0]
+    off = np.abs(normals @ move - offsets).max(initial=0.0)
+    return move if off <= DEFAULT.planarity * max(1.0, float(np.abs(offsets).max(initial=0.0))) else None
+
+
+def _check_one_plane(body: Body, sizes: Sequence[Size], faces: Sequence[int], offsets: Array) -> None:
+    wrong = np.ptp(offsets, axis=0) > DEFAULT.nominal if len(faces) > 1 else np.zeros(1, bool)
+    if wrong.any():
+        names = ", ".join(f"F{face + 1}" for face in faces)
         raise InputError(
-            f"body '{body.name}' is cut beside face F{face + 1} along no face's plane: the cut cannot move with it",
-            key=f"size '{sizes[k].name}'.faces", found=f"F{face + 1}", allowed="a scale, or faces away from such a cut",
+            f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
+            key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
+            allowed="all of these faces, or none",
         )  # fmt: skip
-    return faces, moved
+
+
+def _loose(body: Body, sizes: Sequence[Size], ways: Array, cut: _Cut) -> InputError:
+    size = sizes[int(np.ptp(ways, axis=0).argmax())]
+    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own in cut.elements for label in own))
+    return InputError(
+        f"body '{body.name}' is cut along a plane through {corners}, which this size would take out of it",
+        key=f"size '{size.name}'.faces", found=size.faces, allowed="a scale, or faces away from such a cut",
+    )  # fmt: skip
