@@ -488,16 +488,13 @@ class Body(_Sealed, Shown):
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
 
-    @cached_property
-    def by_features(self) -> Body:
-        """The same solid cut so that each hole, pocket or boss may change its size by itself.
+    def by_features(self, rule: int) -> Body:
+        """Return the same solid cut so that each hole, pocket or boss may change its size by itself.
 
-        The body itself where its own surface is not known from a mesh.
+        Only of a body whose own surface is known from a mesh; `rule` as in `partition.RULES`.
         """
-        if not self.skin or self.hollow or len(self.parts) == 1:
-            return self
         mesh = checked_mesh(self.vertices, np.concatenate([np.array(own) for own in self.skin]), name=self.name)
-        made = by_features(mesh)
+        made = by_features(mesh, rule)
         body = Body._made(made.points, list(made.parts), None, self.seed, self.name, surface=made.surface)
         return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]))
 

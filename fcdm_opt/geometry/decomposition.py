@@ -109,13 +109,13 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     return _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES)
 
 
-def by_features(mesh: Mesh) -> Decomposition:
+def by_features(mesh: Mesh, rule: int) -> Decomposition:
     """Return the exact partition of a solid in which each of its features may change its size by itself.
 
     Cuts lie along planes of the feature's own faces, or between features; it may have more parts than others.
     """
     solid = _Solid.of(mesh)
-    cells = partition_by_features(solid.space, solid.hull, solid.inner, RULES[0])
+    cells = partition_by_features(solid.space, solid.hull, solid.inner, RULES[rule])
     if not _fills(mesh, solid.space, cells):
         raise InputError("no partition by features: the parts' volumes do not add up to the mesh's", key=mesh.name)
     points, parts = _numbered(solid.space, len(mesh.vertices), cells)

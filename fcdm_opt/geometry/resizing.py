@@ -7,10 +7,11 @@ how the part stands as long as no corner crosses a facet that it is not on (`Res
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +19,17 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.crossings import first_crossing
+from fcdm_opt.geometry.measures import norms, volume_and_centroid
+from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.surface import Surface, rims
 from fcdm_opt.tolerances import DEFAULT
 
+HARDLY = 1e-3  # of a body's size: a small change of a length
+MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
+FEW = 4  # corners of a box of sizes that tell whether cuts follow
 MOST_AT_A_CORNER = 24  # facets of a corner that splits: all their triples are kept
 
 
@@ -106,8 +113,8 @@ class Resizing:
         parts = tuple(_moving(body, k, sizes, own, turns) for k, own in enumerate(facets))
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
-    def reach(self, low: Array, high: Array) -> tuple[float, str]:
-        """Return by what factor a box of sizes about 0 may be widened until a face vanishes, and where it does.
+    def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
+        """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
 
         Parameters
         ----------
@@ -116,22 +123,34 @@ class Resizing:
 
         Returns
         -------
-        factor : float
-            The parts keep their faces, and which of them meet, for sizes of less than this times the box.
-        where : str
-            The face that would be reached first.
+        list of (float, str)
+            The part keeps its facets, and which of them meet, for sizes of less than the first times the box; the face
+            that would be reached first.
         """
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-        least, where = np.inf, ""
+        found = []
         for own in self.parts:
             depth, change = own.slack
             loss = -np.minimum(change * low, change * high).sum(axis=2)
             with np.errstate(divide="ignore"):
                 factor = np.where(loss > 0.0, depth / np.where(loss > 0.0, loss, 1.0), np.inf)
-            if factor.size and factor.min() < least:
-                facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
-                least, where = float(factor.min()), self.named(own, facet)
-        return least, where
+            facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
+            found.append((float(factor.min()), self.named(own, facet)))
+        return found
+
+    def reach(self, low: Array, high: Array) -> tuple[float, str]:
+        """Return the least of all parts'."""
+        return min(self.reaches(low, high), key=lambda own: own[0])
+
+    def check(self, low: Array, high: Array, most: int = 64) -> None:
+        """Refuse a box of sizes at corners of which the body has another shape; so many at most are looked at."""
+        count = len(self.sizes)
+        ends = (
+            np.array(list(product((0, 1), repeat=count))) if 2**count <= most
+            else np.random.default_rng(0).integers(0, 2, (most, count))
+        )  # fmt: skip
+        for values in low + (high - low) * ends:
+            _corners_made(self, values)
 
     def named(self, own: MovingPart, facet: int) -> str:
         """Return the face of the body that a facet of a part belongs to, in words."""
@@ -152,25 +171,28 @@ class Resizing:
         return ""
 
 
-def fit_for_sizes(body: Body, sizes: Sequence[Size]) -> Body:
+@lru_cache(maxsize=16)
+def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
     """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be cut so that its faces may move like this.
+    All over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says why.
     """
     lengths = [size for size in sizes if size.is_length]
-    if not lengths:
+    if not lengths or body.hollow or not body.skin or len(body.parts) == 1:
         return body
-    try:
-        Resizing.of(body, lengths)
-    except InputError:
-        if body.by_features is body:
-            raise
-        Resizing.of(body.by_features, lengths)
-        return body.by_features
+    near = (-HARDLY * body.size, HARDLY * body.size)
+    boxes = dict.fromkeys([tuple(size.tolerance or near for size in lengths), (near,) * len(lengths)])
+    rules = range(len(RULES) if sum(map(len, body.skin)) <= MOST_FOR_RULES else 1)
+    for low, high in (np.array(box).T for box in boxes):
+        for rule in (None, *rules):
+            with suppress(InputError):
+                cut = body if rule is None else _by_features(body, rule)
+                Resizing.of(cut, lengths).check(low, high, FEW)
+                return cut
     return body
+
+
+_by_features = lru_cache(maxsize=16)(Body.by_features)
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -219,8 +241,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
         turns = Resizing.of(body, (size,)).inclined() and any(own.is_length and x for own, x in made.items())
         return None if turns else (body.vertices - body.seed) @ size.directions()
     moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
-    rows = _kept_numbers(moving, np.ones(1))
-    return None if rows is None else rows - moving.body.vertices
+    kept = _kept_numbers(moving, np.ones(1), {})
+    return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
 
 
 def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
@@ -240,76 +262,120 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
     return scaled
 
 
-def _offset(moving: Resizing, values: Array) -> Body:
+class _Corners(NamedTuple):
+    """Corners of a body's parts at given sizes.
+
+    Attributes
+    ----------
+    points : list of (m, 3) arrays
+        Of each part.
+    rows : (n, 3) array
+        Vertices of the body under their labels; empty where a corner splits, or a convex body has other edges.
+    parts : list of lists of int
+        Rows of each part.
+    surface : Surface or None
+        Of a solid whose own surface is known.
+    """
+
+    points: list[Array]
+    rows: Array
+    parts: list[list[int]]
+    surface: Surface | None
+
+
+def _corners_made(moving: Resizing, values: Array) -> _Corners:
     body, near = moving.body, DEFAULT.planarity * moving.body.size
-    found, whole = [], True
-    for own in moving.parts:
+    found, changed, split = [], dict[int, Array](), False
+    for k, own in enumerate(moving.parts):
         depth, change = own.slack
         inside = depth + change @ values
         low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
         points = own.at(values)
-        kept: Flags = np.ones(len(points), bool)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
-            kept = np.asarray((np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1))
+            points = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
         if low.min() <= near:
-            facet, outer = int(low.argmin()), len(moving.parts) == 1
-            points, kept = _intersected(moving, own, values, facet) if outer else (points, kept)
-            if not outer:
-                raise _vanished(moving, own, facet, values)
-            whole = False
-        whole &= not own.split.any()
-        found.append(points[kept])
-    rows = _kept_numbers(moving, values) if whole else None
-    if rows is None:
-        return replace(Body.from_parts(found, seed=body.seed, name=body.name), deviation=body.deviation)
+            points = changed[k] = _intersected(moving, own, values, int(low.argmin()))
+        split |= bool(own.split.any())
+        found.append(points)
+    numbered = _kept_numbers(moving, values, changed) if not (split or (changed and len(found) == 1)) else None
+    if numbered is None:
+        return _Corners(found, np.empty((0, 3)), [], None)
+    surface = None
+    if body.skin and len(found) > 1:
+        with _at(moving, values):
+            surface = _surface(body, numbered[0])
+            _check_filled(body, found, surface)
+    return _Corners(found, *numbered, surface)
+
+
+def _offset(moving: Resizing, values: Array) -> Body:
+    body, (points, rows, parts, surface) = moving.body, _corners_made(moving, values)
+    if not parts:
+        return replace(Body.from_parts(points, seed=body.seed, name=body.name), deviation=body.deviation)
     if len(body.parts) == 1:
         part = body.parts[0]
-        moved = part.vertices + moving.parts[0].moves[_firsts(moving.parts[0])] @ values
-        return replace(body, vertices=frozen(rows), parts=(part.placed(moved, body.seed),))
-    index = {tuple(point): k for k, point in reversed(list(enumerate(body.vertices.tolist())))}
-    parts = [[index[tuple(point)] for point in part.vertices.tolist()] for part in body.parts]
-    names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
-    try:
-        if body.skin:
-            counts, triangles = list(map(len, body.skin)), np.concatenate([np.array(own) for own in body.skin])
-            surface = Surface.of(rows, triangles, np.repeat(np.arange(len(counts)), counts))
+        return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
+    with _at(moving, values):
+        if surface is not None:
             made = Body._made(rows, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
-            _apart(body, made, near)
         else:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
+    return replace(made, notes=body.notes, deviation=body.deviation)
+
+
+@contextmanager
+def _at(moving: Resizing, values: Array) -> Iterator[None]:
+    """Say of a body that is refused meanwhile at which sizes it was made."""
+    try:
+        yield
     except InputError as reason:
+        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
-        raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-    return replace(made, notes=body.notes, skin=body.skin, deviation=body.deviation)
+        raise InputError(what, key=f"body '{moving.body.name}'", found=names, allowed="smaller deviations") from reason
 
 
-def _apart(body: Body, made: Body, near: float) -> None:
-    """Refuse parts that lie in one another and did not as drawn: faces on two sides of a room have met."""
-    low, high = (np.array([end(part.vertices, axis=0) for part in made.parts]) for end in (np.min, np.max))
-    for i, j in combinations(range(len(made.parts)), 2):
-        if (np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])).min() <= near:
-            continue
-        if _share_more(made.parts[i], made.parts[j], near) and not _share_more(body.parts[i], body.parts[j], near):
-            raise InputError(f"material meets across a room, at {_facing(made, (i, j))}")
+def _surface(body: Body, rows: Array) -> Surface:
+    """Return the surface of a solid whose corners are elsewhere; refuse it where faces meet others than as drawn."""
+    from manifold3d import triangulate
+
+    normals, triangles = body.face_planes[0], list[Ints]()
+    for face, own in enumerate(body.skin):
+        corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
+        flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
+        loops = [[v for v in loop if v in corners] for loop in rims(own)]
+        places = np.concatenate(loops)
+        triangles.append(places[np.array(triangulate([rows[loop] @ flat.T for loop in loops]))])
+    found, owners = np.concatenate(triangles), np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
+    corners = rows[found]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = (across * normals[owners]).sum(axis=1) / 2.0
+    broad = np.flatnonzero(areas > DEFAULT.planarity * body.size**2)
+    crossing = first_crossing(rows / body.size, found[broad], DEFAULT.planarity)
+    if crossing is not None:
+        one, two = sorted(owners[broad[[crossing.one, crossing.two]]].tolist())
+        raise InputError(f"faces meet otherwise than as drawn: F{one + 1}, F{two + 1}")
+    if len(broad) < len(areas):
+        face = int(owners[areas.argmin()])
+        gone = np.bincount(owners, areas)[face] <= DEFAULT.planarity * body.size**2
+        raise InputError(f"face F{face + 1} {'vanishes' if gone else 'meets itself'}")
+    return Surface.of(rows, found, owners)
 
 
-def _share_more(one: ConvexPart, two: ConvexPart, near: float) -> bool:
-    """Tell whether two parts share a ball larger than `near`."""
-    for own, other in ((one, two), (two, one)):
-        if ((own.normals @ other.vertices.T).min(axis=1) - own.levels).max() >= -near:
-            return False
-    return _ball(np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels]))[1] > near
+def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
+    """Refuse corners of parts side by side that no longer fill the solid's surface, as they do as drawn."""
+    from scipy.spatial import ConvexHull
 
-
-def _facing(made: Body, pair: tuple[int, int]) -> str:
-    """Name the faces of two parts that look at each other and have crossed least."""
-    one, two = (made.parts[k] for k in pair)
-    crossed = -(one.levels[:, None] + two.levels[None])
-    crossed[(one.normals @ two.normals.T > DEFAULT.nominal - 1.0) | (crossed > 0.0)] = -np.inf
-    places = np.unravel_index(crossed.argmax(), crossed.shape)
-    found = {face for part, k in zip(pair, places, strict=True) for face in made.facet_faces[part][k]}
-    return "faces " + ", ".join(f"F{face + 1}" for face in sorted(found)) if np.isfinite(crossed.max()) else "no face"
+    drawn, made = (
+        (sum(float(ConvexHull(points - points[0]).volume) for points in own), volume_and_centroid(corners)[0])
+        for own, corners in (
+            ([part.vertices for part in body.parts], body.vertices[np.concatenate(list(map(np.array, body.skin)))]),
+            (parts, surface.points[surface.triangles]),
+        )
+    )
+    near = DEFAULT.nominal * drawn[1]
+    if abs(drawn[0] - drawn[1]) <= near < abs(made[0] - made[1]):
+        raise InputError("the parts that it is cut into no longer fill it")
 
 
 def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
@@ -320,11 +386,14 @@ def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> I
     return InputError(what, key=f"body '{moving.body.name}'", found=names, allowed=allowed)
 
 
-def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> tuple[Array, Flags]:
-    """Return the corners of a convex body some of whose edges are others than as drawn; refuse it if a face is none."""
+def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> Array:
+    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left.
+
+    Of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges.
+    """
     from scipy.spatial import HalfspaceIntersection, QhullError
 
-    part, centre = own.part, own.part.vertices.mean(axis=0)
+    part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     middle, radius = _ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
@@ -333,11 +402,11 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
         shape = HalfspaceIntersection(np.column_stack([part.normals, -levels]), middle)
     except QhullError as reason:
         raise _vanished(moving, own, facet, values) from reason
-    points = shape.intersections
-    on = (np.abs(points @ part.normals.T - levels) <= DEFAULT.nominal * moving.body.size).sum(axis=0)
-    if on.min() < 3:
-        raise _vanished(moving, own, int(on.argmin()), values)
-    return points + centre, np.ones(len(points), bool)
+    on = np.abs(shape.intersections @ part.normals.T - levels) <= near
+    if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
+        raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
+    held = np.unique(on, axis=0)
+    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
 
 
 def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
@@ -354,32 +423,58 @@ def _firsts(own: MovingPart) -> Ints:
     return np.unique(own.vertices, return_index=True)[1]
 
 
-def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
-    """Return all vertices of the body at given sizes under their labels; None where parts do not agree on one."""
-    body = moving.body
-    near, rows = DEFAULT.planarity * body.size, {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
-    twice = len(rows) < len(body.vertices)
-    new, known = body.vertices.copy(), np.zeros(len(body.vertices), bool)
-    for own in moving.parts:
+def _kept_numbers(
+    moving: Resizing, values: Array, changed: Mapping[int, Array]
+) -> tuple[Array, list[list[int]]] | None:
+    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits.
+
+    All keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners of
+    parts that changed are given.
+    """
+    body, corners = moving.body, {label - 1 for label in moving.body.corners}
+    drawn = dict[tuple[float, ...], list[int]]()
+    for row, point in enumerate(map(tuple, body.vertices.tolist())):
+        drawn.setdefault(point, []).append(row)
+    new, known = list(body.vertices), set[int]()
+
+    def numbered(place: Array, rows: list[int], near: float) -> int:
+        for row in rows:
+            if np.abs(new[row] - place).max() <= near:
+                return row
+        new.append(place)
+        rows.append(len(new) - 1)
+        return rows[-1]
+
+    parts, near = list[list[int]](), DEFAULT.planarity * body.size
+    for k, own in enumerate(moving.parts):
+        parts.append([])
+        if k in changed:
+            continue
         moves = own.moves[_firsts(own)] @ values
-        for point, move in zip(own.part.vertices.tolist(), moves, strict=True):
-            same = np.flatnonzero((body.vertices == point).all(axis=1)).tolist() if twice else [rows[tuple(point)]]
-            for row in same:
-                if known[row] and np.abs(new[row] - point - move).max() > near:
+        for point, move in zip(map(tuple, own.part.vertices.tolist()), moves, strict=True):
+            place, rows = np.array(point) + move, drawn[point]
+            for row in rows:
+                if row not in known and row < len(body.vertices):
+                    new[row] = place
+                    known.add(row)
+                elif row in corners and np.abs(new[row] - place).max() > near:
                     return None
-                new[row], known[row] = point + move, True
+            parts[k].append(numbered(place, rows, near))
     normals, offsets = body.face_planes[0], moving.faces @ values
-    for row in sorted({label - 1 for face in body.faces for label in face}):
-        if not known[row]:  # where parts that overlap cross: by the faces that meet there
-            around = [k for k, face in enumerate(body.faces) if row + 1 in face]
-            move, _, rank, _ = np.linalg.lstsq(normals[around], offsets[around])
-            if rank < 3 or np.abs(normals[around] @ move - offsets[around]).max() > near:
-                return None
-            new[row], known[row] = new[row] + move, True
-    for row in np.flatnonzero(~known).tolist():  # no corner of any part: with the nearest one
-        nearest = np.flatnonzero(known)[np.linalg.norm(body.vertices[known] - body.vertices[row], axis=1).argmin()]
+    for row in sorted(corners - known):  # where parts that overlap cross, or changed: by the faces that meet there
+        around = [body.face_rows[face] for face in body.faces_with((row + 1,))]
+        move = _agree(normals[around], offsets[around])
+        if move is None or np.linalg.matrix_rank(normals[around]) < 3:
+            return None
+        new[row] = new[row] + move
+        known.add(row)
+    for row in sorted(set(range(len(body.vertices))) - known):  # no corner of any part: with the nearest one
+        nearest = min(known, key=lambda k: float(norms(body.vertices[k] - body.vertices[row])))
         new[row] = new[nearest]
-    return new
+    every = [*known, *range(len(body.vertices), len(new))]
+    for k, points in changed.items():
+        parts[k] = [numbered(place, every, DEFAULT.nominal * body.size) for place in points]
+    return np.array(new), parts
 
 
 # ------------------------------------------------------------------------------------------------------- moving parts
