@@ -341,9 +341,9 @@ def _surface(body: Body, rows: Array) -> Surface:
 
     normals, triangles = body.face_planes[0], list[Ints]()
     for face, own in enumerate(body.skin):
-        corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
+        own_corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
         flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
-        loops = [[v for v in loop if v in corners] for loop in rims(own)]
+        loops = [[v for v in loop if v in own_corners] for loop in rims(own)]
         places = np.concatenate(loops)
         triangles.append(places[np.array(triangulate([rows[loop] @ flat.T for loop in loops]))])
     found, owners = np.concatenate(triangles), np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
@@ -635,13 +635,13 @@ def _combined(normals: Array, normal: Array) -> Array | None:
     """Return factors of normals, (m, 3), that add up to a normal; None where it is not among their sums."""
     if not len(normals):
         return None
-    factors = np.linalg.lstsq(normals.T, normal)[0]
+    factors: Array = np.linalg.lstsq(normals.T, normal)[0]
     return factors if np.abs(factors @ normals - normal).max() <= DEFAULT.nominal else None
 
 
 def _agree(normals: Array, offsets: Array) -> Array | None:
     """Return how a point on faces moves as they do, (3, k); None where it does not stay one point."""
-    move = np.linalg.lstsq(normals, offsets)[0]
+    move: Array = np.linalg.lstsq(normals, offsets)[0]
     off = np.abs(normals @ move - offsets).max(initial=0.0)
     return move if off <= DEFAULT.planarity * max(1.0, float(np.abs(offsets).max(initial=0.0))) else None
 

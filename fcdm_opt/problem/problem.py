@@ -392,7 +392,8 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     steps = asked.resolution
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
-    several = contact.chosen_contacts(asked.contacts)
+    everywhere = contact.goal in ("at", "seat") and contact.nominal_contact is None  # at all sizes, if at all
+    several = contact.chosen_contacts("all" if everywhere and asked.contacts is None else asked.contacts)
     if contact.goal == "seat" and contact.movable.whole is not None and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
