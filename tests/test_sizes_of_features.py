@@ -253,3 +253,32 @@ def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
         made = resized(plate, dict(zip(wide, p.tolist(), strict=True)))
         assert touching.gap(p) == pytest.approx(fo.decision_curve(pin, made).gap((1.0, 1.0)), abs=1e-12)
         assert (filled(made) - solid(p)).volume() + (solid(p) - filled(made)).volume() < 1e-9
+
+
+@pytest.mark.parametrize("suffix", ["off", "stl"])
+def test_a_cones_name_was_refused_and_its_label_moved_one_facet_of_it(suffix: str) -> None:
+    plug, socket = (fo.Body.from_file(CASES / f"taper_{name}.{suffix}", unit="mm") for name in ("plug", "socket"))
+    steep = max(abs(n[2]) for n in plug.face_planes[0] if abs(n[2]) < 0.5)
+    cone, sink = "cone radius 7.391 to 9.015", "countersink radius 7.641 to 8.89"
+    for role, faces, each, made in (
+        ("movable", cone, 0.5, 0.01), ("movable", "F1", 0.5, 0.01), ("movable", "F9", 0.5, 0.01),
+        ("static", sink, -0.5, -0.01), ("static", "F7", -0.5, -0.01),
+    ):  # fmt: skip
+        size = fo.Size("diameter", role, faces=faces, each=each, tolerance=0.02)
+        assert np.count_nonzero(size.offsets(plug if role == "movable" else socket)) == 32
+        own = {"sizes": [size], "made": {"diameter": made}}
+        asked = fo.Problem(plug, socket, goal="touch", motion=fo.Translation("z"), **own)
+        solution = fo.solve(asked)
+        assert solution.usable
+        assert solution.parameters["TZ"] == pytest.approx(-0.005 / steep, rel=1e-4)  # -.20123: digits of the STL
+
+
+def test_names_of_balls_and_hollows_are_sizes_too() -> None:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=3.0)
+    solid = fo.Body.from_mesh(ball.vertices, ball.faces, name="ball")
+    for faces in ("sphere radius 3", "F1"):
+        assert np.count_nonzero(fo.Size("d", "movable", faces=faces, each=0.5).offsets(solid)) == len(solid.faces)
+    with pytest.raises(fo.InputError, match="has this name"):
+        fo.Size("d", "movable", faces="sphere radius 4").offsets(solid)

@@ -24,7 +24,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, known_to
 from fcdm_opt.geometry.files import NANOMETRES, STEP
-from fcdm_opt.geometry.naming import names_of_rows, told_element
+from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
@@ -391,8 +391,9 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
         return False
 
     for name in round_ones[:most]:
-        radius = float(name.split()[2])
-        offered((name,), 2.0 * radius if name.startswith("cylinder") else -2.0 * radius, f"diameter {2.0 * radius:.6g}")
+        kind, _, radius, *_ = name.split()
+        width = 2.0 * float(radius)
+        offered((name,), width if kind in ROUND_KINDS[::2] else -width, f"diameter {width:.6g}")
     plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
     over = [
         (abs(float((points[j] - points[i]) @ normals[j])), i, j)
