@@ -38,6 +38,7 @@ AROUND = 4.0  # times the amount so far: how far off what may come too near is l
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
 TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
+OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 ENOUGH = 1e-6  # relative gap with which a bound is left
@@ -295,6 +296,10 @@ class System:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
         return replace(self.task, besides=self.features).meets(q, slack)
 
+    def at_borders(self, q: Array) -> bool:
+        """Tell whether a motion would meet all but for flush contacts that share less than when drawn."""
+        return System(replace(self.task, seats=()), self.features).meets(q, DEFAULT.requirement)
+
     def blocked(self, q: Array) -> set[Parts]:
         """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
         task, own = self.task, {feature.parts for feature in self.features}
@@ -328,10 +333,10 @@ class System:
         never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
         return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
-    def closings(self, q: Array) -> Choices:
+    def closings(self, q: Array, *, shared: bool) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
-        Where no contact is listed and the pair is to touch, any pair may.
+        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may.
         """
         task = self.task
         hosts = [joint.hosts for joint in task.joints]
@@ -339,10 +344,22 @@ class System:
             hosts = [tuple(np.ndindex(task.pair_gaps(q).shape))]
         most = EVERY if task.motion.shifts else NEAREST_WAYS
         groups = [
-            [Rows(-rows.normals, -rows.levels) for parts in own for rows in (self._rows(parts, q, most),)]
-            for own in hosts
-        ]
+            [
+                Rows(-rows.normals, self._over(parts, q, most) - rows.levels if shared else -rows.levels)
+                for parts in own for rows in (self._rows(parts, q, most),)
+            ] for own in hosts
+        ]  # fmt: skip
         return Choices.of(groups, len(task.weights))
+
+    def _over(self, parts: Parts, q: Array, most: int) -> Array:
+        """Return how far flush faces of a part pair must lie over one another, in sizes, along each of its `_rows`."""
+        rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
+        normals, over = rows[np.argsort(-gaps)[:most], :3], np.zeros(min(most, len(gaps)))
+        for seat in self.task.seats:
+            if seat.parts == parts:
+                across = np.abs(normals @ seat.normal) < 1.0 - DEFAULT.nominal
+                over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
+        return over
 
     def at_limits(self, q: Array) -> tuple[str, ...]:
         """Return "a limit" where a parameter is at one."""
@@ -350,8 +367,10 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
+def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, bool]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
+
+    Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
 
     None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
     may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
@@ -374,7 +393,7 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
                     own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q)
                     for k, own in enumerate(systems)
                 ),
-                *(own.closings(first.start if exact else q) for own in closing),
+                *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
             found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
@@ -398,6 +417,8 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
             return None, not all(own.meets(q, DEFAULT.line) for own in systems)
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
+            if exact and not shared and all(own.at_borders(q) for own in systems):
+                return least(systems, shared=True)[0], False
             return None, False
         blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
     return None, False
