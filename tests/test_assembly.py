@@ -555,3 +555,31 @@ def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
     q = np.array([x for own in ours.parameters.values() for x in own.values()])
     assert real.feasible(q)  # by formulas of its own
     assert not real.feasible(q + 1e-4)
+
+
+def test_a_part_that_must_go_round_another_keeps_on_its_face_by_more_than_a_border() -> None:
+    """It was not found: the least motion leaves a foot and its beam no more than an edge, which is no face on face."""
+    boxes = {
+        "tray": ((-8, -4, -1), (8, 4, 0)), "left": ((-4, -1, 0), (-2, 1, 1.25)),
+        "right": ((2, -1, 0), (4, 1, 1.25)), "beam": ((-5, -1, 1.25), (5, 1, 2.25)),
+    }  # fmt: skip
+    parts = {name: fo.Body.convex(block(low, high), seed="box", name=name) for name, (low, high) in boxes.items()}
+    asked = [
+        {"parts": ["left", "tray"], "goal": "touch"}, {"parts": ["beam", "left"], "goal": "at"},
+        {"parts": ["right", "beam"], "goal": "at"}, {"parts": ["right", "tray"], "goal": "clear", "clearance": 0.05},
+    ]  # fmt: skip
+    motions = {"left": X >> Z, "right": X >> Y >> Z, "beam": X >> Z}
+    assembly = fo.Assembly(
+        parts, asked, motions=motions, follows={"beam": "left"}, scales={"tray": 1.01, "right": 1.0168}
+    )
+    solution = fo.solve_assembly(assembly)
+    assert solution.usable
+    # the right foot, too high to be above the tray, goes beyond its end; the beam follows, half of it on the left foot
+    beyond = 8.08 + 0.05 - (3.0 - 1.0168)
+    along = (8.08 + 0.05 - 5.0) / 2.0
+    least = sqrt(beyond**2 + 2.0 * along**2 + 0.005**2 + 0.0055**2)
+    assert solution.amount == pytest.approx(least, rel=1e-6)
+    assert least <= solution.amount
+    assert solution.lower_bound <= least
+    lap = 5.0 + solution.parameters["left"]["TX"] + solution.parameters["beam"]["TX"] - 8.13
+    assert lap > 1e-6

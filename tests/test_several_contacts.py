@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import combinations, product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from ordinary import box
-from scipy.optimize import linprog
+from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation as Turn
 
 import fcdm_opt as fo
@@ -18,6 +21,7 @@ from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.remarks import remarks
 
+CASES = Path(__file__).parent / "cases"
 SHIFTS = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
 
 
@@ -586,3 +590,57 @@ def test_a_flush_contact_is_brought_back_beside_a_wall_that_stands_in_the_way(ga
     assert solution.usable
     assert list(solution.parameters.values()) == pytest.approx([0.01 - gap, 0.0, 0.01], abs=1e-9)
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+# ------------------------------------------------------------------------------------------------- Newton's method
+
+
+def points_on_faces(problem: fo.Problem) -> Any:
+    """Gaps of corners of the static body over faces of the movable one, by motion; not the package's equations."""
+    rho, (own, other) = problem.target, (problem.movable, problem.static)
+    rows = []
+    for feature in problem.contacts:
+        corners = own.vertices[np.array(feature.one.vertices) - 1]
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        n *= np.sign(n @ (corners[0] - own.vertices.mean(axis=0))) / np.linalg.norm(n)
+        point = other.vertices[feature.two.vertices[0] - 1]
+        rows.append((n, own.seed + rho[0] * (corners[0] - own.seed), other.seed + rho[1] * (point - other.seed)))
+
+    def gaps(q: Any) -> Any:
+        T = problem.motion.transform(list(q), own.seed, other.seed)
+        return np.array([T[:3, :3] @ n @ (x - T[:3, :3] @ base - T[:3, 3]) for n, base, x in rows])
+
+    return gaps
+
+
+def starts(count: int) -> Any:
+    return [np.zeros(count), *np.random.default_rng(0).normal(size=(12, count)) * 0.1]
+
+
+def test_a_fit_that_turned_62_times_round_is_found_near_rest() -> None:
+    problem = fo.Problem.from_dict(json.loads((CASES / "hull_on_four_points.json").read_text()))
+    gaps, solution, best = points_on_faces(problem), fo.solve(problem), np.inf
+    for q in starts(4):
+        rules = [
+            {"type": "ineq", "fun": lambda z: gaps(z[:4])},
+            {"type": "ineq", "fun": lambda z: z[4] - gaps(z[:4])},
+        ]
+        found = minimize(lambda z: z[-1], np.append(q, 1.0), constraints=rules, method="SLSQP", options={"ftol": 1e-12})
+        best = min(best, found.x[-1] if gaps(found.x[:4]).min() > -1e-8 else np.inf)
+    assert best == pytest.approx(0.0797288, abs=1e-6)
+    assert solution.usable
+    assert gaps(solution.parameters.values()).max() == pytest.approx(best, abs=1e-7)
+    assert gaps(solution.parameters.values()).min() > -1e-8
+
+
+def test_five_points_whose_newton_steps_went_to_and_fro_are_closed() -> None:
+    problem = fo.Problem.from_dict(json.loads((CASES / "hull_on_five_points.json").read_text()))
+    gaps, solution, best = points_on_faces(problem), fo.solve(problem), np.inf
+    for y in starts(6):
+        closed = {"type": "eq", "fun": lambda y: gaps(y / problem.weights)}
+        found = minimize(lambda y: y @ y, y, constraints=[closed], method="SLSQP", options={"ftol": 1e-14})
+        best = min(best, np.sqrt(found.fun) if np.abs(gaps(found.x / problem.weights)).max() < 1e-8 else np.inf)
+    assert solution.usable
+    assert np.abs(gaps(solution.parameters.values())).max() < 1e-9
+    assert solution.amount == pytest.approx(best, rel=1e-6)
+    assert best == pytest.approx(0.3957943, abs=1e-6)

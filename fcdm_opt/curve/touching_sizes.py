@@ -23,7 +23,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.pruning import region_between
 from fcdm_opt.curve.region import Region
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
 from fcdm_opt.geometry.elements import Element
@@ -134,22 +134,33 @@ class TouchingSizes:
                     f"{turned}: the gap does not change in proportion", key="sizes", found=body.name,
                     allowed='for a stack-up "xyz", or an axis that all faces are along or across; solve takes any',
                 )  # fmt: skip
-            reach = moving.reach(low[own], high[own])
-            if reach[0] < 1.0 and (len(body.parts) > 1 or len(body.parts[0].loops) > MOST_TRIPLES):
-                raise InputError(
-                    f"within these tolerances {reach[1]} is reached, where the body changes its shape",
-                    key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
-                    allowed=f"up to {100.0 * reach[0]:.4g} % of them",
-                )  # fmt: skip
-            corners = _all_corners(moving.parts[0]) if reach[0] < 1.0 else None
-            if corners and _is_lost(moving.parts[0], corners, low[own], high[own]):
-                raise InputError(
-                    f"within these tolerances nothing may be left of body '{body.name}'",
-                    key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
-                )  # fmt: skip
+            reached = moving.reaches(low[own], high[own])
+            reach = min(reached, key=lambda one: one[0])
+            corners: list[_Corners | None] = [None] * len(moving.parts)
+            for k, (part, (factor, where)) in enumerate(zip(moving.parts, reached, strict=True)):
+                if factor >= 1.0:
+                    continue
+                if len(part.faces) > MOST_TRIPLES:
+                    raise InputError(
+                        f"within these tolerances {where} is reached, where the body changes its shape",
+                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
+                        allowed=f"up to {100.0 * factor:.4g} % of them",
+                    )  # fmt: skip
+                own_corners = corners[k] = _all_corners(part)
+                if _is_lost(part, own_corners, low[own], high[own]):
+                    raise InputError(
+                        f"within these tolerances nothing may be left of body '{body.name}'",
+                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
+                    )  # fmt: skip
+            if reach[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
+                with placed(key="sizes.tolerance"):
+                    moving.check(low[own], high[own])
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             carried = ways if role == "movable" else np.zeros_like(ways)
-            posed = [_PosedPart.of(part, own, len(sizes), R, t, corners) for part in moving.parts]
+            posed = [
+                _PosedPart.of(part, own, len(sizes), R, t, its)
+                for part, its in zip(moving.parts, corners, strict=True)
+            ]
             sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
             reaches.append(reach)
             shares.append(np.zeros(len(sizes)))

@@ -24,8 +24,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, known_to
 from fcdm_opt.geometry.files import NANOMETRES, STEP
-from fcdm_opt.geometry.naming import names_of_rows, told_element
-from fcdm_opt.geometry.resizing import Resizing
+from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
+from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.entries import plain_step
@@ -383,15 +383,17 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
 
     def offered(faces: tuple[str, ...], width: float, what: str) -> bool:
         each = 0.5 if width > 0.0 else -0.5
+        asked = Size("width", "movable", faces=faces, each=each)
         with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
-            Resizing.of(body, [Size("width", "movable", faces=faces, each=each)])
+            Resizing.of(fit_for_sizes(body, (asked,)), [asked])
             found.append((faces, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
             return True
         return False
 
     for name in round_ones[:most]:
-        radius = float(name.split()[2])
-        offered((name,), 2.0 * radius if name.startswith("cylinder") else -2.0 * radius, f"diameter {2.0 * radius:.6g}")
+        kind, _, radius, *_ = name.split()
+        width = 2.0 * float(radius)
+        offered((name,), width if kind in ROUND_KINDS[::2] else -width, f"diameter {width:.6g}")
     plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
     over = [
         (abs(float((points[j] - points[i]) @ normals[j])), i, j)

@@ -21,7 +21,7 @@ from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
-from fcdm_opt.geometry.decomposition import Method, decompose
+from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
@@ -487,6 +487,16 @@ class Body(_Sealed, Shown):
     def packed(self) -> tuple[Array, Ints, Ints]:
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
+
+    def by_features(self, rule: int) -> Body:
+        """Return the same solid cut so that each hole, pocket or boss may change its size by itself.
+
+        Only of a body whose own surface is known from a mesh; `rule` as in `partition.RULES`.
+        """
+        mesh = checked_mesh(self.vertices, np.concatenate([np.array(own) for own in self.skin]), name=self.name)
+        made = by_features(mesh, rule)
+        body = Body._made(made.points, list(made.parts), None, self.seed, self.name, surface=made.surface)
+        return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]))
 
     def only(self, rows: Sequence[int]) -> Body:
         """Return the body with some of its parts alone, by number; the whole one stays with it."""

@@ -135,6 +135,18 @@ class Arrangement:
         self.lie_on(points, row)
         return row
 
+    def parallel(self, plane: int, points: tuple[int, int]) -> int:
+        """Return the plane in parallel to another through the middle of two points, added if there is none."""
+        known = np.abs(self.normals @ self.normals[plane]) >= 1.0 - self.slack
+        level = self.local[list(points)].mean(axis=0)
+        known &= np.abs(self.normals @ level - self.levels) <= self.slack
+        if known.any():
+            return int(np.flatnonzero(known)[0])
+        corners = [np.array(self.exact[k]) for k in np.flatnonzero(self.signs[plane] == 0)]
+        one, two = (np.array(self.exact[k]) for k in points)
+        shift = (one + two) / 2 - corners[0]
+        return self.plane([self._placed(tuple(corner + shift)) for corner in corners])
+
     def lie_on(self, points: Sequence[int], plane: int) -> None:
         """Count points as points of a plane."""
         self.signs[plane, list(points)] = 0

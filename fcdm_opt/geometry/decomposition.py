@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
-from fcdm_opt.geometry.partition import RULES, cover, is_star_shaped, merged, partition
+from fcdm_opt.geometry.partition import RULES, cover, is_star_shaped, merged, partition, partition_by_features
 from fcdm_opt.geometry.polygons import Sides, area, components, coplanar, fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids, pyramids
 from fcdm_opt.geometry.surface import Surface
@@ -109,6 +109,20 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     return _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES)
 
 
+def by_features(mesh: Mesh, rule: int) -> Decomposition:
+    """Return the exact partition of a solid in which each of its features may change its size by itself.
+
+    Cuts lie along planes of the feature's own faces, or between features; it may have more parts than others.
+    """
+    solid = _Solid.of(mesh)
+    cells = partition_by_features(solid.space, solid.hull, solid.inner, RULES[rule])
+    if not _fills(mesh, solid.space, cells):
+        raise InputError("no partition by features: the parts' volumes do not add up to the mesh's", key=mesh.name)
+    points, parts = _numbered(solid.space, len(mesh.vertices), cells)
+    why = f"{len(cells)} parts side by side, exactly the solid: cut between its features, which change their sizes"
+    return Decomposition("exact", why, frozen(points), parts, solid.surface(mesh))
+
+
 def _approximated(mesh: Mesh, asked: str) -> Decomposition:
     points, parts, deviation = approximate(mesh)
     out, short = deviation
@@ -148,9 +162,7 @@ def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool) -> Decompos
     chosen = covering or best
     why = f"{len(chosen)} parts {kind}, exactly the solid: {known}, {reason}"
     points, parts = _numbered(space, len(mesh.vertices), chosen)
-    planes = np.array([2 * facet.plane + (facet.side > 0) for facet in solid.facets])
-    surface = Surface.of(mesh.vertices, mesh.triangles, planes)
-    return Decomposition("exact", why, frozen(points), parts, surface, covering is not None)
+    return Decomposition("exact", why, frozen(points), parts, solid.surface(mesh), covering is not None)
 
 
 def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Array, tuple[Ints, ...]]:
@@ -215,6 +227,11 @@ class _Solid(NamedTuple):
         border = space.signs[whole.planes] == 0
         inner = [facet for facet in facets if not border[:, facet.loop].all(axis=1).any()]
         return cls(space, facets, space.pruned(whole), inner)
+
+    def surface(self, mesh: Mesh) -> Surface:
+        """Return the true faces and edges of the mesh."""
+        planes = np.array([2 * facet.plane + (facet.side > 0) for facet in self.facets])
+        return Surface.of(mesh.vertices, mesh.triangles, planes)
 
 
 def _reflex_edges(mesh: Mesh, used: Ints) -> int:

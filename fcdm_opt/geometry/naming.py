@@ -27,6 +27,8 @@ ASLANT = 0.2  # component of a normal from which on a face looks along that axis
 ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z: below, above."""
 SIDES = tuple(side for pair in ENDS for side in pair)
+ROUND_KINDS = ("cylinder", "bore", "sphere", "hollow", "cone", "countersink")
+"""Kinds of round faces: outside and inside ones in turn."""
 
 Label = tuple[int, ...]
 

@@ -86,6 +86,49 @@ def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rul
     return found
 
 
+def partition_by_features(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule) -> list[Cell]:
+    """Return what `partition` does, of cells that are first divided along planes that cut no facet.
+
+    So the walls of one hole, pocket or boss are cut along by no plane of another's, and each can move by itself.
+    """
+    found: list[Cell] = []
+    stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]
+    while stack:
+        cell, facets = stack.pop()
+        plane = _dividing_plane(space, cell, facets)
+        if plane is None:
+            found += merged(space, partition(space, cell, facets, rule))
+            continue
+        low, high, _ = space.split_facets(facets, plane)
+        stack += [(child, its) for child, its in zip(space.split(cell, plane), (low, high), strict=True) if child]
+    return found
+
+
+def _dividing_plane(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> int | None:
+    """Return a plane parallel to a wall of a cell that cuts no facet and has facets on both sides; None without one.
+
+    The one in the middle of the widest room between facets, else one that facets only touch.
+    """
+    if len(facets) < 2:
+        return None
+    loops = np.concatenate([facet.loop for facet in facets])
+    starts = np.cumsum([0] + [len(facet.loop) for facet in facets[:-1]])
+    best: tuple[float, int, int, int] | None = None
+    for wall in cell.planes.tolist():
+        heights = space.heights(loops, wall)
+        low, high = (end.reduceat(heights, starts) for end in (np.minimum, np.maximum))
+        order = np.argsort(low, kind="stable")
+        top = np.maximum.accumulate(high[order])
+        rooms = low[order][1:] - top[:-1]
+        # facets that lie in the plane are on neither side of it
+        rooms[(top[:-1] - low[order][0] <= space.slack) | (high.max() - low[order][1:] <= space.slack)] = -np.inf
+        k = int(rooms.argmax())
+        if rooms[k] >= -space.slack and (best is None or rooms[k] > best[0] + space.slack):
+            ends = [int(loops[np.abs(heights - level).argmin()]) for level in (top[k], low[order][k + 1])]
+            best = float(rooms[k]), wall, *ends
+    return None if best is None else space.parallel(best[1], best[2:])
+
+
 def inner_edges(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
     """Return the facets at each edge inside a cell."""
     around: dict[Edge, list[Facet]] = {}

@@ -7,20 +7,29 @@ how the part stands as long as no corner crosses a facet that it is not on (`Res
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import combinations
+from functools import cached_property, lru_cache
+from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.crossings import first_crossing
+from fcdm_opt.geometry.measures import norms, volume_and_centroid
+from fcdm_opt.geometry.partition import RULES
+from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.surface import Surface, rims
 from fcdm_opt.tolerances import DEFAULT
 
+HARDLY = 1e-3  # of a body's size: a small change of a length
+MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
+FEW = 4  # corners of a box of sizes that tell whether cuts follow
 MOST_AT_A_CORNER = 24  # facets of a corner that splits: all their triples are kept
 
 
@@ -100,11 +109,12 @@ class Resizing:
         shares = _shares(body, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
         turns = turns + shares[:, None, None] * np.eye(3)
-        parts = tuple(_moving(body, k, sizes, lone, turns) for k in range(len(body.parts)))
+        facets = _facets(body, sizes, lone)
+        parts = tuple(_moving(body, k, sizes, own, turns) for k, own in enumerate(facets))
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
-    def reach(self, low: Array, high: Array) -> tuple[float, str]:
-        """Return by what factor a box of sizes about 0 may be widened until a face vanishes, and where it does.
+    def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
+        """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
 
         Parameters
         ----------
@@ -113,22 +123,34 @@ class Resizing:
 
         Returns
         -------
-        factor : float
-            The parts keep their faces, and which of them meet, for sizes of less than this times the box.
-        where : str
-            The face that would be reached first.
+        list of (float, str)
+            The part keeps its facets, and which of them meet, for sizes of less than the first times the box; the face
+            that would be reached first.
         """
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-        least, where = np.inf, ""
+        found = []
         for own in self.parts:
             depth, change = own.slack
             loss = -np.minimum(change * low, change * high).sum(axis=2)
             with np.errstate(divide="ignore"):
                 factor = np.where(loss > 0.0, depth / np.where(loss > 0.0, loss, 1.0), np.inf)
-            if factor.size and factor.min() < least:
-                facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
-                least, where = float(factor.min()), self.named(own, facet)
-        return least, where
+            facet = int(np.unravel_index(factor.argmin(), factor.shape)[1])
+            found.append((float(factor.min()), self.named(own, facet)))
+        return found
+
+    def reach(self, low: Array, high: Array) -> tuple[float, str]:
+        """Return the least of all parts'."""
+        return min(self.reaches(low, high), key=lambda own: own[0])
+
+    def check(self, low: Array, high: Array, most: int = 64) -> None:
+        """Refuse a box of sizes at corners of which the body has another shape; so many at most are looked at."""
+        count = len(self.sizes)
+        ends = (
+            np.array(list(product((0, 1), repeat=count))) if 2**count <= most
+            else np.random.default_rng(0).integers(0, 2, (most, count))
+        )  # fmt: skip
+        for values in low + (high - low) * ends:
+            _corners_made(self, values)
 
     def named(self, own: MovingPart, facet: int) -> str:
         """Return the face of the body that a facet of a part belongs to, in words."""
@@ -147,6 +169,30 @@ class Resizing:
                 if bad.size:
                     return f"size '{size.name}' turns {self.named(own, int(bad[0]))}"
         return ""
+
+
+@lru_cache(maxsize=16)
+def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
+    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features.
+
+    All over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says why.
+    """
+    lengths = [size for size in sizes if size.is_length]
+    if not lengths or body.hollow or not body.skin or len(body.parts) == 1:
+        return body
+    near = (-HARDLY * body.size, HARDLY * body.size)
+    boxes = dict.fromkeys([tuple(size.tolerance or near for size in lengths), (near,) * len(lengths)])
+    rules = range(len(RULES) if sum(map(len, body.skin)) <= MOST_FOR_RULES else 1)
+    for low, high in (np.array(box).T for box in boxes):
+        for rule in (None, *rules):
+            with suppress(InputError):
+                cut = body if rule is None else _by_features(body, rule)
+                Resizing.of(cut, lengths).check(low, high, FEW)
+                return cut
+    return body
+
+
+_by_features = lru_cache(maxsize=16)(Body.by_features)
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -195,8 +241,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
         turns = Resizing.of(body, (size,)).inclined() and any(own.is_length and x for own, x in made.items())
         return None if turns else (body.vertices - body.seed) @ size.directions()
     moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
-    rows = _kept_numbers(moving, np.ones(1))
-    return None if rows is None else rows - moving.body.vertices
+    kept = _kept_numbers(moving, np.ones(1), {})
+    return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
 
 
 def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
@@ -216,76 +262,120 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
     return scaled
 
 
-def _offset(moving: Resizing, values: Array) -> Body:
+class _Corners(NamedTuple):
+    """Corners of a body's parts at given sizes.
+
+    Attributes
+    ----------
+    points : list of (m, 3) arrays
+        Of each part.
+    rows : (n, 3) array
+        Vertices of the body under their labels; empty where a corner splits, or a convex body has other edges.
+    parts : list of lists of int
+        Rows of each part.
+    surface : Surface or None
+        Of a solid whose own surface is known.
+    """
+
+    points: list[Array]
+    rows: Array
+    parts: list[list[int]]
+    surface: Surface | None
+
+
+def _corners_made(moving: Resizing, values: Array) -> _Corners:
     body, near = moving.body, DEFAULT.planarity * moving.body.size
-    found, whole = [], True
-    for own in moving.parts:
+    found, changed, split = [], dict[int, Array](), False
+    for k, own in enumerate(moving.parts):
         depth, change = own.slack
         inside = depth + change @ values
         low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
         points = own.at(values)
-        kept: Flags = np.ones(len(points), bool)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
-            kept = np.asarray((np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1))
+            points = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
         if low.min() <= near:
-            facet, outer = int(low.argmin()), len(moving.parts) == 1
-            points, kept = _intersected(moving, own, values, facet) if outer else (points, kept)
-            if not outer:
-                raise _vanished(moving, own, facet, values)
-            whole = False
-        whole &= not own.split.any()
-        found.append(points[kept])
-    rows = _kept_numbers(moving, values) if whole else None
-    if rows is None:
-        return replace(Body.from_parts(found, seed=body.seed, name=body.name), deviation=body.deviation)
+            points = changed[k] = _intersected(moving, own, values, int(low.argmin()))
+        split |= bool(own.split.any())
+        found.append(points)
+    numbered = _kept_numbers(moving, values, changed) if not (split or (changed and len(found) == 1)) else None
+    if numbered is None:
+        return _Corners(found, np.empty((0, 3)), [], None)
+    surface = None
+    if body.skin and len(found) > 1:
+        with _at(moving, values):
+            surface = _surface(body, numbered[0])
+            _check_filled(body, found, surface)
+    return _Corners(found, *numbered, surface)
+
+
+def _offset(moving: Resizing, values: Array) -> Body:
+    body, (points, rows, parts, surface) = moving.body, _corners_made(moving, values)
+    if not parts:
+        return replace(Body.from_parts(points, seed=body.seed, name=body.name), deviation=body.deviation)
     if len(body.parts) == 1:
         part = body.parts[0]
-        moved = part.vertices + moving.parts[0].moves[_firsts(moving.parts[0])] @ values
-        return replace(body, vertices=frozen(rows), parts=(part.placed(moved, body.seed),))
-    index = {tuple(point): k for k, point in reversed(list(enumerate(body.vertices.tolist())))}
-    parts = [[index[tuple(point)] for point in part.vertices.tolist()] for part in body.parts]
-    names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
-    try:
-        if body.skin:
-            counts, triangles = list(map(len, body.skin)), np.concatenate([np.array(own) for own in body.skin])
-            surface = Surface.of(rows, triangles, np.repeat(np.arange(len(counts)), counts))
+        return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
+    with _at(moving, values):
+        if surface is not None:
             made = Body._made(rows, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
-            _apart(body, made, near)
         else:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
+    return replace(made, notes=body.notes, deviation=body.deviation)
+
+
+@contextmanager
+def _at(moving: Resizing, values: Array) -> Iterator[None]:
+    """Say of a body that is refused meanwhile at which sizes it was made."""
+    try:
+        yield
     except InputError as reason:
+        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
-        raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-    return replace(made, notes=body.notes, skin=body.skin, deviation=body.deviation)
+        raise InputError(what, key=f"body '{moving.body.name}'", found=names, allowed="smaller deviations") from reason
 
 
-def _apart(body: Body, made: Body, near: float) -> None:
-    """Refuse parts that lie in one another and did not as drawn: faces on two sides of a room have met."""
-    low, high = (np.array([end(part.vertices, axis=0) for part in made.parts]) for end in (np.min, np.max))
-    for i, j in combinations(range(len(made.parts)), 2):
-        if (np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])).min() <= near:
-            continue
-        if _share_more(made.parts[i], made.parts[j], near) and not _share_more(body.parts[i], body.parts[j], near):
-            raise InputError(f"material meets across a room, at {_facing(made, (i, j))}")
+def _surface(body: Body, rows: Array) -> Surface:
+    """Return the surface of a solid whose corners are elsewhere; refuse it where faces meet others than as drawn."""
+    from manifold3d import triangulate
+
+    normals, triangles = body.face_planes[0], list[Ints]()
+    for face, own in enumerate(body.skin):
+        own_corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
+        flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
+        loops = [[v for v in loop if v in own_corners] for loop in rims(own)]
+        places = np.concatenate(loops)
+        triangles.append(places[np.array(triangulate([rows[loop] @ flat.T for loop in loops]))])
+    found, owners = np.concatenate(triangles), np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
+    corners = rows[found]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = (across * normals[owners]).sum(axis=1) / 2.0
+    broad = np.flatnonzero(areas > DEFAULT.planarity * body.size**2)
+    crossing = first_crossing(rows / body.size, found[broad], DEFAULT.planarity)
+    if crossing is not None:
+        one, two = sorted(owners[broad[[crossing.one, crossing.two]]].tolist())
+        raise InputError(f"faces meet otherwise than as drawn: F{one + 1}, F{two + 1}")
+    if len(broad) < len(areas):
+        face = int(owners[areas.argmin()])
+        gone = np.bincount(owners, areas)[face] <= DEFAULT.planarity * body.size**2
+        raise InputError(f"face F{face + 1} {'vanishes' if gone else 'meets itself'}")
+    return Surface.of(rows, found, owners)
 
 
-def _share_more(one: ConvexPart, two: ConvexPart, near: float) -> bool:
-    """Tell whether two parts share a ball larger than `near`."""
-    for own, other in ((one, two), (two, one)):
-        if ((own.normals @ other.vertices.T).min(axis=1) - own.levels).max() >= -near:
-            return False
-    return _ball(np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels]))[1] > near
+def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
+    """Refuse corners of parts side by side that no longer fill the solid's surface, as they do as drawn."""
+    from scipy.spatial import ConvexHull
 
-
-def _facing(made: Body, pair: tuple[int, int]) -> str:
-    """Name the faces of two parts that look at each other and have crossed least."""
-    one, two = (made.parts[k] for k in pair)
-    crossed = -(one.levels[:, None] + two.levels[None])
-    crossed[(one.normals @ two.normals.T > DEFAULT.nominal - 1.0) | (crossed > 0.0)] = -np.inf
-    places = np.unravel_index(crossed.argmax(), crossed.shape)
-    found = {face for part, k in zip(pair, places, strict=True) for face in made.facet_faces[part][k]}
-    return "faces " + ", ".join(f"F{face + 1}" for face in sorted(found)) if np.isfinite(crossed.max()) else "no face"
+    drawn, made = (
+        (sum(float(ConvexHull(points - points[0]).volume) for points in own), volume_and_centroid(corners)[0])
+        for own, corners in (
+            ([part.vertices for part in body.parts], body.vertices[np.concatenate(list(map(np.array, body.skin)))]),
+            (parts, surface.points[surface.triangles]),
+        )
+    )
+    near = DEFAULT.nominal * drawn[1]
+    if abs(drawn[0] - drawn[1]) <= near < abs(made[0] - made[1]):
+        raise InputError("the parts that it is cut into no longer fill it")
 
 
 def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
@@ -296,11 +386,14 @@ def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> I
     return InputError(what, key=f"body '{moving.body.name}'", found=names, allowed=allowed)
 
 
-def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> tuple[Array, Flags]:
-    """Return the corners of a convex body some of whose edges are others than as drawn; refuse it if a face is none."""
+def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> Array:
+    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left.
+
+    Of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges.
+    """
     from scipy.spatial import HalfspaceIntersection, QhullError
 
-    part, centre = own.part, own.part.vertices.mean(axis=0)
+    part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     middle, radius = _ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
@@ -309,11 +402,11 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
         shape = HalfspaceIntersection(np.column_stack([part.normals, -levels]), middle)
     except QhullError as reason:
         raise _vanished(moving, own, facet, values) from reason
-    points = shape.intersections
-    on = (np.abs(points @ part.normals.T - levels) <= DEFAULT.nominal * moving.body.size).sum(axis=0)
-    if on.min() < 3:
-        raise _vanished(moving, own, int(on.argmin()), values)
-    return points + centre, np.ones(len(points), bool)
+    on = np.abs(shape.intersections @ part.normals.T - levels) <= near
+    if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
+        raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
+    held = np.unique(on, axis=0)
+    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
 
 
 def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
@@ -330,32 +423,58 @@ def _firsts(own: MovingPart) -> Ints:
     return np.unique(own.vertices, return_index=True)[1]
 
 
-def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
-    """Return all vertices of the body at given sizes under their labels; None where parts do not agree on one."""
-    body = moving.body
-    near, rows = DEFAULT.planarity * body.size, {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
-    twice = len(rows) < len(body.vertices)
-    new, known = body.vertices.copy(), np.zeros(len(body.vertices), bool)
-    for own in moving.parts:
+def _kept_numbers(
+    moving: Resizing, values: Array, changed: Mapping[int, Array]
+) -> tuple[Array, list[list[int]]] | None:
+    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits.
+
+    All keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners of
+    parts that changed are given.
+    """
+    body, corners = moving.body, {label - 1 for label in moving.body.corners}
+    drawn = dict[tuple[float, ...], list[int]]()
+    for row, point in enumerate(map(tuple, body.vertices.tolist())):
+        drawn.setdefault(point, []).append(row)
+    new, known = list(body.vertices), set[int]()
+
+    def numbered(place: Array, rows: list[int], near: float) -> int:
+        for row in rows:
+            if np.abs(new[row] - place).max() <= near:
+                return row
+        new.append(place)
+        rows.append(len(new) - 1)
+        return rows[-1]
+
+    parts, near = list[list[int]](), DEFAULT.planarity * body.size
+    for k, own in enumerate(moving.parts):
+        parts.append([])
+        if k in changed:
+            continue
         moves = own.moves[_firsts(own)] @ values
-        for point, move in zip(own.part.vertices.tolist(), moves, strict=True):
-            same = np.flatnonzero((body.vertices == point).all(axis=1)).tolist() if twice else [rows[tuple(point)]]
-            for row in same:
-                if known[row] and np.abs(new[row] - point - move).max() > near:
+        for point, move in zip(map(tuple, own.part.vertices.tolist()), moves, strict=True):
+            place, rows = np.array(point) + move, drawn[point]
+            for row in rows:
+                if row not in known and row < len(body.vertices):
+                    new[row] = place
+                    known.add(row)
+                elif row in corners and np.abs(new[row] - place).max() > near:
                     return None
-                new[row], known[row] = point + move, True
+            parts[k].append(numbered(place, rows, near))
     normals, offsets = body.face_planes[0], moving.faces @ values
-    for row in sorted({label - 1 for face in body.faces for label in face}):
-        if not known[row]:  # where parts that overlap cross: by the faces that meet there
-            around = [k for k, face in enumerate(body.faces) if row + 1 in face]
-            move, _, rank, _ = np.linalg.lstsq(normals[around], offsets[around])
-            if rank < 3 or np.abs(normals[around] @ move - offsets[around]).max() > near:
-                return None
-            new[row], known[row] = new[row] + move, True
-    for row in np.flatnonzero(~known).tolist():  # no corner of any part: with the nearest one
-        nearest = np.flatnonzero(known)[np.linalg.norm(body.vertices[known] - body.vertices[row], axis=1).argmin()]
+    for row in sorted(corners - known):  # where parts that overlap cross, or changed: by the faces that meet there
+        around = [body.face_rows[face] for face in body.faces_with((row + 1,))]
+        move = _agree(normals[around], offsets[around])
+        if move is None or np.linalg.matrix_rank(normals[around]) < 3:
+            return None
+        new[row] = new[row] + move
+        known.add(row)
+    for row in sorted(set(range(len(body.vertices))) - known):  # no corner of any part: with the nearest one
+        nearest = min(known, key=lambda k: float(norms(body.vertices[k] - body.vertices[row])))
         new[row] = new[nearest]
-    return new
+    every = [*known, *range(len(body.vertices), len(new))]
+    for k, points in changed.items():
+        parts[k] = [numbered(place, every, DEFAULT.nominal * body.size) for place in points]
+    return np.array(new), parts
 
 
 # ------------------------------------------------------------------------------------------------------- moving parts
@@ -374,9 +493,10 @@ def _shares(body: Body, offsets: Array) -> Array:
     return shares
 
 
-def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, turns: Array) -> MovingPart:
-    part = body.parts[place]
-    faces, lengths = _facets(body, place, sizes, face_offsets)
+def _moving(
+    body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, Array], turns: Array
+) -> MovingPart:
+    part, (faces, lengths) = body.parts[place], facets
     offsets = lengths + np.einsum("fx,kxy,fy->fk", part.normals, turns, part.bases - body.seed)
     vertex = np.concatenate([np.array(loop) for loop in part.loops])
     facet = np.repeat(np.arange(len(part.loops)), [len(loop) for loop in part.loops])
@@ -389,9 +509,9 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array, 
     vertices, split, apart = simple, np.zeros(len(part.vertices), bool), []
     for v in np.flatnonzero(counts > 3).tolist():
         around = facet[order][starts[v] : starts[v] + counts[v]]
-        n, g = part.normals[around], lengths[around]
-        whole = np.linalg.lstsq(n, g)[0]
-        if np.abs(n @ whole - g).max(initial=0.0) <= DEFAULT.planarity * max(1.0, np.abs(g).max(initial=0.0)):
+        n = part.normals[around]
+        whole = _agree(n, lengths[around])
+        if whole is not None:
             own = _fan(around, n)
             its = np.repeat(whole[None], len(own), axis=0)
         else:
@@ -424,36 +544,123 @@ def _fan(around: Ints, normals: Array) -> Ints:
     return np.array([[ring[0], ring[k], ring[k + 1]] for k in range(1, len(ring) - 1)])
 
 
-def _facets(body: Body, place: int, sizes: Sequence[Size], face_offsets: Array) -> tuple[Ints, Array]:
-    """Return the face that each facet of a part moves with, and how far outward by size, (f, k)."""
-    part, (normals, points) = body.parts[place], body.face_planes
-    faces, moved = np.full(len(part.loops), -1), np.zeros((len(part.loops), len(sizes)))
-    loose = []
-    for k, loop in enumerate(part.loops):
-        own, side = list(body.facet_faces[place][k]), np.ones((1, 1))
-        if not own:  # a cut: it moves with the faces in its plane, whichever side they look to
-            n = part.normals[k]
-            flat = np.abs((points - part.vertices[loop[0]]) @ n) <= DEFAULT.nominal * body.size
-            own = np.flatnonzero(flat & (np.abs(np.abs(normals @ n) - 1.0) <= DEFAULT.nominal)).tolist()
-            side = np.sign(normals[own] @ n)[:, None]
-        if not own:
-            loose.append(k)
-            continue
-        offsets = side * face_offsets[own]
-        wrong = np.abs(offsets - offsets[0]).max(axis=0) > DEFAULT.nominal if len(own) > 1 else np.zeros(1, bool)
-        if wrong.any():
-            names = ", ".join(f"F{face + 1}" for face in own)
-            raise InputError(
-                f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
-                key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
-                allowed="all of these faces, or none",
-            )  # fmt: skip
-        faces[k], moved[k] = own[0], offsets[0]
-    if loose and moved.any():
-        k = int(np.flatnonzero(moved.any(axis=0))[0])
-        face = int(faces[np.flatnonzero(moved[:, k])[0]])
+class _Cut(NamedTuple):
+    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along.
+
+    Attributes
+    ----------
+    normal : (3,) array
+    facets : list of (int, int, float)
+        Part, facet of it, and 1 or -1: whether it looks along the normal.
+    elements : list of tuples of int
+        Labels of the solid's corners and edges that the piece's corners lie on.
+    """
+
+    normal: Array
+    facets: list[tuple[int, int, float]]
+    elements: list[tuple[int, ...]]
+
+
+@lru_cache(maxsize=16)
+def _cuts(body: Body) -> list[_Cut]:
+    """Return the cuts between a body's parts."""
+    near, where, rows = DEFAULT.nominal, list[tuple[int, int]](), list[Array]()
+    for place, (part, owners) in enumerate(zip(body.parts, body.facet_faces, strict=True)):
+        where += [(place, k) for k, own in enumerate(owners) if not own]
+        rows += [np.append(part.normals[k], part.levels[k] / body.size) for k, own in enumerate(owners) if not own]
+    if not rows:
+        return []
+    planes = np.array(rows)
+    polygons = [body.parts[place].vertices[list(body.parts[place].loops[k])] for place, k in where]
+    links = []
+    for i, plane in enumerate(planes[:-1]):
+        for j in i + 1 + np.flatnonzero(np.abs(planes[i + 1 :] + plane).max(axis=1) <= near):
+            one, two = (polygons[k] / body.size for k in (i, j))
+            if area(inside(one, two, -plane[:3])) > near:
+                links.append((i, j))
+    groups = groups_of(components(np.array(links, np.int64).reshape(-1, 2), len(where)))
+    found = []
+    for group in map(np.ndarray.tolist, groups):
+        sides = np.sign(planes[group, :3] @ planes[group[0], :3]).tolist()
+        own = {
+            body.parts[place].elements["V"][v].vertices: None
+            for place, k in (where[row] for row in group) for v in body.parts[place].loops[k]
+        }  # fmt: skip
+        facets = [(*where[row], side) for row, side in zip(group, sides, strict=True)]
+        found.append(_Cut(planes[group[0], :3], facets, list(own)))
+    return found
+
+
+def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tuple[Ints, Array]]:
+    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k).
+
+    A cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all.
+    """
+    normals, points = body.face_planes
+    found = []
+    for part, owners in zip(body.parts, body.facet_faces, strict=True):
+        faces, moved = np.full(len(part.loops), -1), np.zeros((len(part.loops), len(sizes)))
+        for k, own in enumerate(map(list, owners)):
+            if own:
+                _check_one_plane(body, sizes, own, face_offsets[own])
+                faces[k], moved[k] = own[0], face_offsets[own[0]]
+        found.append((faces, moved))
+    for cut in _cuts(body):
+        ways = []
+        for labels in cut.elements:
+            rows = [body.face_rows[face] for face in body.faces_with(labels)]
+            across, off = _combined(normals[rows], cut.normal), face_offsets[rows]
+            if across is not None and _agree(normals[rows], off) is not None:
+                ways.append(across @ off)
+        if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
+            offset = ways[0]
+        else:
+            place, k, _ = cut.facets[0]
+            level = points @ cut.normal - body.parts[place].vertices[body.parts[place].loops[k][0]] @ cut.normal
+            along = normals @ cut.normal
+            own = np.flatnonzero(
+                (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
+            ).tolist()
+            if ways and not own:
+                raise _loose(body, sizes, np.array(ways), cut)
+            offsets = np.sign(along[own])[:, None] * face_offsets[own]
+            _check_one_plane(body, sizes, own, offsets)
+            offset = offsets[0] if own else np.zeros(len(sizes))
+        for place, k, side in cut.facets:
+            found[place][1][k] = side * offset
+    return found
+
+
+def _combined(normals: Array, normal: Array) -> Array | None:
+    """Return factors of normals, (m, 3), that add up to a normal; None where it is not among their sums."""
+    if not len(normals):
+        return None
+    factors: Array = np.linalg.lstsq(normals.T, normal)[0]
+    return factors if np.abs(factors @ normals - normal).max() <= DEFAULT.nominal else None
+
+
+def _agree(normals: Array, offsets: Array) -> Array | None:
+    """Return how a point on faces moves as they do, (3, k); None where it does not stay one point."""
+    move: Array = np.linalg.lstsq(normals, offsets)[0]
+    off = np.abs(normals @ move - offsets).max(initial=0.0)
+    return move if off <= DEFAULT.planarity * max(1.0, float(np.abs(offsets).max(initial=0.0))) else None
+
+
+def _check_one_plane(body: Body, sizes: Sequence[Size], faces: Sequence[int], offsets: Array) -> None:
+    wrong = np.ptp(offsets, axis=0) > DEFAULT.nominal if len(faces) > 1 else np.zeros(1, bool)
+    if wrong.any():
+        names = ", ".join(f"F{face + 1}" for face in faces)
         raise InputError(
-            f"body '{body.name}' is cut beside face F{face + 1} along no face's plane: the cut cannot move with it",
-            key=f"size '{sizes[k].name}'.faces", found=f"F{face + 1}", allowed="a scale, or faces away from such a cut",
+            f"body '{body.name}' is cut along the plane of faces {names}, which would no longer be one plane",
+            key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
+            allowed="all of these faces, or none",
         )  # fmt: skip
-    return faces, moved
+
+
+def _loose(body: Body, sizes: Sequence[Size], ways: Array, cut: _Cut) -> InputError:
+    size = sizes[int(np.ptp(ways, axis=0).argmax())]
+    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own in cut.elements for label in own))
+    return InputError(
+        f"body '{body.name}' is cut along a plane through {corners}, which this size would take out of it",
+        key=f"size '{size.name}'.faces", found=size.faces, allowed="a scale, or faces away from such a cut",
+    )  # fmt: skip

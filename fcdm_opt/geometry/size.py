@@ -12,17 +12,17 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, numbers
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import names_of_rows
+from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 SELECTORS = (
-    '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a cylinder all '
+    '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a round face all '
     'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
     "facets of a cylinder)"
 )
-NAMED = re.compile(r"(top|bottom|left|right|front|back|(cylinder|bore) radius \S+( no\. [0-9]+)?)")
+NAMED = re.compile(rf"{'|'.join(SIDES)}|({'|'.join(ROUND_KINDS)}) radius \S+( to \S+)?( no\. [0-9]+)?")
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
 
@@ -40,9 +40,10 @@ class Size(Plain):
     body : "movable" or "static"
         Of an `Assembly` the name of a part.
     faces : selector or sequence of selectors, optional
-        Outward normal ("+x"), a label or name that `fcdm-opt faces` lists ("F3", "top", "bore radius 8": all facets),
-        {"through": (x, y, z)}, a point of the face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a
-        cylinder. A normal that faces in several planes have is refused.
+        Outward normal ("+x"), a label or name that `fcdm-opt faces` lists ("F3", "top", "bore radius 8",
+        "cone radius 4 to 8"; of a round face, by name or label, all facets), {"through": (x, y, z)}, a point of the
+        face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in
+        several planes have is refused.
     each : number or sequence of numbers, optional
         Outward offset of the faces of each selector a unit of the size: 0.5 and 0.5 for a width between two faces.
         Default 1, for a single selector.
@@ -242,7 +243,8 @@ class Size(Plain):
             row = int(selector[1:]) - 1
             if row >= len(normals):
                 raise self._refused("no such face", key, selector, f"F1 to F{len(normals)}")
-            return np.array([row])
+            names = names_of_rows(body)  # a facet of a round face means all of it, as it is listed
+            return np.array([k for k, name in enumerate(names) if name == names[row]])
         if isinstance(selector, str):
             n = np.array(AXES[selector[1]]) * (1.0 if selector[0] == "+" else -1.0)
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
@@ -254,7 +256,10 @@ class Size(Plain):
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
             beside = np.abs(normals @ axis) <= near
-            rows = np.flatnonzero(beside & (level >= ROUND * radius) & (level <= (1.0 + DEFAULT.snap) * radius))
+            most = (1.0 + DEFAULT.snap) * radius
+            rows = np.flatnonzero(beside & (level >= ROUND * radius) & (level <= most))
+            off = np.linalg.norm(np.cross(body.vertices - np.array(selector["around"]), axis), axis=1)
+            rows = np.array([k for k in rows.tolist() if off[np.array(body.faces[k]) - 1].max() <= most], np.int64)
             if rows.size:
                 return rows
         if not rows.size:

@@ -66,10 +66,9 @@ class Surface:
             for face in beside:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
-        ways: list[set[tuple[int, int]]] = [set() for _ in faces]
-        for a, b, face in zip(sides.origin.tolist(), sides.end.tolist(), owners[sides.face].tolist(), strict=True):
-            ways[face].add((a, b))
-        outlines = tuple(_outline(own, face) for own, face in zip(ways, faces, strict=True))
+        order = np.argsort(owners, kind="stable")
+        own = np.split(triangles[order], np.cumsum(np.bincount(owners))[:-1])
+        outlines = tuple(_outline(some.tolist(), face) for some, face in zip(own, faces, strict=True))
         rows = np.array(list(edges), np.int64).reshape(-1, 2)
         return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
 
@@ -177,14 +176,35 @@ class Surface:
         return on, on & (share >= -room) & (share <= 1 + room)
 
 
-def _outline(sides: set[tuple[int, int]], corners: Rows) -> Rows:
+def rims(triangles: Iterable[Rows]) -> list[list[int]]:
+    """Return the loops in which the border of triangles of one face passes rows, holes clockwise.
+
+    Where loops touch in a row they are one that passes it more than once.
+    """
+    ways = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
+    ahead = defaultdict[int, list[int]](list)
+    for a, b in sorted(ways, reverse=True):
+        if (b, a) not in ways:
+            ahead[a].append(b)
+    loops = []
+    while ahead:
+        first = min(ahead)
+        loop, row = [], first
+        while row in ahead:
+            loop.append(row)
+            after = ahead[row].pop()
+            if not ahead[row]:
+                del ahead[row]
+            row = after
+        loops.append(loop)
+    return loops
+
+
+def _outline(triangles: Iterable[Rows], corners: Rows) -> Rows:
     """Return corners in the order in which the rim of triangles passes them; as they are where it is not one loop."""
-    rim = [(a, b) for a, b in sides if (b, a) not in sides]
-    ahead, kept = dict(rim), set(corners)
-    loop = [corners[0]]
-    while len(loop) < len(rim) and ahead.get(loop[-1], loop[0]) != loop[0]:
-        loop.append(ahead[loop[-1]])
-    return tuple(v for v in loop if v in kept) if len(loop) == len(ahead) == len(rim) else corners
+    loops, kept = rims(triangles), set(corners)
+    loop = tuple(v for v in loops[0] if v in kept)
+    return loop if len(loops) == 1 and len(set(loop)) == len(loop) else corners
 
 
 def label(rows: Iterable[int]) -> tuple[int, ...]:

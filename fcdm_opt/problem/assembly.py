@@ -20,7 +20,7 @@ from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
@@ -142,7 +142,10 @@ class Assembly:
         name: str = "",
         unit: str = "",
     ) -> None:
-        bodies = _bodies(parts)
+        bodies = {
+            part: fit_for_sizes(body, tuple(size for size in sizes if size.body == part))
+            for part, body in _bodies(parts).items()
+        }
         moved = _by_part(motions, "motions", bodies)
         for part, motion in moved.items():
             if not isinstance(motion, Motion) or not motion.parameters:

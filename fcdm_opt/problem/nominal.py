@@ -120,14 +120,21 @@ class NominalContact:
         return frozen(self._asked_pair if self.snapped is None else self.snapped.pair)
 
     @cached_property
+    def _touches(self) -> bool:
+        """Whether there is a contact: on the curve, or one that all sizes have, with both seeds in its plane."""
+        if self.nominal_contact is not None:
+            return True
+        return self.goal != "beyond" and abs(float(self.curve.gap(self.nominal_pair))) <= self.contact_slack
+
+    @cached_property
     def nominal_seats(self) -> tuple[Flush, ...]:
-        """The flush contacts at the nominal pair, tracked or besides; none off the curve."""
-        return () if self.nominal_contact is None else self.curve.flush(self.nominal_pair)
+        """The flush contacts at the nominal pair, tracked or besides; none where the bodies do not touch there."""
+        return self.curve.flush(self.nominal_pair) if self._touches else ()
 
     @cached_property
     def nominal_joints(self) -> tuple[Joint, ...]:
-        """Every contact of the nominal position, each feature once; none off the curve."""
-        if self.nominal_contact is None:
+        """Every contact of the nominal position, each feature once; none where the bodies do not touch there."""
+        if not self._touches:
             return ()
         return joints(self.movable, self.static, self.nominal_pair, DEFAULT.snap * self.size)
 
@@ -247,7 +254,7 @@ class NominalContact:
     def check_goal(self, target: Array, signs: Array) -> None:
         """Refuse a goal that tracks this contact but cannot; `signs` of the target pair as `Problem.signs`."""
         goal = self.goal
-        if self.nominal_contact is None:
+        if self.nominal_contact is None and not self.contacts:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)
             near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"

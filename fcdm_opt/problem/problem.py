@@ -23,7 +23,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Screw
 from fcdm_opt.plain import plain
@@ -367,6 +367,7 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
         **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
         "keep_out": keep_outs(asked.keep_out),
+        **{role: fit_for_sizes(getattr(asked, role), own) for role, own in _sizes_of(asked.sizes).items()},
     }
     parts = _parts_made(request)
     if parts and asked.contacts is not None:
@@ -391,7 +392,8 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     steps = asked.resolution
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
-    several = contact.chosen_contacts(asked.contacts)
+    everywhere = contact.goal in ("at", "seat") and contact.nominal_contact is None  # at all sizes, if at all
+    several = contact.chosen_contacts("all" if everywhere and asked.contacts is None else asked.contacts)
     if contact.goal == "seat" and contact.movable.whole is not None and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
@@ -465,7 +467,12 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
 
 def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:
     """Return the deviations of the sizes of either body."""
-    return {role: {size: values[size.name] for size in sizes if size.body == role} for role in ("movable", "static")}
+    return {role: {size: values[size.name] for size in own} for role, own in _sizes_of(sizes).items()}
+
+
+def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
+    """Return the sizes of either body."""
+    return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,6 +35,11 @@ MOST_NODES, FARTHEST = 2000, 1e6
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
 AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
+WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
+TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
+SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
+OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
+OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 ENOUGH = 1e-6  # relative gap with which a bound is left
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
@@ -255,6 +260,12 @@ class System:
         slopes += [task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns]
         return np.array(values), np.where(self.moving, np.array(slopes) / task.weights, 0.0)
 
+    def misfit(self, z: Array) -> float:
+        """Return the largest gap of a motion, in sizes, where all fit; what overlaps or is not aligned counts more."""
+        values, count = self.linearised(self.q(z))[0], len(self.features)
+        gaps, aligned = values[:count], np.abs(values[count:]).max(initial=0.0)
+        return float(max(gaps.max(), 0.0) + OVERLAP_COUNTS * (max(-gaps.min(), 0.0) + aligned))
+
     def limits(self) -> Rows:
         """Return the limits as rows over z."""
         task = self.task
@@ -284,6 +295,10 @@ class System:
     def meets(self, q: Array, slack: float) -> bool:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
         return replace(self.task, besides=self.features).meets(q, slack)
+
+    def at_borders(self, q: Array) -> bool:
+        """Tell whether a motion would meet all but for flush contacts that share less than when drawn."""
+        return System(replace(self.task, seats=()), self.features).meets(q, DEFAULT.requirement)
 
     def blocked(self, q: Array) -> set[Parts]:
         """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
@@ -318,10 +333,10 @@ class System:
         never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
         return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
-    def closings(self, q: Array) -> Choices:
+    def closings(self, q: Array, *, shared: bool) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
-        Where no contact is listed and the pair is to touch, any pair may.
+        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may.
         """
         task = self.task
         hosts = [joint.hosts for joint in task.joints]
@@ -329,10 +344,22 @@ class System:
             hosts = [tuple(np.ndindex(task.pair_gaps(q).shape))]
         most = EVERY if task.motion.shifts else NEAREST_WAYS
         groups = [
-            [Rows(-rows.normals, -rows.levels) for parts in own for rows in (self._rows(parts, q, most),)]
-            for own in hosts
-        ]
+            [
+                Rows(-rows.normals, self._over(parts, q, most) - rows.levels if shared else -rows.levels)
+                for parts in own for rows in (self._rows(parts, q, most),)
+            ] for own in hosts
+        ]  # fmt: skip
         return Choices.of(groups, len(task.weights))
+
+    def _over(self, parts: Parts, q: Array, most: int) -> Array:
+        """Return how far flush faces of a part pair must lie over one another, in sizes, along each of its `_rows`."""
+        rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
+        normals, over = rows[np.argsort(-gaps)[:most], :3], np.zeros(min(most, len(gaps)))
+        for seat in self.task.seats:
+            if seat.parts == parts:
+                across = np.abs(normals @ seat.normal) < 1.0 - DEFAULT.nominal
+                over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
+        return over
 
     def at_limits(self, q: Array) -> tuple[str, ...]:
         """Return "a limit" where a parameter is at one."""
@@ -340,8 +367,10 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
+def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, bool]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
+
+    Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
 
     None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
     may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
@@ -349,7 +378,7 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
     touching = [own for own in systems if own.task.must_touch and not own.features]
-    moving = systems[0].moving
+    moving, share, last = systems[0].moving, 1.0, np.zeros(len(z))
     for _ in range(STEPS):
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
@@ -364,11 +393,16 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
                     own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q)
                     for k, own in enumerate(systems)
                 ),
-                *(own.closings(first.start if exact else q) for own in closing),
+                *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
             found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
             return None, sure and complete
+        if not exact:  # what the equations leave free is taken less of where it goes to and fro
+            onto = -np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            along = found - z - onto
+            share /= 2.0 if along @ last < -TO_AND_FRO * last @ last < 0.0 else 1.0
+            found, last = z + onto + share * along, along
         step, z = float(np.abs(found - z).max()), found
         if step > CONTRACTED and not exact:
             continue
@@ -383,8 +417,10 @@ def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
             return None, not all(own.meets(q, DEFAULT.line) for own in systems)
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
+            if exact and not shared and all(own.at_borders(q) for own in systems):
+                return least(systems, shared=True)[0], False
             return None, False
-        blocked |= more
+        blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
     return None, False
 
 
@@ -577,33 +613,48 @@ def _fitted(task: Task) -> Answer:
     z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
     none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
-    blocked = set[Parts]()
-    for _ in range(STEPS):
+    blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
+    standing = np.inf if exact else own.misfit(z)
+    for _ in range(STEPS if exact else 2 * STEPS):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
         aligned = slopes[count:], slopes[count:] @ z - values[count:]
-        choices, kept = own.ways_apart(sorted(blocked), own.q(z)), own.limits()
+        choices, near = own.ways_apart(sorted(blocked), own.q(z)), own.limits()
+        if not exact:
+            near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
+        kept = near
         if blocked:
             ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, choices)
             if ways is None:
                 return none if complete else failed
             kept = kept.and_also(ways.normals, ways.levels)
         fun = _least_gap(gaps, rates, aligned, kept)
+        if fun is None and not exact and trusted < FARTHEST:  # so far what overlaps cannot be undone
+            trusted *= 4.0
+            continue
         if fun is None:
             return replace(none, active=_overlapping(gaps, rates))
         largest = max(fun, 0.0) + DEFAULT.tie
-        rows = own.limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
+        rows = near.and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
         found, _ = _nearest(*aligned, rows, choices)
         if found is None:
             return failed
-        step, z = float(np.abs(found - z).max()), found
+        step = float(np.abs(found - z).max())
+        if not exact and step > SHORT_STEP and own.misfit(found) > standing:
+            trusted = step / 4.0
+            continue
+        turned = not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0  # to and fro about the least gap
+        trusted = min(trusted, step / 2.0) if turned else trusted
+        last, z, standing = found - z, found, np.inf if exact else own.misfit(found)
+        if turned and step <= SETTLED:
+            step = 0.0
         if not exact and step > CONTRACTED:
             continue
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
-        blocked |= more
+        blocked, standing = blocked | more, np.inf  # what keeps clear of more may fit less
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=("parts overlap besides these contacts",))
