@@ -153,9 +153,10 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
         pacing.at("judging the motion found")
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
         watch.lap("prove")
+        solution = inside_fit(solution)
         certificate = verify(solution)
         watch.lap("verify")
-        return inside_fit(solution.with_certificate(certificate, watch.seconds))
+        return solution.with_certificate(certificate, watch.seconds)
 
 
 def _least_motion(task: Task, model: str) -> Answer:

@@ -21,6 +21,7 @@ from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
@@ -492,7 +493,7 @@ class _Judge:
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
             Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
             _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
-            Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
+            self._status(state),
         ]
         if self.outside is not None:
             least = max(gap, 0.0) - self.limit
@@ -616,16 +617,18 @@ class _Judge:
             return "unknown"
         return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
 
-    def _agrees(self, state: str) -> bool:
-        """Whether the status says what was found."""
-        status = self.solution.status
-        if status is Status.SOLVED:
-            return state != "overlapping"
-        if status is Status.PAIR_OVERLAPS:
-            return state == "overlapping"
-        if status is Status.ALREADY_SATISFIED:
-            return not self.q.any()
-        return True
+    def _status(self, state: str) -> Check:
+        """Check that the status says what was found: how the pair is, and whether the motion leaves the fit."""
+        status, outside = self.solution.status, outside_fit(self.solution)
+        said = {
+            Status.SOLVED: state != "overlapping",
+            Status.PAIR_OVERLAPS: state == "overlapping",
+            Status.ALREADY_SATISFIED: not self.q.any(),
+        }
+        agrees = said.get(status, True) and (outside is (status is Status.OUTSIDE_FIT) or status is Status.NOT_VERIFIED)
+        where = "leaves" if outside else "stays in"
+        note = f"{status.name}, the pair is {state}, the motion {where} the fit"
+        return Check("status", agrees, self.pair_gap, self.limit, note)
 
     def _tracked(self, s: Array, poses: Array) -> Array:
         """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.
