@@ -54,7 +54,7 @@ def outside_fit(solution: Solution) -> bool:
     return known and leaves_fit(solution.problem, tuple(solution.parameters.values()))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     """Tell whether a motion leaves the fit in which a problem's parts are drawn."""
     q, bodies = np.array(parameters), (problem.movable, problem.static)
@@ -122,7 +122,7 @@ def _parts_pass(problem: Problem, T: Array) -> bool:
     if any(body.hollow or body.whole for body in bodies) or len(bodies[0].parts) * len(bodies[1].parts) > FEW:
         return True
     slack, drawn, made = DEFAULT.side * problem.size, *(relative_pose(*bodies, pose) for pose in (REST, T))
-    obstacles = [(two, *(_placed(two, rho) for rho in sizes[:, 1])) for two in bodies[1].parts]
+    obstacles = [(two, _placed(two, sizes[0, 1]), _placed(two, sizes[1, 1])) for two in bodies[1].parts]
     for one in bodies[0].parts:
         rest, end = (_placed(one, rho) for rho in sizes[:, 0])
         end = end @ T[:3, :3].T + T[:3, 3]
