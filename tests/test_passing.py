@@ -33,7 +33,7 @@ def drawn(name: str, **more: Any) -> fo.Body:
     return fo.Body.from_file(CASES / f"{name}.off", unit="mm", **more)
 
 
-def cylinder(radius: float, low: float, high: float, sides: int = 64, turn: float = 0.0, top: float | None = None) -> Any:
+def cylinder(radius: float, low: float, high: float, sides: int = 64, turn: float = 0.0, top: Any = None) -> Any:
     solid = Manifold.cylinder(high - low, radius, radius if top is None else top, sides)
     return solid.rotate([0.0, 0.0, turn]).translate([0.0, 0.0, low])
 
@@ -126,9 +126,8 @@ def test_a_split_joint_kept_as_surfaces_was_drawn_through_itself(decomposition: 
     """Round knobs in round sockets, as jigsaw pieces have: larger than these they go nowhere in the plane."""
 
     def knob(radius: float, neck: float) -> Manifold:
-        return cylinder(radius, 0.0, 5.0, 24).translate([0.0, 6.0, 0.0]) + Manifold.cube([2 * neck, 6.0, 5.0]).translate(
-            [-neck, 0.0, 0.0]
-        )
+        bar = Manifold.cube([2.0 * neck, 6.0, 5.0]).translate([-neck, 0.0, 0.0])
+        return cylinder(radius, 0.0, 5.0, 24).translate([0.0, 6.0, 0.0]) + bar
 
     lower = Manifold.cube([30.0, 10.0, 5.0]).translate([-15.0, -10.0, 0.0]) + knob(4.0, 2.0)
     upper = Manifold.cube([30.0, 20.0, 5.0]).translate([-15.0, 0.05, 0.0]) - knob(4.1, 2.1)
