@@ -61,7 +61,7 @@ def test_points_are_located_exactly_on_edges_walls_and_corners():
 
 def test_a_point_by_one_digit_off_a_slanted_face_is_on_its_side():
     body = fo.Body.convex([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], seed=(0, 0, 0))
-    third = np.full(3, 0.25) + [0, 0, 0.25]  # on x + y + z = 1 exactly
+    third = np.array([0.25, 0.25, 0.5])  # on x + y + z = 1 exactly
     points = np.array([third, np.nextafter(third, 0), np.nextafter(third, 1)])
     assert contains(body, points).tolist() == [False, True, False]
 
