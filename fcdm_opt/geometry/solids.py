@@ -192,6 +192,14 @@ def _cross(u: list[Fraction], v: list[Fraction]) -> list[Fraction]:
     return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 
 
+def kept_as_surface(*bodies: Body) -> bool:
+    """Tell whether the parts of some bodies leave out what is inside their solids, or some of the parts are left out.
+
+    Then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`.
+    """
+    return any(body.hollow or body.whole is not None for body in bodies)
+
+
 def contains(body: Body, points: Array) -> Flags:
     """Tell which points, (m, 3) in the frame of the drawing, lie inside the solid: exactly, and not on its surface."""
     own = solid_surface(body)
@@ -209,10 +217,17 @@ class PlacedSolids:
     rho : (2,) array
     transform : (4, 4) array
         Pose change of body 1.
+
+    Attributes
+    ----------
+    complete : bool
+        Whether the bodies given have all of their parts.
+    size : float
+        Largest extent of either.
     """
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
-        self._own = solid_surface(movable), solid_surface(static)
+        self._own, self.complete = (solid_surface(movable), solid_surface(static)), movable.whole is static.whole is None
         away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
         self._points = rho[0] * self._own[0].points @ transform[:3, :3].T + away, rho[1] * self._own[1].points
         self._corners = tuple(points[own.triangles] for own, points in zip(self._own, self._points, strict=True))
@@ -246,6 +261,24 @@ class PlacedSolids:
                     where = self._located(two, self._corners[one][own].mean(axis=1))
                 found += bool(where.inside.any()) and not ((where.winding <= 0) & ~where.on).any()
         return found
+
+    def gap(self, of_parts: float, slack: float = 0.0) -> float:
+        """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.
+
+        Parameters
+        ----------
+        of_parts : float
+            That of the convex parts of the bodies given, which have all of their surface, or some of it.
+        slack : float
+            Length up to which solids whose surfaces meet are taken to touch.
+        """
+        if of_parts < -slack or self.nested:
+            return -max(self.depth, -of_parts, np.finfo(float).tiny)
+        if self.complete:  # parts that keep apart, or touch, have all of the surfaces
+            return of_parts
+        if self.distance > slack:
+            return min(of_parts, self.distance)
+        return -self.depth if self.depth > max(slack, DEFAULT.tie * self.size) else min(of_parts, 0.0)
 
     def inside(self, which: int, points: Array) -> Flags:
         """Tell which points lie inside solid 0, the movable one, or 1, the static one."""
@@ -313,11 +346,11 @@ class PlacedSolids:
         least = np.einsum("ij,ij->i", away, away)
         first = corners[:, 0] - point
         most = np.sqrt(np.einsum("ij,ij->i", first, first).min())
-        wide = 1.0 + DEFAULT.nominal
-        nearest = float(norms(point - _nearest(point, corners[least <= wide * most**2])).min())
-        near = corners[least <= wide * (nearest + more) ** 2]
+        slack = DEFAULT.weld * self.size
+        nearest = float(norms(point - _nearest(point, corners[least <= (most + slack) ** 2])).min())
+        near = corners[least <= (nearest + more + slack) ** 2]
         far = norms(point - _nearest(point, near))
-        kept = far <= wide * (nearest + more)
+        kept = far <= nearest + more + slack
         return near[kept], far[kept]
 
     def _deepest(self, point: Array, value: float) -> float:
