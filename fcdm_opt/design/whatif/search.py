@@ -163,7 +163,7 @@ class ClashSearch:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
         solution = solve(problem, certify=certify, effort="proved" if certify else "quick")
-        if solution.verified:
+        if solution.usable:
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
         return solution
@@ -176,7 +176,7 @@ class ClashSearch:
 
     def feasible(self, names: Names) -> bool:
         """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
-        return any(names <= kept for kept in self.kept) or self.alone(names).verified
+        return any(names <= kept for kept in self.kept) or self.alone(names).usable
 
     def smallest(self, whole: Solution) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
@@ -242,8 +242,8 @@ class ClashSearch:
         name = constraint.name
         others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
         dropped = self.alone(others)
-        common = LeastRelaxation(name=name, cures=dropped.verified, unit=constraint.unit, solution=dropped)
-        if not dropped.verified:
+        common = LeastRelaxation(name=name, cures=dropped.usable, unit=constraint.unit, solution=dropped)
+        if not dropped.usable:
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
             note = f"without it: {dropped.status.name}"
             return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
@@ -252,7 +252,7 @@ class ClashSearch:
         if constraint.unit == "halvings":  # what coarser steps reach finer ones reach too; which are tried is sampled
             for count in range(1, MOST_HALVINGS + 1):
                 finer, _ = self._relaxed(constraint, count)
-                if finer.verified:
+                if finer.usable:
                     return replace(common, by=float(count), failing=count - 1.0, solution=finer)
             return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
         return self._bracketed(constraint, common)
@@ -261,7 +261,7 @@ class ClashSearch:
         """Return the answer with a constraint relaxed, and by how much it is passed; infinite without a motion."""
         relaxed = constraint.changed(self.problem, by)
         solution = self.solved(relaxed.changed(**changes) if changes else relaxed)
-        return solution, excesses(self.problem, solution)[constraint.name] if solution.verified else math.inf
+        return solution, excesses(self.problem, solution)[constraint.name] if solution.usable else math.inf
 
     def _bracketed(self, constraint: Constraint, common: LeastRelaxation) -> LeastRelaxation:
         """Narrow in the least relaxation between one that does and one that does not.
@@ -284,7 +284,7 @@ class ClashSearch:
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
                 solution, passed = self._relaxed(constraint, by)
-                if solution.verified:
+                if solution.usable:
                     best, best_by = solution, by
                     high = max(min(by, passed), low)
                     step = near if high < by - near else math.inf
@@ -300,7 +300,7 @@ class ClashSearch:
             solution, passed = self._relaxed(constraint, by)
             if solution.status is Status.INFEASIBLE:
                 impossible = by
-            if not solution.verified:
+            if not solution.usable:
                 break
             best, best_by = solution, by  # so that what failed above it was missed by the solver
             high = min(by, passed)
@@ -308,7 +308,7 @@ class ClashSearch:
         for by in (high, min(high + fuzz, constraint.most)):  # at the very limit there may be no room for rounding
             if best_by > by:
                 solution, _ = self._relaxed(constraint, by)
-                if solution.verified:
+                if solution.usable:
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
@@ -340,7 +340,7 @@ class ClashSearch:
 
         def can(share: float) -> bool:
             solutions[share] = self.solved(deviating(self.problem, share))
-            return solutions[share].verified
+            return solutions[share].usable
 
         name, note = "deviation from nominal", "sampled"
         tried = next((k for k in range(SHARES - 1, 0, -1) if can(k / SHARES)), 0)
