@@ -227,7 +227,7 @@ class PlacedSolids:
     """
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
-        self._own, self.complete = (solid_surface(movable), solid_surface(static)), movable.whole is static.whole is None
+        self._own, self.complete = tuple(map(solid_surface, (movable, static))), movable.whole is static.whole is None
         away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
         self._points = rho[0] * self._own[0].points @ transform[:3, :3].T + away, rho[1] * self._own[1].points
         self._corners = tuple(points[own.triangles] for own, points in zip(self._own, self._points, strict=True))

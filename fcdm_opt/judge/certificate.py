@@ -177,7 +177,7 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
 
 
 def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit: float) -> float:
-    """Return the signed distance of two solids of which some are kept as surfaces, minus their depth where they overlap.
+    """Return the signed distance of two solids, some kept as surfaces: minus their depth where they overlap.
 
     Whether they do is told by the parts near each other, and by what winds round what.
     """
