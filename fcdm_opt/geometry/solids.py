@@ -28,6 +28,7 @@ TURN_ERROR, HEIGHT_ERROR = (3.0 + 16.0 * EPSILON) * EPSILON, (7.0 + 56.0 * EPSIL
 """Of determinants of two and three rows of differences, relative to the sum of their products (Shewchuk 1997)."""
 STARTS, STEPS, ROWS = 3, 40, 1000  # of the search for the deepest point: places, steps from each, rows of a program
 FEW = 64  # points for each of which all triangles are looked at
+REACHED = 0.9  # of the way to the surface, by convex bodies inside
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
 
 
@@ -207,6 +208,29 @@ def contains(body: Body, points: Array) -> Flags:
     return found.inside if own.closed else np.asarray(found.winding > 0)
 
 
+def convex_inside(body: Body, point: Array) -> Body:
+    """Return a convex body with the same seed inside a body's solid, about a point inside it in the drawing's frame.
+
+    Of all that is nearer to the point than planes across the shortest ways from there to the surface, which it does not
+    reach: what touches the solid from outside does not touch this.
+    """
+    from scipy.spatial import HalfspaceIntersection
+
+    own = solid_surface(body)
+    corners, place = own.points[own.triangles], point - body.seed
+    ways = _nearest(place, corners) - place
+    order, planes = np.argsort(norms(ways), kind="stable"), list[Array]()
+    ahead = np.ones(len(order), bool)
+    for k in order.tolist():
+        if ahead[k]:
+            far = float(norms(ways[k]))
+            plane = np.append(ways[k] / far, -float(ways[k] @ place) / far - REACHED * far)
+            planes.append(plane)
+            ahead &= (corners @ plane[:3]).min(axis=1) < -plane[3]
+    inside = HalfspaceIntersection(np.array(planes), place).intersections
+    return Body.convex(np.unique(inside, axis=0) + body.seed, seed=body.seed, name=f"inside {body.name}")
+
+
 class PlacedSolids:
     """Two whole solids at a scale pair and pose, in lengths from the static seed.
 
@@ -249,18 +273,35 @@ class PlacedSolids:
         return sum(self._within(one, two) for one, two in ((0, 1), (1, 0)))
 
     def _within(self, one: int, two: int) -> int:
-        low, high = self._points[two].min(axis=0), self._points[two].max(axis=0)
-        found = 0
-        for rows in self._own[one].shells:
-            points = self._points[one][rows]
-            if ((points >= low) & (points <= high)).all():
-                first = self._located(two, points[:1])
-                where = first if first.winding[0] <= 0 and not first.on[0] else self._located(two, points)
-                if where.on.all():
-                    own = np.isin(self._own[one].triangles[:, 0], rows)
-                    where = self._located(two, self._corners[one][own].mean(axis=1))
-                found += bool(where.inside.any()) and not ((where.winding <= 0) & ~where.on).any()
-        return found
+        return sum(self._holds(two, one, rows) for rows in self._own[one].shells)
+
+    def _holds(self, which: int, other: int, rows: Ints) -> bool:
+        """Tell whether a closed surface of the other solid, rows of its points, lies inside a solid."""
+        low, high, points = self._points[which].min(axis=0), self._points[which].max(axis=0), self._points[other][rows]
+        if not ((points >= low) & (points <= high)).all():
+            return False
+        where = self._located(which, points[:1])
+        if where.winding[0] <= 0 and not where.on[0]:
+            return False
+        where = self._located(which, points)
+        if where.on.all():
+            own = np.isin(self._own[other].triangles[:, 0], rows)
+            where = self._located(which, self._corners[other][own].mean(axis=1))
+        return bool(where.inside.any()) and not ((where.winding <= 0) & ~where.on).any()
+
+    def within_static(self) -> Array | None:
+        """Return a point of a closed surface of body 1 that lies inside body 2, deep in it; None where none does.
+
+        The middle of its box, or that of its corners which is the furthest from the surface of body 2.
+        """
+        found = [self._points[0][rows] for rows in self._own[0].shells if self._holds(1, 0, rows)]
+        if not found:
+            return None
+        points = found[0][:: max(1, len(found[0]) // FEW)]
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        if self.inside(1, middle[None])[0]:
+            return middle
+        return np.asarray(points[np.argmax([self._near(1, own, 0.0)[1].min() for own in points])])
 
     def gap(self, of_parts: float, slack: float = 0.0) -> float:
         """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.
