@@ -25,6 +25,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.facets import facets_of
+from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.judge.passing import passes
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds
 from fcdm_opt.problem.problem import Problem
@@ -191,7 +192,10 @@ def _comes_off(problem: Problem, T: Array) -> bool:
     if not length > GROWTH * change:
         return False
     deep = _depth(drawn[0], drawn[1], ahead)
-    return deep > GROWTH * change and _depth(end, others, ahead) <= LEFT * deep
+    if not deep > GROWTH * change or _depth(end, others, ahead) > LEFT * deep:
+        return False
+    overlap = PlacedSolids(*drawn_bodies(problem), problem.nominal_pair, REST).depth  # to be taken apart by the motion
+    return deep > GROWTH * (change + overlap)
 
 
 def _barred(

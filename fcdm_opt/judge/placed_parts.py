@@ -11,7 +11,8 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.judge.certificate import judged_gaps, verify
+from fcdm_opt.geometry.solids import kept_as_surface
+from fcdm_opt.judge.certificate import judged_gaps, solids_gap, verify
 from fcdm_opt.judge.engagement import leaves_fit
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
@@ -53,8 +54,11 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
     for one, two in assembly.pairs():
-        rho = np.array([[scales[one], scales[two]]])
-        gap = judged_gaps(scaled_pair(made[one], made[two]), rho, _seen(poses, one, two), limit)[0]
+        bodies, rho, seen = (made[one], made[two]), np.array([scales[one], scales[two]]), _seen(poses, one, two)
+        if kept_as_surface(*bodies):
+            gap = solids_gap(*bodies, rho, seen, limit)
+        else:
+            gap = judged_gaps(scaled_pair(*bodies), rho[None], seen, limit)[0]
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
     left = out_of_place(solution, poses)
     told = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)

@@ -96,7 +96,7 @@ def conflicts(
     Raises
     ------
     InputError
-        For a problem that has a motion: `drop` tells what its constraints cost.
+        For a problem that has a motion which stays in the fit: `drop` tells what its constraints cost.
     """
     known = problem if isinstance(problem, Solution) else None
     problem = problem_of(problem)
@@ -104,7 +104,7 @@ def conflicts(
         arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
-    if whole.verified:
+    if whole.usable:
         what = "the problem has a motion: nothing clashes"
         allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
         raise InputError(what, key="problem", found=f"{whole.status.name}, amount {whole.amount:.6g}", allowed=allowed)

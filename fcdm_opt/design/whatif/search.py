@@ -146,7 +146,7 @@ class ClashSearch:
         self.problem = problem
         self.constraints = constraints(problem)
         self.names: Names = frozenset(one.name for one in self.constraints)
-        self.solves = 0
+        self.solves, self.inside = 0, False  # inside: a motion that leaves the fit is none, as there always is one
         self.kept: list[Names] = []  # of each motion found, what it keeps
         self._asked: dict[Names, Solution] = {}
         weaker = {one.name: one.includes for one in self.constraints}
@@ -163,10 +163,14 @@ class ClashSearch:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
         solution = solve(problem, certify=certify, effort="proved" if certify else "quick")
-        if solution.verified:
+        if self.does(solution):
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
         return solution
+
+    def does(self, solution: Solution) -> bool:
+        """Tell whether an answer is a motion that counts."""
+        return solution.usable if self.inside else solution.verified
 
     def alone(self, names: Names) -> Solution:
         """Return the answer with these constraints alone."""
@@ -176,7 +180,7 @@ class ClashSearch:
 
     def feasible(self, names: Names) -> bool:
         """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
-        return any(names <= kept for kept in self.kept) or self.alone(names).verified
+        return any(names <= kept for kept in self.kept) or self.does(self.alone(names))
 
     def smallest(self, whole: Solution) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
@@ -184,7 +188,8 @@ class ClashSearch:
         Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
         before those that include them.
         """
-        self._asked[self.names] = whole
+        self._asked[self.names], self.inside = whole, whole.verified
+        self.kept = [] if self.inside else self.kept
         for size in range(len(self.chains) + 1):
             clashing: list[Names] = []
             for names in self._sets(size):
@@ -242,8 +247,8 @@ class ClashSearch:
         name = constraint.name
         others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
         dropped = self.alone(others)
-        common = LeastRelaxation(name=name, cures=dropped.verified, unit=constraint.unit, solution=dropped)
-        if not dropped.verified:
+        common = LeastRelaxation(name=name, cures=self.does(dropped), unit=constraint.unit, solution=dropped)
+        if not self.does(dropped):
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
             note = f"without it: {dropped.status.name}"
             return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
@@ -252,7 +257,7 @@ class ClashSearch:
         if constraint.unit == "halvings":  # what coarser steps reach finer ones reach too; which are tried is sampled
             for count in range(1, MOST_HALVINGS + 1):
                 finer, _ = self._relaxed(constraint, count)
-                if finer.verified:
+                if self.does(finer):
                     return replace(common, by=float(count), failing=count - 1.0, solution=finer)
             return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
         return self._bracketed(constraint, common)
@@ -261,7 +266,7 @@ class ClashSearch:
         """Return the answer with a constraint relaxed, and by how much it is passed; infinite without a motion."""
         relaxed = constraint.changed(self.problem, by)
         solution = self.solved(relaxed.changed(**changes) if changes else relaxed)
-        return solution, excesses(self.problem, solution)[constraint.name] if solution.verified else math.inf
+        return solution, excesses(self.problem, solution)[constraint.name] if self.does(solution) else math.inf
 
     def _bracketed(self, constraint: Constraint, common: LeastRelaxation) -> LeastRelaxation:
         """Narrow in the least relaxation between one that does and one that does not.
@@ -284,7 +289,7 @@ class ClashSearch:
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
                 solution, passed = self._relaxed(constraint, by)
-                if solution.verified:
+                if self.does(solution):
                     best, best_by = solution, by
                     high = max(min(by, passed), low)
                     step = near if high < by - near else math.inf
@@ -300,7 +305,7 @@ class ClashSearch:
             solution, passed = self._relaxed(constraint, by)
             if solution.status is Status.INFEASIBLE:
                 impossible = by
-            if not solution.verified:
+            if not self.does(solution):
                 break
             best, best_by = solution, by  # so that what failed above it was missed by the solver
             high = min(by, passed)
@@ -308,7 +313,7 @@ class ClashSearch:
         for by in (high, min(high + fuzz, constraint.most)):  # at the very limit there may be no room for rounding
             if best_by > by:
                 solution, _ = self._relaxed(constraint, by)
-                if solution.verified:
+                if self.does(solution):
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
@@ -340,7 +345,7 @@ class ClashSearch:
 
         def can(share: float) -> bool:
             solutions[share] = self.solved(deviating(self.problem, share))
-            return solutions[share].verified
+            return self.does(solutions[share])
 
         name, note = "deviation from nominal", "sampled"
         tried = next((k for k in range(SHARES - 1, 0, -1) if can(k / SHARES)), 0)
