@@ -17,17 +17,16 @@ import numpy as np
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.placed_parts import verify_assembly
+from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.judge.placed_parts import placed, verify_assembly
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.assembly import Assembly, JoinedPair
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.solution import EFFORTS, Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.stages.together import all_at_once
 from fcdm_opt.tolerances import DEFAULT
-
-CLEAR = {"goal": "clear"}
 
 
 def solve_assembly(
@@ -104,7 +103,7 @@ class _Solving:
                 break
             pairs += more
         took = {"solve": perf_counter() - start}
-        found = self._reported(groups, q)
+        found = placed(self._reported(groups, q))
         start = perf_counter()
         judged = found.with_certificate(verify_assembly(found))
         return replace(judged, seconds={**took, "verify": perf_counter() - start})
@@ -146,7 +145,7 @@ class _Solving:
         contacts = {}
         for pair, problem in zip(group, problems, strict=True):
             if pair in assembly.contacts:
-                own = reported(problem, Task.of(problem), replace(answer, unique=0.0))
+                own = inside_fit(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
                 contacts[pair[:2]] = own.with_certificate(verify(own), {})
         return _Met(answer.status, q, answer.lower_bound, told, answer.active, contacts)
 

@@ -9,6 +9,8 @@ from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError, expected
 from fcdm_opt.judge.certificate import verify
@@ -19,7 +21,7 @@ from fcdm_opt.model.templates import building
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import AT_ONCE, more_parts
+from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
 from fcdm_opt.problem.solution import EFFORTS, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
@@ -27,6 +29,7 @@ from fcdm_opt.stages.order import STAGES, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone
 
+MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
 
@@ -88,7 +91,24 @@ def _solved_all(problem: Problem, how: _How) -> Solution:
     asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
     if how.seconds is not None:
         how = how._replace(seconds=how.seconds / len(asked))
-    return _least_of([_with_all_that_matters(one, how) for one in asked])
+    return _least_of([_outside_of_solids(one, how) for one in asked])
+
+
+def _outside_of_solids(problem: Problem, how: _How) -> Solution:
+    """Return the solution with what is inside of solids that are kept as surfaces, where it is needed."""
+    asked, solution = problem, _with_all_that_matters(problem, how)
+    for _ in range(MOST_INSIDES):
+        lies = None if pacing.over() or solution.transform is None else with_insides(problem, solution.transform)
+        if lies is None:
+            break
+        problem, solution = lies, _with_all_that_matters(lies, how)
+    if problem is asked:
+        return solution
+    modelled = solution.problem
+    if modelled.movable.whole is not None:
+        asked = asked.with_parts((np.array(modelled.movable.rows), np.array(modelled.static.rows)))
+    solution = inside_fit(replace(solution, problem=asked, evidence=None))
+    return solution.with_certificate(verify(solution), solution.seconds)
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
@@ -153,9 +173,10 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
         pacing.at("judging the motion found")
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
         watch.lap("prove")
+        solution = inside_fit(solution)
         certificate = verify(solution)
         watch.lap("verify")
-        return inside_fit(solution.with_certificate(certificate, watch.seconds))
+        return solution.with_certificate(certificate, watch.seconds)
 
 
 def _least_motion(task: Task, model: str) -> Answer:

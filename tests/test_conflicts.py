@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,14 @@ from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
 
+CASES = Path(__file__).parent / "cases"
 X, Y = Translation("x"), Translation("y")
 
 
@@ -453,3 +456,12 @@ def test_results_are_plain_data():
     assert data["constraints"] == names(found.problem)
     assert "clash: " in str(found)
     assert named(found.problem, "upper limit of TX").value == 2.0
+
+
+def test_parts_that_do_not_fit_were_said_to_clash_with_nothing():
+    """Three teeth, .005 too wide together: `solve` says that they do not fit, and no constraint is in the way."""
+    comb, slots = (Body.from_file(CASES / f"{name}.off", unit="mm") for name in ("comb", "comb_slots"))
+    asked = Problem(comb, slots, target=(1, 1), goal="clear", motion=Translation("z"))
+    assert solve(asked).status is Status.OUTSIDE_FIT
+    found = conflicts(asked)
+    assert [(clash.names, clash.status) for clash in found.clashes] == [((), Status.OUTSIDE_FIT)]

@@ -283,7 +283,7 @@ def test_what_is_not_looked_at_is_not_denied_and_what_is_deepest_is_said(tmp_pat
         + "\n".join(" ".join(map(str, row)) for row in rows)
     )
     small = box(tmp_path / "small.off", (2.0, 2.0, 2.0), (3.0, 0.0, 1.5))
-    assert "overlap by 0.5 mm, at the deepest pair of convex parts" in drafted(two, small, tmp_path)[0]
+    assert "overlap by 0.5 mm: no shorter shift takes them apart" in drafted(two, small, tmp_path)[0]
 
 
 def test_the_label_of_a_round_face_filled_a_page(tmp_path: Path) -> None:

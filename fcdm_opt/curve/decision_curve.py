@@ -32,6 +32,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
+from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
@@ -331,6 +332,8 @@ class DecisionCurve(Shown):
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
         penetration depth where they overlap), least over the pairs; never more than the distance. Pairs of a union
         count with that along the axes, their diagonals, or from middle to middle of the two parts where it is more.
+        Bodies kept as surfaces count as the solids that they are: one inside the other overlaps it, and depths are
+        those of `geometry.solids.PlacedSolids.depth`, no less than that of any pair.
 
         Parameters
         ----------
@@ -351,6 +354,8 @@ class DecisionCurve(Shown):
         near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
         for k in np.flatnonzero(positive & (np.abs(gaps) <= near)) if settled else ():  # rounding would decide
             gaps[k] = self._exact_gap(flat[k], near[k])
+        for k in np.flatnonzero(positive) if kept_as_surface(self.movable, self.static) else ():
+            gaps[k] = self._solids(flat[k]).gap(float(gaps[k]))
         return float(gaps[0]) if pairs.ndim == 1 else gaps.reshape(pairs.shape[:-1])
 
     def _exact_gap(self, rho: Array, near: float) -> float:
@@ -365,6 +370,9 @@ class DecisionCurve(Shown):
             # of parts that barely meet at all scales no line that the exact curve has need be near
             least = min(least, exact if abs(exact) <= 2.0 * near else side * max(size, float(np.finfo(float).tiny)))
         return least
+
+    def _solids(self, rho: Array) -> PlacedSolids:
+        return PlacedSolids(self.movable, self.static, rho, self.transform)
 
     @property
     def _bodies(self) -> tuple[Array | Ints, ...]:
@@ -401,6 +409,8 @@ class DecisionCurve(Shown):
             return 0.0
         if pair.min() <= 0:
             raise InputError("scales are positive", key="rho", found=rho)
+        if kept_as_surface(self.movable, self.static):
+            return max(gap, self._solids(pair).distance)
         return float(np.maximum(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform)))
 
 

@@ -119,7 +119,8 @@ def chosen(situation: Situation) -> Choice:
             if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
             pacing.at(f'trying goal "{goal}" with the motion {", ".join(motion.names)}')
-            tried = _tried(situation, goal, motion)
+            with pacing.within(None if best is None else max(SECONDS - perf_counter() + start, SHORT)):
+                tried = _tried(situation, goal, motion)
             if tried is None:
                 break
             if best is None or (len(tried.usable), tried.settled) > (len(best.usable), best.settled):

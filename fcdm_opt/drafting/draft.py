@@ -222,12 +222,10 @@ def nearly(situation: Situation) -> bool:
 
 def state_text(situation: Situation, unit: str) -> str:
     """Return how the parts lie, in a sentence."""
-    union = len(situation.movable.parts) > 1 or len(situation.static.parts) > 1
-    deepest = ", at the deepest pair of convex parts" if union else ""
     words = {
         "touching": "the parts touch",
         "apart": f"the parts are {situation.gap:.4g} {unit} apart",
-        "overlapping": f"the parts overlap by {-situation.gap:.4g} {unit}{deepest}",
+        "overlapping": f"the parts overlap by {-situation.gap:.4g} {unit}: no shorter shift takes them apart",
     }
     text = words[situation.state]
     if situation.state == "touching":
@@ -268,15 +266,19 @@ def _because(situation: Situation, choice: Choice) -> str:
 
 
 def _remedy(situation: Situation, unit: str) -> str:
-    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way.
+    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way, where one does.
 
-    Of large meshes how far alone: which way takes long to tell.
+    Of large meshes that are apart how far alone: which way takes long to tell.
     """
     problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
     solution = None if situation.large else solve(problem, effort="quick", time=math.inf)
-    if solution is None or not solution.usable or solution.transform is None:
-        return f"If they are meant to touch, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
-    shift = solution.transform[:3, 3]
+    if situation.large and situation.gap > 0.0:
+        return f"If they are meant to touch, move the movable part by {situation.gap:.6g} {unit} in the drawing"
+    shift = np.full(3, np.inf)
+    if solution is not None and solution.usable and solution.transform is not None:
+        shift = solution.transform[:3, 3]
+    if not float(np.linalg.norm(shift)) <= MEANT * situation.size:  # as of a pin that is tight all round
+        return "If they are meant to touch as drawn, mend the sizes in the drawing (CAD): no small shift is known to do"
     by = point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
     return (
         f"If they are meant to touch as drawn, move the movable part in the drawing (CAD) by {by} {unit}: "

@@ -16,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.problem.reach import modelled_parts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -61,8 +62,10 @@ class Situation:
 
     @cached_property
     def gap(self) -> float:
-        """Distance where the parts are apart; minus how deep they overlap, of unions at their deepest pair of parts."""
+        """Distance where the parts are apart; minus how deep they overlap: no shorter shift takes them apart."""
         gap = float(self._usual.gap(DRAWN))
+        if gap < -DEFAULT.snap * self.size and (len(self.movable.parts) > 1 or len(self.static.parts) > 1):
+            gap = min(gap, -PlacedSolids(self.movable, self.static, np.array(DRAWN), np.eye(4)).depth)
         return float(self._usual.distance(DRAWN)) if gap > 0 else gap
 
     @cached_property

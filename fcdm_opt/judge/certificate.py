@@ -20,7 +20,9 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
@@ -175,6 +177,18 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
     return list(found)
 
 
+def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit: float) -> float:
+    """Return the signed distance of two solids, some kept as surfaces: minus their depth where they overlap.
+
+    Whether they do is told by the parts near each other, and by what winds round what.
+    """
+    one, two, outside = WholeSurfaces(movable, static, rho, transform).looked_at()
+    gap = judged_gaps(scaled_pair(one, two), rho[None], transform, limit)[0]
+    if outside.inside or gap < -limit:
+        return min(gap, -PlacedSolids(movable, static, rho, transform).depth)
+    return min(gap, outside.distance) if outside.distance > limit else gap
+
+
 class _Side(NamedTuple):
     """How a part pair opens and closes across a contact line.
 
@@ -202,7 +216,7 @@ class _Judge:
         self.limit = self.problem.contact_slack
         bodies = self.problem.movable, self.problem.static
         self.outside: Outside | None = None
-        if any(body.hollow or body.whole for body in bodies):
+        if kept_as_surface(*bodies):
             surfaces = WholeSurfaces(*bodies, self.problem.target, self.transform)
             *near, self.outside = surfaces.looked_at()
             if self.problem.goal not in TRACKING:  # others may be near on the way
@@ -214,6 +228,9 @@ class _Judge:
         pairs = [self.rho] if (self.rho == self.problem.target).all() else [self.rho, self.problem.target]
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
+        if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
+            depth = PlacedSolids(self.problem.movable, self.problem.static, self.problem.target, self.transform).depth
+            self.pair_gap = min(-depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
 
@@ -492,13 +509,18 @@ class _Judge:
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
             Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
             _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
-            Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
+            self._status(state),
         ]
         if self.outside is not None:
             least = max(gap, 0.0) - self.limit
             checks += [
                 _at_least("whole surfaces", self.outside.distance, least, "distance of those that are not looked at"),
-                _at_most("inside", self.outside.inside, 0, "closed surfaces that lie inside the other body"),
+                _at_most(
+                    "inside",
+                    0 if solution.pair_state == "overlapping" else self.outside.inside,
+                    0,
+                    "closed surfaces that lie inside the other body, not claimed to overlap it",
+                ),
             ]
         if "touch" in (problem.pair, problem.goal):
             near = _at_most("pair touches", abs(gap), self.limit)
@@ -552,6 +574,9 @@ class _Judge:
                 scales = np.linspace(low, high, self.tolerances.scale_points)
                 each = np.column_stack([np.full(len(scales), own), scales])
                 gaps += self._gaps(each, scaled_pair(movable, body))
+        if kept_as_surface(movable, body):
+            scales = np.linspace(low, high, self.tolerances.scale_points if low < high else 1)
+            gaps += [solids_gap(movable, body, np.array([own, scale]), self.transform, self.limit) for scale in scales]
         limit = max(self.limit, self.tolerances.tie * body.size)
         note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
         return _at_least(kept_clear(keep_out.name), min(gaps), keep_out.clearance - limit, note)
@@ -616,16 +641,18 @@ class _Judge:
             return "unknown"
         return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
 
-    def _agrees(self, state: str) -> bool:
-        """Whether the status says what was found."""
-        status = self.solution.status
-        if status is Status.SOLVED:
-            return state != "overlapping"
-        if status is Status.PAIR_OVERLAPS:
-            return state == "overlapping"
-        if status is Status.ALREADY_SATISFIED:
-            return not self.q.any()
-        return True
+    def _status(self, state: str) -> Check:
+        """Check that the status says what was found: how the pair is, and whether the motion leaves the fit."""
+        status, outside = self.solution.status, outside_fit(self.solution)
+        said = {
+            Status.SOLVED: state != "overlapping",
+            Status.PAIR_OVERLAPS: state == "overlapping",
+            Status.ALREADY_SATISFIED: not self.q.any(),
+        }
+        agrees = said.get(status, True) and (outside is (status is Status.OUTSIDE_FIT) or status is Status.NOT_VERIFIED)
+        where = "leaves" if outside else "stays in"
+        note = f"{status.name}, the pair is {state}, the motion {where} the fit"
+        return Check("status", agrees, self.pair_gap, self.limit, note)
 
     def _tracked(self, s: Array, poses: Array) -> Array:
         """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.

@@ -4,8 +4,9 @@ A *fit* is more than a contact: a peg in its hole, a nut in its rail, a hook on 
 from all parts of the other body at once. A box that stands on a slab, or in a corner, is none: it may be moved away as
 far as one likes. A motion leaves the fit in one of two ways.
 
-- It goes *through* the other body: a part that bars the way as drawn lies behind after the motion. The way is straight
-  on, along the displacement of each convex part's centre; what counts is where on that line two parts overlap.
+- It goes *through* the other body: on lines along the motion, material of the other body that lies ahead as drawn lies
+  behind after it. The solids are looked at as wholes, so that it makes no difference how they are cut into convex
+  parts, or whether they are; and only where as much of them passes as their sizes do not explain.
 - It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
   drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
   way out. Drawing a part out on an open way is no re-positioning either.
@@ -13,16 +14,20 @@ far as one likes. A motion leaves the fit in one of two ways.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.problem.fit import REST, holds
+from fcdm_opt.geometry.facets import facets_of
+from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.judge.passing import passes
+from fcdm_opt.problem.fit import REST, drawn_bodies, holds
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
@@ -31,16 +36,36 @@ GROWTH = 2.0
 """Parts that reach into each other by less than this times what the sizes change may be taken apart by that alone."""
 LEFT = 0.1
 """Parts that reach into each other by less than this share of what they do as drawn are held no more."""
+TURN, MOST_STEPS = 0.2, 32
+"""A motion that turns is looked at in steps of at most so many radians, and in no more steps than this."""
+FEW = 64
+"""Pairs of convex parts that are looked at first: none passes where the bodies do not."""
+ALIKE = 0.1
+"""Displacements that differ by less than this share of one of them are looked along once."""
 
 
 def inside_fit(solution: Solution) -> Solution:
-    """Return a judged solution, with status OUTSIDE_FIT where its motion leaves the fit; refused ones as they are."""
-    problem, T = solution.problem, solution.transform
-    convex = len(problem.movable.parts) == len(problem.static.parts) == 1  # then neither holds the other
-    if not solution.usable or T is None or convex or not solution.amount > 0.0:
-        return solution
-    left = (_goes_through(problem, solution.pair, T) or _comes_off(problem, solution.pair, T)) and holds(problem)
-    return replace(solution, status=Status.OUTSIDE_FIT) if left else solution
+    """Return a solution with status OUTSIDE_FIT where its motion leaves the fit; others as they are."""
+    return replace(solution, status=Status.OUTSIDE_FIT) if outside_fit(solution) else solution
+
+
+def outside_fit(solution: Solution) -> bool:
+    """Tell whether a solution's motion leaves the fit; false without a motion."""
+    known = solution.status.found and tuple(solution.parameters) == solution.problem.motion.names
+    return known and leaves_fit(solution.problem, tuple(solution.parameters.values()))
+
+
+@lru_cache(maxsize=16)
+def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
+    """Tell whether a motion leaves the fit in which a problem's parts are drawn."""
+    q, bodies = np.array(parameters), (problem.movable, problem.static)
+    if not q.any() or all(len((body.whole or body).parts) == 1 for body in bodies):
+        return False  # of two convex parts neither holds the other
+    try:
+        T = problem.motion.transform(q, *(body.seed for body in bodies))
+        return (_goes_through(problem, q) or _comes_off(problem, T)) and holds(problem)
+    except InputError:  # a screw whose axis has vanished on the way
+        return False
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:
@@ -72,49 +97,91 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _goes_through(problem: Problem, pair: Array, T: Array) -> bool:
-    """Tell whether a part that bars the way as drawn lies behind after the motion."""
-    if problem.movable.hollow or problem.static.hollow:
-        return False  # parts that are surface alone are passed without passing the solid
-    drawn, made = (relative_pose(problem.movable, problem.static, pose) for pose in (REST, T))
-    slack = DEFAULT.side * problem.size
-    for one, two, way in _on_the_way(problem, pair, T):
-        length = float(np.linalg.norm(way))
-        before = _barred(one, two, drawn, problem.nominal_pair, way / length, slack)
-        if before is not None and 0.0 < sum(before) / 2.0 < length:
-            after = _barred(one, two, made, pair, way / length, slack)
-            if after is not None and sum(after) < 0.0:
-                return True
+def _goes_through(problem: Problem, q: Array) -> bool:
+    """Tell whether body 1 goes through the other one on the straight ray of the parameters, in steps if it turns."""
+    motion, seeds, size = problem.motion, (problem.movable.seed, problem.static.seed), problem.size
+    turned = float(np.abs(q[motion.turning]).sum())
+    steps = min(1 + int(turned / TURN), MOST_STEPS)
+    if steps == 1 and not _parts_pass(problem, motion.transform(q, *seeds)):
+        return False
+    before = _corners(problem, 0.0, REST)
+    for share in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
+        after = _corners(problem, share, motion.transform(share * q, *seeds))
+        one, two = zip(before, after, strict=True)
+        if any(passes(one, two, way, DEFAULT.snap * size) for way in _ways(one, two, size, turned > 0.0)):
+            return True
+        before = after
     return False
 
 
-def _on_the_way(problem: Problem, pair: Array, T: Array) -> Iterator[tuple[ConvexPart, ConvexPart, Array]]:
-    """Yield the part pairs whose boxes meet on the motion, with the displacement of the first part's centre.
+def _parts_pass(problem: Problem, T: Array) -> bool:
+    """Tell whether a convex part of one body passes one of the other, as it does where a body does; soon told of few.
 
-    Against the other's, which moves as its size changes.
+    By the displacement of its centre. True of more parts, and of those that are surface alone, without a look.
     """
-    sizes = np.array([problem.nominal_pair, pair])
-    obstacles = [np.vstack([_placed(two, rho) for rho in sizes[:, 1]]) for two in problem.static.parts]
-    low, high = (np.array([end(points, axis=0) for points in obstacles]) for end in (np.min, np.max))
-    for one in problem.movable.parts:
-        rest = np.vstack([_placed(one, rho) for rho in sizes[:, 0]])
-        end = rest @ T[:3, :3].T + T[:3, 3]
-        way = (end - rest).mean(axis=0)
-        if not np.linalg.norm(way) > DEFAULT.side * problem.size:
-            continue
+    bodies, sizes = (problem.movable, problem.static), np.array([problem.nominal_pair, problem.target])
+    if any(body.hollow or body.whole for body in bodies) or len(bodies[0].parts) * len(bodies[1].parts) > FEW:
+        return True
+    slack, drawn, made = DEFAULT.side * problem.size, *(relative_pose(*bodies, pose) for pose in (REST, T))
+    obstacles = [(two, _placed(two, sizes[0, 1]), _placed(two, sizes[1, 1])) for two in bodies[1].parts]
+    for one in bodies[0].parts:
+        rest, end = (_placed(one, rho) for rho in sizes[:, 0])
+        end = end @ T[:3, :3].T + T[:3, 3]
         swept = np.vstack([rest, end])
-        for j in np.nonzero(((low < swept.max(axis=0)) & (high > swept.min(axis=0))).all(axis=1))[0]:
-            two = problem.static.parts[j]
-            past = way - (_placed(two, sizes[1, 1]) - _placed(two, sizes[0, 1])).mean(axis=0)
-            if np.linalg.norm(past) > DEFAULT.side * problem.size:
-                yield one, two, past
+        low, high = swept.min(axis=0), swept.max(axis=0)
+        for two, before, after in obstacles:
+            way = (end - rest).mean(axis=0) - (after - before).mean(axis=0)
+            length = float(np.linalg.norm(way))
+            obstacle = np.vstack([before, after])
+            if not length > slack or (obstacle.min(axis=0) > high).any() or (obstacle.max(axis=0) < low).any():
+                continue
+            first = _barred(one, two, drawn, sizes[0], way / length, slack)
+            if first is not None and 0.0 < sum(first) / 2.0 < length:
+                last = _barred(one, two, made, sizes[1], way / length, slack)
+                if last is not None and sum(last) < 0.0:
+                    return True
+    return False
 
 
-def _comes_off(problem: Problem, pair: Array, T: Array) -> bool:
+def _corners(problem: Problem, share: float, pose: Array) -> tuple[Array, Array]:
+    """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed."""
+    found, made, ends = list[Array](), (problem.movable, problem.static), (problem.nominal_pair, problem.target)
+    for bodies, *scales in zip(zip(drawn_bodies(problem), made, strict=True), *ends, strict=True):
+        sizes = []
+        for body, rho in zip((body.whole or body for body in bodies), scales, strict=True):
+            facets = facets_of(body)
+            sizes.append(body.seed + rho * facets.points[facets.triangles])
+        before, after = sizes
+        found.append(after if before.shape != after.shape else (1.0 - share) * before + share * after)
+    return found[0] @ pose[:3, :3].T + pose[:3, 3], found[1]
+
+
+def _ways(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
+    """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends.
+
+    One of those that are nearly alike, and none that is no more than rounding.
+    """
+    (start, end), (others, moved) = one, two
+    both = np.concatenate([start, end]).reshape(-1, 3)
+    low, high = both.min(axis=0), both.max(axis=0)
+    near = ((others.min(axis=1) <= high) & (others.max(axis=1) >= low)).all(axis=1)
+    if not near.any():
+        return []
+    places, own = start.reshape(-1, 3), (end - start).reshape(-1, 3)
+    outer = np.concatenate([places.argmin(axis=0), places.argmax(axis=0)])[: 6 * turns]
+    found = list[Array]()
+    for way in np.vstack([own.mean(axis=0), own[outer]]) - (moved - others)[near].mean(axis=(0, 1)):
+        length = float(np.linalg.norm(way))
+        if length > DEFAULT.side * size and not any(np.linalg.norm(way - same) <= ALIKE * length for same in found):
+            found.append(way)
+    return found
+
+
+def _comes_off(problem: Problem, T: Array) -> bool:
     """Tell whether body 1 reaches into the other's hull as drawn, deeper than the sizes change, and then no more."""
     bodies = problem.movable, problem.static
-    start, others = (body.placed_vertices(rho, REST) for body, rho in zip(bodies, pair, strict=True))
-    end = problem.movable.placed_vertices(pair[0], T)
+    start, others = (body.placed_vertices(rho, REST) for body, rho in zip(bodies, problem.target, strict=True))
+    end = problem.movable.placed_vertices(problem.target[0], T)
     way = (end - start).mean(axis=0)
     length = float(np.linalg.norm(way))
     if not length > DEFAULT.side * problem.size:
@@ -125,7 +192,10 @@ def _comes_off(problem: Problem, pair: Array, T: Array) -> bool:
     if not length > GROWTH * change:
         return False
     deep = _depth(drawn[0], drawn[1], ahead)
-    return deep > GROWTH * change and _depth(end, others, ahead) <= LEFT * deep
+    if not deep > GROWTH * change or _depth(end, others, ahead) > LEFT * deep:
+        return False
+    overlap = PlacedSolids(*drawn_bodies(problem), problem.nominal_pair, REST).depth  # to be taken apart by the motion
+    return deep > GROWTH * (change + overlap)
 
 
 def _barred(

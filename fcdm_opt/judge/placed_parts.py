@@ -1,7 +1,9 @@
-"""The judge of assemblies: every contact as that of two parts, every two parts for overlaps, and the total."""
+"""The judge of assemblies: every contact as that of two parts, every two parts for overlaps and fits, and the total."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from math import hypot, isfinite
 
 import numpy as np
@@ -9,9 +11,12 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.judge.certificate import judged_gaps, verify
-from fcdm_opt.problem.assembled import AssemblySolution, kept_apart
-from fcdm_opt.problem.solution import Certificate, Check
+from fcdm_opt.geometry.solids import kept_as_surface
+from fcdm_opt.judge.certificate import judged_gaps, solids_gap, verify
+from fcdm_opt.judge.engagement import leaves_fit
+from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart
+from fcdm_opt.problem.assembly import CLEAR, JoinedPair
+from fcdm_opt.problem.solution import Certificate, Check, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
@@ -49,13 +54,44 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
     for one, two in assembly.pairs():
-        rho = np.array([[scales[one], scales[two]]])
-        gap = judged_gaps(scaled_pair(made[one], made[two]), rho, _seen(poses, one, two), limit)[0]
+        bodies, rho, seen = (made[one], made[two]), np.array([scales[one], scales[two]]), _seen(poses, one, two)
+        if kept_as_surface(*bodies):
+            gap = solids_gap(*bodies, rho, seen, limit)
+        else:
+            gap = judged_gaps(scaled_pair(*bodies), rho[None], seen, limit)[0]
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
+    left = out_of_place(solution, poses)
+    told = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)
+    agrees = solution.status is Status.NOT_VERIFIED or bool(left) is (solution.status is Status.OUTSIDE_FIT)
+    checks.append(Check(IN_PLACE, agrees, len(left), 0.0, told or "no part leaves its fit in another one"))
     return Certificate(tuple(checks))
 
 
-def _seen(poses: dict[str, Array], one: str, two: str) -> Array:
+def placed(solution: AssemblySolution) -> AssemblySolution:
+    """Return a solution with status OUTSIDE_FIT where a part leaves its fit in another one; others as they are."""
+    left = solution.status.found and out_of_place(solution, solution.transforms)
+    return replace(solution, status=Status.OUTSIDE_FIT) if left else solution
+
+
+def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list[tuple[str, str]]:
+    """Return the two parts each of which one leaves the fit in which it is drawn in the other."""
+    assembly, found = solution.assembly, list[tuple[str, str]]()
+    for one, two in assembly.pairs():
+        bodies, T = (assembly.bodies_made[one], assembly.bodies_made[two]), _seen(poses, one, two)
+        start, end = (bodies[0].placed_vertices(assembly.scales[one], pose) for pose in (np.eye(4), T))
+        others = bodies[1].placed_vertices(assembly.scales[two], np.eye(4))
+        swept = np.concatenate([start, end])
+        near = (swept.min(axis=0) <= others.max(axis=0)) & (swept.max(axis=0) >= others.min(axis=0))
+        if not near.all() or np.abs(end - start).max() <= DEFAULT.side * assembly.size:
+            continue
+        parts = assembly.involved(one, two)
+        problem = assembly.problem(JoinedPair(one, two, CLEAR), parts)
+        if leaves_fit(problem, tuple(x for part in parts for x in solution.parameters[part].values())):
+            found.append((one, two))
+    return found
+
+
+def _seen(poses: Mapping[str, Array], one: str, two: str) -> Array:
     """Return the pose change of one part as another sees it."""
     T = np.eye(4)
     R, shift = poses[two][:3, :3], poses[two][:3, 3]

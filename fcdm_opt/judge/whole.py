@@ -50,14 +50,14 @@ class WholeSurfaces:
 
     def looked_at(self) -> tuple[Body, Body, Outside]:
         """Return the bodies with only the parts whose surfaces are near each other, and what is known of the rest."""
-        band = FIRST * self._size
+        band = self._distance(slice(None), slice(None)) + FIRST * self._size
         while True:
             found = near_facets(self._own[0], self._points[0], self._own[1], self._points[1], band)
             pairs = found.parts[found.furthest(np.empty((0, 3)), 1.0, 0.0, 2.0 * band) <= band]
             near = [np.zeros(len(body.parts), bool) for body in self._bodies]
             for flags, own in zip(near, pairs.T, strict=True):
                 flags[own] = True
-            if near[0].any() or band > 2.0 * self._size:
+            if near[0].any():
                 apart = min(self._distance(~near[0], slice(None)), self._distance(near[0], ~near[1]))
                 break
             band *= WIDER

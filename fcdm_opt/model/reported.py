@@ -6,6 +6,7 @@ from typing import Any
 
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.geometry.arrays import frozen
+from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
@@ -15,7 +16,9 @@ from fcdm_opt.problem.solution import Solution, Status
 def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | None = None) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
-    gap, slack = task.gap(q), problem.contact_slack
+    gap, slack, bodies = task.gap(q), problem.contact_slack, (problem.movable, problem.static)
+    if kept_as_surface(*bodies):  # the parts modelled are not all that may be near, or in the middle of the other
+        gap = PlacedSolids(*bodies, problem.target, task.transform(q)).gap(gap, slack)
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}
     if answer.q is not None:

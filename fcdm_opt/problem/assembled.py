@@ -11,6 +11,9 @@ from fcdm_opt.plain import plain
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.solution import Bounded, Certificate, Solution, Status
 
+IN_PLACE = "status"
+"""The check that the status says whether a part leaves the fit in which it is drawn; its note says which."""
+
 
 def kept_apart(one: str, two: str) -> str:
     """Return the name of the check that two parts do not overlap."""
@@ -66,14 +69,12 @@ class AssemblySolution(Bounded):
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def usable(self) -> bool:
-        """Whether motions were found, and the judge passed them."""
-        return self.verified
-
-    @property
     def advice(self) -> str:
-        """What to do, in words."""
-        return self.status.value
+        """What to do, in words; where a part leaves its fit, which and where."""
+        if self.status is not Status.OUTSIDE_FIT or self.certificate is None:
+            return self.status.value
+        left = next((check.note for check in self.certificate.checks if check.name == IN_PLACE), "")
+        return f"{left}. {self.status.value}"
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:

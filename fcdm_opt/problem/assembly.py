@@ -29,6 +29,8 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
 
 ROLES = ("movable", "static")
+CLEAR = {"goal": "clear"}
+"""What is asked of two parts without a contact: that they do not overlap."""
 CORNERS = ("low", "high", "middle")
 
 

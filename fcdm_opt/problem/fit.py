@@ -21,8 +21,12 @@ REST = np.eye(4)
 FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
+HAIR = 0.02
+"""Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
+fits, and meshes of round faces out of phase."""
 
-def _drawn(problem: Problem) -> tuple[Body, Body]:
+
+def drawn_bodies(problem: Problem) -> tuple[Body, Body]:
     """Return the bodies as drawn, where the problem's are those made at given sizes."""
     own = problem.request if problem.made else {"movable": problem.movable, "static": problem.static}
     return own["movable"], own["static"]
@@ -31,18 +35,18 @@ def _drawn(problem: Problem) -> tuple[Body, Body]:
 def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     """Return how part pairs keep apart as drawn: normals, (k, 3), and which they are, (k, 2).
 
-    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there, none,
-    nor of those that bounds tell to be further apart than `most`.
+    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there by more
+    than a hair, none, nor of those that bounds tell to be further apart than `most`.
     """
     made = problem.movable, problem.static
-    movable, static = drawn = _drawn(problem)
+    movable, static = drawn = drawn_bodies(problem)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
         return np.empty((0, 3)), np.empty((0, 2), np.int64)
     both, slack = (*movable.packed, *static.packed), DEFAULT.snap * problem.size
     placed = relative_pose(movable, static, REST), problem.nominal_pair
     pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
     rows = kernels.widest_rows(*both, *placed, pairs)
-    apart = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -slack
+    apart = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -HAIR * min(movable.size, static.size)
     return rows[apart, :3], pairs[apart]
 
 
@@ -50,7 +54,7 @@ def _change(problem: Problem) -> float:
     """Return how much two parts may come nearer each other along any direction as they are made; length units."""
     change = 0.0
     for drawn, made, before, after in zip(
-        _drawn(problem), (problem.movable, problem.static), problem.nominal_pair, problem.target, strict=True
+        drawn_bodies(problem), (problem.movable, problem.static), problem.nominal_pair, problem.target, strict=True
     ):
         was, now = (
             [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
@@ -65,7 +69,7 @@ def _change(problem: Problem) -> float:
 def holds(problem: Problem) -> bool:
     """Tell whether no shift of body 1 leads away from all parts of body 2 at once, as drawn: 0 is among the normals.
 
-    Parts that overlap as drawn hold nothing.
+    Parts that overlap as drawn by more than a hair hold nothing.
     """
     return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
 
@@ -137,7 +141,7 @@ def misfit(problem: Problem) -> Misfit | None:
             continue  # walls that are a little aslant, seen from far away
         least = float(gaps[k] + gaps[j])
         outer = 1 - inside
-        drawn, side = _drawn(problem)[outer], (1.0, -1.0)[outer]
+        drawn, side = drawn_bodies(problem)[outer], (1.0, -1.0)[outer]
         walls = (_wall(drawn, drawn.parts[places[each, outer]], side * normals[each]) for each in (k, j))
         found = Misfit(inside, float(width[inside]), float(-width[outer]), tuple(dict.fromkeys(filter(None, walls))))
     return found

@@ -20,6 +20,8 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets, surface_distance
 from fcdm_opt.geometry.measures import unit_normals
+from fcdm_opt.geometry.solids import PlacedSolids, convex_inside, kept_as_surface
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -144,6 +146,31 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     # those known keep their numbers, see `Problem.with_parts`
     more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
     return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+
+
+def with_insides(problem: Problem, transform: Array) -> Problem | None:
+    """Return the problem with what is inside of solids, where body 1 lies at a pose; None where it lies in none.
+
+    Parts that are a solid's surface alone bar the way into it, not a place in the middle of it: a convex body there
+    does, as a further keep-out.
+    """
+    others = [(keep_out.body, keep_out.scale, keep_out.ends, keep_out.clearance) for keep_out in problem.keep_out]
+    if {"clear", "touch"} & {problem.goal, problem.pair}:
+        scale = float(problem.target[1])
+        others.insert(0, (problem.static, scale, (scale, scale), 0.0))
+    found = list[KeepOut]()
+    for body, scale, ends, clearance in others:
+        if not kept_as_surface(problem.movable, body):
+            continue
+        for end in ends:
+            placed = PlacedSolids(problem.movable, body, np.array([problem.target[0], end]), transform)
+            point = placed.within_static()
+            if point is not None:
+                inside = convex_inside(body.whole or body, body.seed + point / end)
+                name = f"{inside.name} {len(problem.keep_out) + len(found) + 1}"
+                found.append(KeepOut(inside, scale, clearance=clearance, name=name))
+                break
+    return problem.changed(keep_out=(*problem.keep_out, *found)) if found else None
 
 
 def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> Reason:

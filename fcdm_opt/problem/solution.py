@@ -190,6 +190,11 @@ class Bounded(Plain):
         return self.status.found and self.certificate is not None and self.certificate.passed
 
     @property
+    def usable(self) -> bool:
+        """Whether a motion was found that stays in the fit, and the judge passed it."""
+        return self.verified and self.status is not Status.OUTSIDE_FIT
+
+    @property
     def gap(self) -> float:
         """Relative gap between the amount and its lower bound; nan where there is no motion."""
         return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
@@ -295,11 +300,6 @@ class Solution(Bounded, Shown):
         """Return the verdict in words, and below it what its row in a table says."""
         text: str = upper("show.verdict:answer_text")(self)
         return text
-
-    @property
-    def usable(self) -> bool:
-        """Whether a motion was found that stays in the fit, and the judge passed it."""
-        return self.verified and self.status is not Status.OUTSIDE_FIT
 
     @cached_property
     def advice(self) -> str:

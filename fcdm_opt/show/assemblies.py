@@ -12,6 +12,7 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import parts_figure
+from fcdm_opt.show.tables import verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -48,6 +49,8 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     """Return in a sentence what to move, and whether less would do."""
     if not solution.status.found:
         return solution.advice
+    if solution.status.name == "OUTSIDE_FIT":
+        return "does not fit: the only motions found take a part out of the place it is drawn in"
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     assembly = solution.assembly
@@ -63,7 +66,7 @@ def assembly_verdict(solution: AssemblySolution) -> str:
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
     assembly, told = solution.assembly, motion_texts(solution)
-    verdict = "-" if not solution.status.found else "yes" if solution.usable else "no"
+    verdict = "-" if not solution.status.found else verdict_cell(solution)
     first = {
         "case": wrapped(assembly.name, CELL_WIDTH),
         "total": amount_text(solution.amount),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.solution import Bounded, Solution
     from fcdm_opt.show.solved import SolvedCase
 
 OPTIONAL = ("published\namount", 'least\n"touch"')
@@ -160,11 +160,12 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
-        "verified": _verdict(solution) if judged else "-",
+        "verified": verdict_cell(solution) if judged else "-",
     }
 
 
-def _verdict(solution: Solution) -> str:
+def verdict_cell(solution: Bounded) -> str:
+    """Return whether a solution that was found is verified, for the cell of a table."""
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
