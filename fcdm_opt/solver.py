@@ -98,17 +98,25 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     """Return the solution with what is inside of solids that are kept as surfaces, where it is needed."""
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
-        lies = None if pacing.over() or solution.transform is None else with_insides(problem, solution.transform)
-        if lies is None:
+        pose = np.eye(4) if solution.transform is None else solution.transform
+        lies = None if pacing.over() else with_insides(problem, pose)
+        if lies is None or (solution.transform is None and problem is not asked):
             break
-        problem, solution = lies, _with_all_that_matters(lies, how)
+        problem = lies
+        if problem.goal == "touch" and problem.movable.whole is not None:  # where it comes free it touches
+            problem = _like(problem, _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem)
+        solution = _with_all_that_matters(problem, how)
     if problem is asked:
         return solution
-    modelled = solution.problem
-    if modelled.movable.whole is not None:
-        asked = asked.with_parts((np.array(modelled.movable.rows), np.array(modelled.static.rows)))
-    solution = inside_fit(replace(solution, problem=asked, evidence=None))
+    solution = inside_fit(replace(solution, problem=_like(asked, solution.problem), evidence=None))
     return solution.with_certificate(verify(solution), solution.seconds)
+
+
+def _like(problem: Problem, other: Problem) -> Problem:
+    """Return a problem with the same parts of large bodies modelled as in another."""
+    if problem.movable.whole is None:
+        return problem
+    return problem.with_parts((np.array(other.movable.rows), np.array(other.static.rows)))
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
@@ -127,11 +135,12 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
         further = None if pacing.over() else more_parts(problem, pose, least, most)
         if further is None:
-            if impossible and apart:  # of the parts modelled: others may touch farther off
-                answer = replace(answer, status=Status.NOT_FOUND, lower_bound=0.0)
             break
         problem, most = further, 2 * most
-    return _solved(problem, how, answer)
+    solution = _solved(problem, how, answer)
+    if wanted and apart and solution.status is Status.INFEASIBLE:  # of the parts modelled: others may touch farther off
+        return replace(solution, status=Status.NOT_FOUND, lower_bound=0.0)
+    return solution
 
 
 class _How(NamedTuple):

@@ -411,6 +411,8 @@ class _Judge:
         step = self._step(line[None, :2], line[:2])
         least = min(self.limit, float(line[:2] @ step) / 2.0)
         before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own)
+        if self.outside is not None and not after < -least:  # one facet's pyramid slips past what the next one meets
+            after = min(after, *self._gaps((self.rho + step)[None]))
         if after < -least:
             return _Side(step, before, after, least)
         # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step

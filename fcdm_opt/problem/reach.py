@@ -154,21 +154,17 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
     Parts that are a solid's surface alone bar the way into it, not a place in the middle of it: a convex body there
     does, as a further keep-out.
     """
-    others = [(keep_out.body, keep_out.scale, keep_out.ends, keep_out.clearance) for keep_out in problem.keep_out]
-    if {"clear", "touch"} & {problem.goal, problem.pair}:
-        scale = float(problem.target[1])
-        others.insert(0, (problem.static, scale, (scale, scale), 0.0))
+    partner = (KeepOut(problem.static, float(problem.target[1])),)
+    others = (*(partner if {"clear", "touch"} & {problem.goal, problem.pair} else ()), *problem.keep_out)
     found = list[KeepOut]()
-    for body, scale, ends, clearance in others:
-        if not kept_as_surface(problem.movable, body):
-            continue
-        for end in ends:
-            placed = PlacedSolids(problem.movable, body, np.array([problem.target[0], end]), transform)
+    for other in others:
+        for end in dict.fromkeys(other.ends) if kept_as_surface(problem.movable, other.body) else ():
+            placed = PlacedSolids(problem.movable, other.body, np.array([problem.target[0], end]), transform)
             point = placed.within_static()
             if point is not None:
-                inside = convex_inside(body.whole or body, body.seed + point / end)
+                inside = convex_inside(other.body, other.body.seed + point / end)
                 name = f"{inside.name} {len(problem.keep_out) + len(found) + 1}"
-                found.append(KeepOut(inside, scale, clearance=clearance, name=name))
+                found.append(KeepOut(inside, other.scale, clearance=other.clearance, name=name))
                 break
     return problem.changed(keep_out=(*problem.keep_out, *found)) if found else None
 
