@@ -6,7 +6,7 @@ is built anew from these.
 
 A text is in JSON: name, length of the one argument, shape of the result, and the operations: name, place of the result,
 places of what it takes. Read as well is what `serialize()` gives of such a function: two letters a to p a byte, the
-lower half first; numbers in little-endian order; lists with their length before them; symbols, operations and sparsities
+lower half first; numbers in little-endian order; lists with their length before them; symbols, operations and matrices
 at their first use ("d"), then by their number ("r").
 """
 
@@ -120,15 +120,15 @@ class _Reader:
         self._is("with descriptions", self._flag(), False)
         self._is("empty function", self._flag(), False)
         self._is("class of the function", self._text(), "SXFunction")
-        name, names = self._common()
+        name, taken, returned = self._common()
         self._is("form of expressions", self._int(), 1)
         given = self._list(self._matrix)
         self._program()
         made = self._list(self._matrix)
         self._is("bytes that are left", len(self._bytes) - self._at, 0)
-        return self._casadi.Function(name, given, made, *names)
+        return self._casadi.Function(name, given, made, taken, returned)
 
-    def _common(self) -> tuple[str, list[list[str]]]:
+    def _common(self) -> tuple[str, list[str], list[str]]:
         """Read what all functions have: return the name, and those of inputs and outputs."""
         settled = self._int() >= 2
         name = self._text()
@@ -138,7 +138,7 @@ class _Reader:
             raise ValueError(f"form {form} of functions, of another release of CasADi: known are 1 to {NEWEST}")
         for read in (self._flag, self._flag, self._sparsity, self._sparsity):
             self._list(read)
-        names = [self._list(self._text), self._list(self._text)]
+        taken, returned = self._list(self._text), self._list(self._text)
         self._is("compiled", self._flag(), False)
         self._flag()
         if form >= 2:
@@ -173,7 +173,7 @@ class _Reader:
             self._nothing("functions beside")
         for _ in range(8):
             self._long()
-        return name, names
+        return name, taken, returned
 
     def _program(self) -> None:
         """Read the operations, in an order in which each has its operands before it; what they are given follows."""
