@@ -341,6 +341,8 @@ class _Examiner:
         least = np.maximum(np.maximum(low, -high), 0.0)
         lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
         value = float((self.evidence.fronts * lengths).min(initial=np.inf))
+        if value * (1.0 - FLOATS) > _norm(Interval(self.problem.weights * np.abs(self.problem.limits).max(axis=1))):
+            value = np.inf  # the limits allow no motion as large
         passed = value * (1.0 + FLOATS) >= claimed
         return Check("proof: lower bound", bool(passed), value, float(claimed), "least amount that the cells leave")
 
