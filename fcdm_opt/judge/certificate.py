@@ -348,14 +348,11 @@ class _Judge:
     def _alone(self) -> list[Check]:
         """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
         claimed = self.solution.unique_within
-        if not claimed:
+        if claimed == 0.0:
             return []
-        from fcdm_opt.proof.uniqueness import unique
+        from fcdm_opt.judge.only_motion import only_motion
 
-        # equations of motions that turn nothing are linear: what holds for one box holds for all
-        whole = claimed == float("inf") and self.problem.motion.shifts
-        half = self.problem.size if whole else claimed
-        proved = bool(self.problem.contacts) and bool(unique((self.problem,), self.q, np.array([half]))[0])
+        proved = only_motion(self.problem, self.q, claimed)
         return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
