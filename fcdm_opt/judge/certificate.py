@@ -22,6 +22,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
+from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -30,21 +31,24 @@ from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 SWEPT = 64  # keep-outs of which what they sweep is kept
+DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 MOST_CHECKED = 3  # parameters up to which evidence is kept
 
 
-def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
-    """Judge a solution.
+def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
+    """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
     Parameters
     ----------
-    solution : Solution
-        Taken at its word in nothing: every claim is recomputed from `solution.problem` and the parameters.
+    solution : Solution, StackUp, GapYield, AssemblyYield or BestPose
+        Taken at its word in nothing: every claim of a solution is recomputed from `solution.problem` and the
+        parameters; what is said of many sizes is looked at where parts are made anew, see `judge.sampled_sizes`.
     tolerances : Tolerances
         Limits of the checks.
     proof : bool
         Check the lower bound too: that the evidence, cell by cell, shows that no motion does whose amount is smaller
         (see `proof.checker`). A bound without evidence passes where the distance of the parts at rest shows as much.
+        Of one pose for all sizes its evidence, where it carries some.
 
     Returns
     -------
@@ -52,6 +56,8 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool 
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
         says so.
     """
+    if hasattr(solution, "claims"):
+        return Certificate(solution.claims(proof=proof).checks())
     expected(solution, Solution, "solution")
     return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
 
@@ -64,8 +70,29 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         return (finite,)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
-        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.seats)
-        return (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+        stages = (judge.motion, judge.requirement, judge.alone, judge.contact, judge.sides, judge.path, judge.seats)
+        checks = (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+    return (*checks, *_as_told(solution, checks))
+
+
+def _as_told(solution: Solution, checks: tuple[Check, ...]) -> tuple[Check, ...]:
+    """Check what a solution that was stored brings along: its certificate, and the derivatives of its amount."""
+    found, slack, told = {check.name: check for check in checks}, solution.problem.contact_slack, list[Check]()
+    if solution.certificate is not None and solution.certificate.read:
+        both = [(own, found[own.name]) for own in solution.certificate.checks if own.name in found]
+        wrong = [one.name for one, two in both if one.passed != two.passed or not _same(one, two, slack)]
+        told.append(_at_most("certificate", len(wrong), 0, f"checks come out otherwise: {', '.join(wrong) or 'none'}"))
+    if solution.derivatives is not None:
+        anew = plain(replace(solution, derivatives=None).sensitivity)
+        wrong = [key for key, own in plain(solution.derivatives).items() if not agree(own, anew[key], 1e-6, DERIVED)]
+        told.append(_at_most("sensitivity", len(wrong), 0, f"worked out anew, otherwise: {', '.join(wrong) or 'none'}"))
+    return tuple(told)
+
+
+def _same(told: Check, found: Check, slack: float) -> bool:
+    """Tell whether a check had the same value, but for rounding and what is within its limit; or nan both times."""
+    room = slack + abs(found.limit) if isfinite(found.limit) else slack
+    return told.value == found.value or not abs(told.value - found.value) > room + 1e-6 * abs(found.value)
 
 
 def _of_proof(solution: Solution) -> tuple[Check, ...]:
@@ -73,6 +100,8 @@ def _of_proof(solution: Solution) -> tuple[Check, ...]:
     claimed = solution.lower_bound
     if solution.evidence is None:
         shown, why = _by_distance(solution), f"no evidence is kept: {without_evidence(solution)}; by the gap at rest"
+        if solution.unique_within and solution.problem.amount == "weighted":  # see the check "only motion"
+            shown, why = min(solution.unique_within, solution.amount), "no other motion restores the contacts"
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
         return () if claimed == 0.0 else (check,)
     from fcdm_opt.proof.checker import check_evidence
@@ -130,7 +159,8 @@ def _well_formed(solution: Solution) -> Check:
     )
     wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
     wrong += sum(not _finite(claim, shape) for claim, shape in claims)
-    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
+    wrong += sum(not bound >= 0.0 for bound in (solution.lower_bound, solution.unique_within))
+    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape, or bounds below 0")
 
 
 def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
@@ -312,9 +342,8 @@ class _Judge:
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
-        return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
-            (self._fits() if goal == FIT else []) + self._alone()
-        )
+        fits = self._fits() if goal == FIT else []
+        return [_at_most("requirement", off, slack, "relative distance from the target pair"), *fits]
 
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
@@ -345,7 +374,7 @@ class _Judge:
             )
         return checks
 
-    def _alone(self) -> list[Check]:
+    def alone(self) -> list[Check]:
         """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
         claimed = self.solution.unique_within
         if claimed == 0.0:
@@ -518,8 +547,11 @@ class _Judge:
         claimed = solution.pair_gap
         if gap < 0:
             wrong = abs(claimed - gap)
-        else:  # a separation over some directions: it has the sign of the distance and does not exceed it
-            wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
+        elif self._state(claimed) == state:  # a separation over faces and pairs of edges: no more than the distance
+            least = self.scaled.least_separations(problem.target[None], self.transform[None])[0]
+            wrong = max(claimed - gap, min(gap, gap if isnan(least) else least) - claimed, 0.0)
+        else:
+            wrong = abs(claimed - gap)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
@@ -658,7 +690,7 @@ class _Judge:
             return state == "overlapping"
         if status is Status.ALREADY_SATISFIED:
             return not self.q.any()
-        return True
+        return status is not Status.NOT_VERIFIED  # which is said of what fails
 
     def _tracked(self, s: Array, poses: Array) -> Array:
         """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.

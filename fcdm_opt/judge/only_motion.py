@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
@@ -70,7 +70,7 @@ def only_motion(problem: Problem, q: Array, half: float) -> bool:
     return False
 
 
-def _over_box(bounds: IntervalFunction, q: Array, moving: Array, reach: Array, count: int) -> tuple[Interval, bool]:
+def _over_box(bounds: IntervalFunction, q: Array, moving: Ints, reach: Array, count: int) -> tuple[Interval, bool]:
     """Return what holds the derivatives over a box, cut into `count` pieces each way, and whether they may jump."""
     ends = np.linspace(-1.0, 1.0, count + 1)
     places = np.stack(np.meshgrid(*[np.arange(count)] * len(moving), indexing="ij"), axis=-1).reshape(-1, len(moving))

@@ -69,6 +69,7 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     """Return what keeps a proof from being looked at, "" if nothing does."""
     k, n, c = len(problem.weights), len(evidence.faces), len(evidence.column_faces)
     shapes = {
+        "limits": (k, 2),
         "faces": (n,),
         "boxes": (n, 2, k - 1),
         "stretches": (n, 2),
@@ -94,6 +95,8 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     start, end = evidence.stretches.T
     if not ((start >= 0.0) & (start <= end) & (end < np.inf)).all():
         return "stretches are none"
+    if not (evidence.limits[:, 0] <= evidence.limits[:, 1]).all():
+        return "limits are none"
     if not (evidence.fronts >= 0.0).all():
         return "fronts are none"
     if evidence.first[0] != 0 or (np.diff(evidence.first) < 1).any() or evidence.first[-1] != len(evidence.witnesses):
