@@ -63,6 +63,17 @@ def plain(value: Any, infinite: Callable[[float], Any] = str) -> Any:
     return value.name if isinstance(value, Enum) else value
 
 
+def agree(told: Any, own: Any, slack: float, share: float = 1e-9) -> bool:
+    """Tell whether plain data say the same, but for a share of numbers, and what is within `slack`."""
+    if isinstance(told, Mapping) and isinstance(own, Mapping):
+        return told.keys() == own.keys() and all(agree(told[key], own[key], slack, share) for key in own)
+    if isinstance(told, list | tuple) and isinstance(own, list | tuple):
+        return len(told) == len(own) and all(agree(*pair, slack, share) for pair in zip(told, own, strict=True))
+    if {type(told), type(own)} <= {int, float}:
+        return math.isclose(told, own, rel_tol=share, abs_tol=slack)
+    return type(told) is type(own) and bool(told == own)
+
+
 def finite(value: Any) -> Any:
     """Return a value as `plain` does, and None for every number that JSON does not have."""
     return plain(value, lambda number: None)
@@ -83,6 +94,8 @@ def _read(kind: Any, told: Any) -> Any:
         return None if told is None else _read(inner[0], told)
     if get_origin(kind) is Mapping:
         return {str(name): _read(inner[1], value) for name, value in told.items()}
+    if isinstance(told, str) and get_origin(kind) in (tuple, np.ndarray):
+        raise TypeError(f"{told!r} is no list")
     if get_origin(kind) is tuple:
         kinds = [inner[0]] * len(told) if inner[-1] is Ellipsis else inner
         return tuple(_read(one, value) for one, value in zip(kinds, told, strict=True))
@@ -99,4 +112,6 @@ def _read(kind: Any, told: Any) -> Any:
             return getattr(kind, way)(told)
     if kind is float:
         return math.nan if told is None else float(told)
-    return kind(told) if kind in (int, str, bool) else told
+    if kind in (int, str, bool) and not isinstance(told, kind):
+        raise TypeError(f"{told!r} is no {kind.__name__}")
+    return told

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Solution
 
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
+JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; with a yield the stack-up it is of
 LEAST = 0.1  # seconds that a map gets in any case
 Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
@@ -302,16 +303,23 @@ def _each_case(
     inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
-    from fcdm_opt.show.tables import print_case
+    from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.show.tables import print_case, print_judged
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
         if not inquiry.as_json:
             print_case(file.path.name, problem)
         for key, answer, printed in asked(file, problem):
-            entry[key.replace(" ", "_")] = answer.to_dict()
+            told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
             if not inquiry.as_json:
                 printed(answer)
+            if key in JUDGED:
+                certificate = verify(answer)
+                told["certificate"] = certificate.to_dict()
+                inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
+                if not inquiry.as_json:
+                    print_judged(certificate)
 
     inquiry.ask(answered)
 

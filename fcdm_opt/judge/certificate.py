@@ -24,6 +24,7 @@ from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
+from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -32,22 +33,24 @@ from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 SWEPT = 64  # keep-outs of which what they sweep is kept
-CERTIFIED = 1.0001e-4  # gap that evidence is asked for beside closed forms, and rounding
+DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
+MOST_CHECKED = 3  # parameters up to which evidence is kept
 
 
-def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
-    """Judge a solution.
+def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
+    """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
     Parameters
     ----------
-    solution : Solution
-        Taken at its word in nothing: every claim is recomputed from `solution.problem` and the parameters.
+    solution : Solution, StackUp, GapYield, AssemblyYield or BestPose
+        Taken at its word in nothing: every claim of a solution is recomputed from `solution.problem` and the
+        parameters; what is said of many sizes is looked at where parts are made anew, see `judge.sampled_sizes`.
     tolerances : Tolerances
         Limits of the checks.
     proof : bool
-        Check the evidence of the lower bound too, cell by cell, where there is some (see `proof.checker`): that no
-        motion does whose amount is smaller than the bound; where a closed form gives more than the evidence shows,
-        than 1e-4 below the amount, or what the evidence says to show.
+        Check the lower bound too: that the evidence, cell by cell, shows that no motion does whose amount is smaller
+        (see `proof.checker`). A bound without evidence passes where the distance of the parts at rest shows as much.
+        Of one pose for all sizes its evidence, where it carries some.
 
     Returns
     -------
@@ -55,6 +58,8 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool 
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
         says so.
     """
+    if hasattr(solution, "claims"):
+        return Certificate(solution.claims(proof=proof).checks())
     expected(solution, Solution, "solution")
     return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
 
@@ -67,23 +72,83 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         return (finite,)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
-        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.seats)
-        return (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+        stages = (judge.motion, judge.requirement, judge.alone, judge.contact, judge.sides, judge.path, judge.seats)
+        checks = (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+    return (*checks, *_as_told(solution, checks))
+
+
+def _as_told(solution: Solution, checks: tuple[Check, ...]) -> tuple[Check, ...]:
+    """Check what a solution that was stored brings along: its certificate, and the derivatives of its amount."""
+    found, slack, told = {check.name: check for check in checks}, solution.problem.contact_slack, list[Check]()
+    if solution.certificate is not None and solution.certificate.read:
+        both = [(own, found[own.name]) for own in solution.certificate.checks if own.name in found]
+        wrong = [one.name for one, two in both if one.passed != two.passed or not _same(one, two, slack)]
+        told.append(_at_most("certificate", len(wrong), 0, f"checks come out otherwise: {', '.join(wrong) or 'none'}"))
+    if solution.derivatives is not None:
+        anew = plain(replace(solution, derivatives=None).sensitivity)
+        wrong = [key for key, own in plain(solution.derivatives).items() if not agree(own, anew[key], 1e-6, DERIVED)]
+        told.append(_at_most("sensitivity", len(wrong), 0, f"worked out anew, otherwise: {', '.join(wrong) or 'none'}"))
+    return tuple(told)
+
+
+def _same(told: Check, found: Check, slack: float) -> bool:
+    """Tell whether a check had the same value, but for rounding and what is within its limit; or nan both times."""
+    room = slack + abs(found.limit) if isfinite(found.limit) else slack
+    return told.value == found.value or not abs(told.value - found.value) > room + 1e-6 * abs(found.value)
 
 
 def _of_proof(solution: Solution) -> tuple[Check, ...]:
-    """Check the evidence that a solution carries; none carries nothing to check."""
+    """Check that what is claimed to be proved is: by the evidence, or without any by the distance at rest."""
+    claimed = solution.lower_bound
     if solution.evidence is None:
-        return ()
+        shown, why = _by_distance(solution), f"no evidence is kept: {without_evidence(solution)}; by the gap at rest"
+        if solution.unique_within and solution.problem.amount == "weighted":  # see the check "only motion"
+            shown, why = min(solution.unique_within, solution.amount), "no other motion restores the contacts"
+        check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
+        return () if claimed == 0.0 else (check,)
     from fcdm_opt.proof.checker import check_evidence
 
-    shown, closed = solution.lower_bound, (1.0 - CERTIFIED) * solution.amount
     try:
-        if np.isfinite(solution.amount):
-            shown = min(shown, closed, solution.evidence.bound)
-        return check_evidence(solution.problem, solution.evidence, shown)
+        return check_evidence(solution.problem, solution.evidence, claimed)
     except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
         return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
+
+
+def without_evidence(solution: Solution) -> str:
+    """Return why the bound of a solution that was to be certified carries no evidence, in words; "" where it does."""
+    problem = solution.problem
+    if solution.evidence is not None or solution.amount == 0.0:
+        return ""
+    for holds, why in (
+        (bool(problem.contacts), "several contacts are bounded by their equations, not by cells"),
+        (problem.amount != "weighted", "only the weighted amount is checked"),
+        (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
+        (problem.movable.whole is not None, "of large meshes only parts within reach are looked at"),
+    ):
+        if holds:
+            return why
+    return "what cells show is less than is known by other means, or nothing"
+
+
+def _by_distance(solution: Solution) -> float:
+    """Return an amount below which nothing closes, or opens, the gap of the parts made at rest: signed, by coal.
+
+    It changes by no more than the largest displacement. With rounding; 0 where nothing is known of the amount.
+    """
+    problem = solution.problem
+    wanted = {"touch", "clear"} & {problem.goal, problem.pair}
+    known = problem.amount == "displacement" or (problem.amount == "weighted" and problem.motion.shifts)
+    surfaces = any(body.hollow or body.whole for body in (problem.movable, problem.static))
+    if not wanted or not known or surfaces:
+        return 0.0
+    rate = 1.0
+    if problem.amount == "weighted":
+        ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+        rate = float(np.linalg.norm(ways.T / problem.weights, 2))
+    scaled = scaled_pair(problem.movable, problem.static)
+    gap = judged_gaps(scaled, problem.target[None], np.eye(4), problem.contact_slack)[0]
+    need = max(problem.clearance - gap, 0.0) if "clear" in wanted else abs(gap)
+    return (need + problem.contact_slack) / rate if need > 0.0 else 0.0
 
 
 def _well_formed(solution: Solution) -> Check:
@@ -96,7 +161,8 @@ def _well_formed(solution: Solution) -> Check:
     )
     wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
     wrong += sum(not _finite(claim, shape) for claim, shape in claims)
-    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
+    wrong += sum(not bound >= 0.0 for bound in (solution.lower_bound, solution.unique_within))
+    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape, or bounds below 0")
 
 
 def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
@@ -293,9 +359,8 @@ class _Judge:
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
-        return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
-            (self._fits() if goal == FIT else []) + self._alone()
-        )
+        fits = self._fits() if goal == FIT else []
+        return [_at_most("requirement", off, slack, "relative distance from the target pair"), *fits]
 
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
@@ -326,17 +391,14 @@ class _Judge:
             )
         return checks
 
-    def _alone(self) -> list[Check]:
+    def alone(self) -> list[Check]:
         """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
         claimed = self.solution.unique_within
-        if not claimed:
+        if claimed == 0.0:
             return []
-        from fcdm_opt.proof.uniqueness import unique
+        from fcdm_opt.judge.only_motion import only_motion
 
-        # equations of motions that turn nothing are linear: what holds for one box holds for all
-        whole = claimed == float("inf") and self.problem.motion.shifts
-        half = self.problem.size if whole else claimed
-        proved = bool(self.problem.contacts) and bool(unique((self.problem,), self.q, np.array([half]))[0])
+        proved = only_motion(self.problem, self.q, claimed)
         return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
@@ -504,8 +566,11 @@ class _Judge:
         claimed = solution.pair_gap
         if gap < 0:
             wrong = abs(claimed - gap)
-        else:  # a separation over some directions: it has the sign of the distance and does not exceed it
-            wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
+        elif self._state(claimed) == state:  # a separation over faces and pairs of edges: no more than the distance
+            least = self.scaled.least_separations(problem.target[None], self.transform[None])[0]
+            wrong = max(claimed - gap, min(gap, gap if isnan(least) else least) - claimed, 0.0)
+        else:
+            wrong = abs(claimed - gap)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
@@ -650,8 +715,9 @@ class _Judge:
             Status.SOLVED: state != "overlapping",
             Status.PAIR_OVERLAPS: state == "overlapping",
             Status.ALREADY_SATISFIED: not self.q.any(),
+            Status.NOT_VERIFIED: False,  # which is said of what fails
         }
-        agrees = said.get(status, True) and (outside is (status is Status.OUTSIDE_FIT) or status is Status.NOT_VERIFIED)
+        agrees = said.get(status, True) and outside is (status is Status.OUTSIDE_FIT)
         where = "leaves" if outside else "stays in"
         note = f"{status.name}, the pair is {state}, the motion {where} the fit"
         return Check("status", agrees, self.pair_gap, self.limit, note)

@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.motion.function_text import TEXTS, function_of, text_of
 from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Kind, Matrix, Parameter, Step
@@ -58,19 +59,16 @@ class OwnMotion(Step):
         self.name = name
         self._parameters = _checked_parameters(parameters)
         self._function = _built(function, len(self._parameters))
-        self.text: str = self._function.serialize()
+        self.text = text_of(self._function)
         _check(self._function, self._parameters)
 
     @classmethod
     def from_text(cls, text: str, parameters: Iterable[tuple[str, str]], name: str) -> OwnMotion:
         """Return the motion whose `text` this is, bit for bit."""
-        import casadi
-
         try:
-            function = casadi.Function.deserialize(text)
-        except (RuntimeError, TypeError) as reason:
-            what = "not the text of a CasADi function"
-            allowed = "the text of another OwnMotion"
+            function = function_of(text)
+        except ValueError as reason:
+            what, allowed = "not the text of a CasADi function", f"the text of another OwnMotion, or {TEXTS}"
             raise InputError(what, key="OwnMotion.text", found=_short(reason), allowed=allowed) from reason
         motion = cls(function, parameters, name)
         motion._function, motion.text = function, text

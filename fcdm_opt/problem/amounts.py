@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.motion.function_text import TEXTS, function_of, text_of
 from fcdm_opt.motion.kinematics import Compiled
 
 AmountWord = Literal["weighted", "displacement"]
@@ -40,7 +41,7 @@ class OwnAmount:
     def __init__(self, expression: Any, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self.function = _built(expression, list(names))
-        self.text: str = self.function.serialize()
+        self.text = text_of(self.function)
         at_rest = self(np.zeros(len(names)))
         if not np.isfinite(at_rest):
             raise _refused("not finite at rest", at_rest)
@@ -52,12 +53,11 @@ class OwnAmount:
     @classmethod
     def from_text(cls, text: str, names: Sequence[str]) -> OwnAmount:
         """Return the amount whose `text` this is, bit for bit."""
-        import casadi
-
         try:
-            function = casadi.Function.deserialize(text)
-        except (RuntimeError, TypeError) as reason:
-            raise _refused("not the text of a CasADi function", _short(reason), "amount.casadi") from reason
+            function = function_of(text)
+        except ValueError as reason:
+            what, allowed = "not the text of a CasADi function", f"{ALLOWED}; as text {TEXTS}"
+            raise InputError(what, key="amount.casadi", found=_short(reason), allowed=allowed) from reason
         amount = cls(function, names)
         amount.function, amount.text = function, text
         return amount

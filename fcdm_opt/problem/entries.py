@@ -403,7 +403,7 @@ class FreeEntry(Entry, title="Free motion"):
 
 
 class OwnMotionEntry(Entry, title="Own motion"):
-    """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+    """A motion of the user's own: a CasADi function of SX symbols, as text; as `Problem.to_dict` writes it."""
 
     casadi: str = declared(..., "the text of an fcdm_opt.OwnMotion")
     parameters: list[tuple[str, Literal["translation", "rotation"]]] = declared(
@@ -461,7 +461,7 @@ StepEntry = Annotated[
 
 
 class AmountEntry(Entry, title="Own amount"):
-    """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+    """A motion amount of the user's own: a CasADi function of SX symbols, as text; as `Problem.to_dict` writes it."""
 
     casadi: str = declared(..., "the text of an OwnAmount")
 

@@ -16,7 +16,7 @@ from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.plain import Plain, plain
+from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
@@ -91,11 +91,23 @@ class Check(NamedTuple):
 
 @dataclass(frozen=True)
 class Certificate(Plain, Shown):
-    """Outcome of the judge: a list of checks, all of which must pass; an empty list does not."""
+    """Outcome of the judge: a list of checks, all of which must pass; an empty list does not.
+
+    One that was `read`, from plain data, is a claim, which `verify` compares with what it finds.
+    """
 
     plain_names = ("passed", "checks")
 
     checks: tuple[Check, ...]
+    read: bool = field(default=False, repr=False, compare=False)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild from `to_dict`; raises `InputError`."""
+        found = super().from_dict({**data, "read": True})
+        if data["passed"] is not found.passed:
+            raise InputError("does not follow from the checks", key="certificate.passed", found=data["passed"])
+        return found
 
     @property
     def passed(self) -> bool:
@@ -337,7 +349,7 @@ class Solution(Bounded, Shown):
         Empty without a motion, and where the nominal pair has no contact.
         """
         problem = self.problem
-        if self.transform is None:
+        if self.transform is None or not np.isfinite(self.transform).all():
             return {}
         joints = problem.chosen_joints or problem.nominal_joints
         pose = relative_pose(problem.movable, problem.static, self.transform)
@@ -382,4 +394,16 @@ class Solution(Bounded, Shown):
             array = getattr(read, key)
             if array is not None and array.shape != shape:
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=str(shape))
+            if array is not None and not np.isfinite(array).all():
+                raise InputError("not finite numbers", key=key, found=array.tolist())
+        for key, times in (("seconds", read.seconds), ("modelled", read.modelled)):
+            if not all(0.0 <= own < np.inf for own in times.values()):
+                raise InputError("not finite numbers >= 0", key=key, found=dict(times))
+        if read.parameters and tuple(read.parameters) != (names := read.problem.motion.names):
+            what, allowed = "not the motion's parameters", ", ".join(names)
+            raise InputError(what, key="parameters", found=[*read.parameters], allowed=allowed)
+        for key in ("usable", "gap", "snapped", "keep_out_gaps", "contact_gaps", "open_contacts"):
+            own = plain(read.problem.snapped if key == "snapped" else getattr(read, key))
+            if key in data and not agree(data[key], own, read.problem.contact_slack):
+                raise InputError("does not follow from the rest", key=key, found=data[key], allowed=str(own))
         return read

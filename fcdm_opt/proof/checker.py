@@ -69,6 +69,7 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     """Return what keeps a proof from being looked at, "" if nothing does."""
     k, n, c = len(problem.weights), len(evidence.faces), len(evidence.column_faces)
     shapes = {
+        "limits": (k, 2),
         "faces": (n,),
         "boxes": (n, 2, k - 1),
         "stretches": (n, 2),
@@ -94,6 +95,8 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     start, end = evidence.stretches.T
     if not ((start >= 0.0) & (start <= end) & (end < np.inf)).all():
         return "stretches are none"
+    if not (evidence.limits[:, 0] <= evidence.limits[:, 1]).all():
+        return "limits are none"
     if not (evidence.fronts >= 0.0).all():
         return "fronts are none"
     if evidence.first[0] != 0 or (np.diff(evidence.first) < 1).any() or evidence.first[-1] != len(evidence.witnesses):
@@ -341,6 +344,8 @@ class _Examiner:
         least = np.maximum(np.maximum(low, -high), 0.0)
         lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
         value = float((self.evidence.fronts * lengths).min(initial=np.inf))
+        if value * (1.0 - FLOATS) > _norm(Interval(self.problem.weights * np.abs(self.problem.limits).max(axis=1))):
+            value = np.inf  # the limits allow no motion as large
         passed = value * (1.0 + FLOATS) >= claimed
         return Check("proof: lower bound", bool(passed), value, float(claimed), "least amount that the cells leave")
 

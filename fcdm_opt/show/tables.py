@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Bounded, Solution
+    from fcdm_opt.problem.solution import Bounded, Certificate, Solution
     from fcdm_opt.show.solved import SolvedCase
 
 OPTIONAL = ("published\namount", 'least\n"touch"')
@@ -285,6 +285,13 @@ def print_yield(result: AssemblyYield) -> None:
         for share in result.contributions
     ]
     print_rows(rows, numbers=tuple(rows[0])[1:])
+
+
+def print_judged(certificate: Certificate) -> None:
+    """Print what the judge says of many sizes."""
+    count, failed = len(certificate.checks), ", ".join(check.name for check in certificate.failed)
+    passed = f"judged with parts made anew at other sizes: all {count} checks passed"
+    print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
 
 
 def print_clearances(clearances: Clearances, *, where: str = "") -> None:

@@ -304,14 +304,19 @@ def bounded(
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
-    if task.weighted and bound > np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)):
+    most = np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)) if task.weighted else np.inf
+    if bound > most:
         bound = np.inf  # the limits allow no motion as large
     if proof.q is not None and better is not None:
         answer = replace(better, stage=STAGE, lower_bound=0.0)
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
-    kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
-    return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
+    bound, kept = min(bound, _amount(task, answer)), None
+    if checked and task.weighted and len(task.weights) <= MOST_CHECKED:
+        shown = proof.evidence.bound if proof.evidence.bound <= most else np.inf
+        if bound <= shown * (1.0 + 2.0 * GAP):  # what is claimed is what can be checked; else no evidence goes with it
+            bound, kept = min(bound, shown), proof.evidence
+    return replace(answer, lower_bound=bound), kept
 
 
 def _most(task: Task, effort: float, share: float = 1.0) -> int:

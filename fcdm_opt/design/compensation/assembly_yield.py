@@ -15,8 +15,10 @@ from fcdm_opt.design.sizes import SCALES, drawn_pairs, proportion_interval, sour
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import by_parameter, interval, length, real
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 BLOCK = 2**14
@@ -28,6 +30,7 @@ BINS = 128
 SHARES = (0.5, 0.9, 0.99, 0.999)
 """Shares of the pairs that quantiles are told for."""
 
+SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
 
@@ -94,7 +97,14 @@ class AssemblyYield(Plain, Shown):
         Pairs in these bins.
     unit : str
         Of amounts; "" where none is known.
+    sizes_map, sizes
+        What it was worked out from, for `verify`.
     """
+
+    plain_names = (
+        "share", "interval", "confidence", "count", "passed", "outside", "impossible", "undecided", "budget", "limits",
+        "quantiles", "contributions", "amounts", "counts", "unit",
+    )  # fmt: skip
 
     share: float
     interval: tuple[float, float]
@@ -111,6 +121,44 @@ class AssemblyYield(Plain, Shown):
     amounts: Array = field(repr=False, compare=False)
     counts: Ints = field(repr=False, compare=False)
     unit: str = ""
+    sizes_map: Any = field(default=None, repr=False, compare=False)
+    sizes: Any = field(default=None, repr=False, compare=False)
+
+    def claims(self, *, proof: bool = False) -> MotionClaims:
+        """Return what `verify` looks at: motions at sizes drawn otherwise, and how many of them are within the budget.
+
+        Raises
+        ------
+        InputError
+            Where it is of a map that does not know what it is a map of.
+        """
+        told = getattr(self.sizes_map, "problem", None)
+        if told is None:
+            what = "a yield is judged by the motions of its map, which knows no problem"
+            raise InputError(what, key="sizes_map", found=type(self.sizes_map).__name__, allowed="a CompensationMap")
+        problem, over = Problem.from_dict(told), self.sizes_map.over
+        scales = over == SCALES
+        given = sources(self.sizes, positive=scales)
+        pairs, _ = drawn_pairs(given, None, LOOKED_UP, SEED, positive=scales)
+        names = self.sizes_map.table.names
+        limits = {names.index(name): ends for name, ends in self.limits.items()}
+        passed = _looked_up(self.sizes_map, self.budget, limits, *pairs.T).passed
+        places = pairs[:: max(len(pairs) // SAMPLED, 1)]
+        points = self.sizes_map.at(*places.T)
+        sizes = () if scales else problem.sizes
+        made = [[(problem.made or {}).get(size.name, 0.0) for size in sizes]] * len(places)
+        full = places if scales else np.array(made)
+        for k, name in enumerate(() if scales else over):
+            full[:, [size.name for size in sizes].index(name)] = places[:, k]
+        return MotionClaims(
+            problem=problem,
+            sizes=sizes,
+            places=full,
+            parameters=points.parameters,
+            amounts=points.amount,
+            errors=np.column_stack([points.error, points.displacement_error]),
+            share=ShareClaim(share=self.share, interval=self.interval, passed=passed),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan is None, and so is an end of a range that is open."""
@@ -219,6 +267,8 @@ def assembly_yield(
         amounts=frozen(edges),
         counts=frozen(counts, np.int64),
         unit=getattr(sizes_map, "unit", ""),
+        sizes_map=sizes_map,
+        sizes=sizes,
     )
 
 

@@ -15,11 +15,12 @@ from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, lea
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
-from fcdm_opt.design.sizes import Sizes, by_name, worst_sizes
+from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
@@ -73,6 +74,8 @@ class BestPose(Shown, Plain):
     seconds : float
     unit : str
         Of lengths, "" where the problem names none.
+    problem : Problem
+        That was asked about.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
@@ -98,6 +101,45 @@ class BestPose(Shown, Plain):
     evidence: PoseEvidence | None = field(repr=False)
     seconds: float
     unit: str = ""
+    problem: Problem | None = field(default=None, repr=False)
+
+    def claims(self, *, proof: bool = False) -> GapClaims:
+        """Return what `verify` looks at: the range of the gap at the pose, and what is told of it."""
+        if self.problem is None:
+            raise InputError("a pose is judged with the problem it is of", key="BestPose.problem", found=None)
+        problem = self.problem
+        q, (low, high), slack = np.array([*self.parameters.values()]), self.window, problem.contact_slack
+        end = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+        ends = self.least.gap, self.most.gap
+        violation = max(low - ends[0], ends[1] - high, 0.0)
+        amount = float(np.linalg.norm(problem.weights * q))
+        value, inside = amount if self.status == INSIDE else violation, violation <= slack
+        known = {BEST: self.window == (0.0, 0.0), INSIDE: inside, NONE: not inside, UNDECIDED: not inside}
+        errors = {
+            "transform of parameters": np.abs(self.transform - end).max(),
+            "amount": abs(self.amount - amount),
+            "worst gap": abs(self.worst_gap - max(map(abs, ends))),
+            "violation": abs(self.violation - violation),
+            "value": abs(self.value - value),
+            "lower bound": self.lower_bound - value,
+            "limits": np.maximum(problem.limits[:, 0] - q, q - problem.limits[:, 1]).max(),
+            "status": 0.0 if known.get(self.status) else np.inf,
+        }
+        by_names = self.least.names != SCALES
+        drawn = problem.request if by_names else vars(problem)
+        return GapClaims(
+            bodies=(drawn["movable"], drawn["static"]),
+            sizes=problem.sizes if by_names else (),
+            transform=self.transform,
+            least=(ends[0], self.least.rho),
+            largest=(ends[1], self.most.rho),
+            box=self.sizes.box,
+            listed=self.sizes.pairs,
+            others=[
+                *(Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()),
+                *(self.check(problem) if proof else ()),
+            ],
+        )
 
     @property
     def gap(self) -> float:
@@ -344,6 +386,7 @@ def _told(
         most=most,
         seconds=time.perf_counter() - start,
         unit=problem.unit,
+        problem=problem,
         **told,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,14 @@ from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.judge.sampled_sizes import GapClaims, ShareClaim
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real, whole
 
 CHUNK = 2**13  # pairs of parts that are drawn at a time: what they need stays in the processor's cache
 ALL = 8.0  # deviations beyond which a normal distribution draws nothing that floats of 53 digits could tell
 MOST = 10**9
+OTHERS, SEED = 100_000, 20_011  # pairs of parts drawn otherwise, to judge a share by
 BINS = 200  # of the gaps that are kept for pictures
 
 
@@ -40,7 +42,14 @@ class GapYield(Plain):
     limits : (float, float)
     edges, counts : arrays (bins + 1,), (bins,)
         Histogram of the gaps over the range that the tolerances allow, with what lies beyond in the outer bins.
+    claimed : GapClaims, optional
+        What is told of the gap, which `verify` looks at with the share; without one for sizes that depend on others.
     """
+
+    plain_names = (
+        "share", "interval", "count", "confidence", "mean", "deviation", "least", "largest", "limits", "edges",
+        "counts",
+    )  # fmt: skip
 
     share: float
     interval: tuple[float, float]
@@ -53,6 +62,15 @@ class GapYield(Plain):
     limits: tuple[float, float]
     edges: Array
     counts: Array
+    claimed: GapClaims | None = field(default=None, repr=False)
+
+    def claims(self, *, proof: bool = False) -> GapClaims:
+        """Return what `verify` looks at: the gap at all sizes, and the share by draws of their own."""
+        if self.claimed is None or self.claimed.told is None:
+            raise InputError("what is drawn of sizes that depend on each other is not judged", key="correlation")
+        gaps = self.claimed.told(draws(self.claimed.sizes, OTHERS, SEED))
+        passed = (gaps >= self.limits[0]) & (gaps <= self.limits[1])
+        return replace(self.claimed, share=ShareClaim(share=self.share, interval=self.interval, passed=passed))
 
 
 def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:

@@ -16,6 +16,7 @@ from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
 from fcdm_opt.problem.problem import Problem
@@ -231,6 +232,26 @@ class StackUp:
         shares = [SizeShare(name, *row) for name, row in zip(self.names, found, strict=True)]
         return tuple(sorted(shares, key=lambda own: (-round(own.worst, 9), own.size)))
 
+    def claims(self, *, proof: bool = False) -> GapClaims:
+        """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases."""
+        worst, parts = self.worst(), np.array([row.parts for row in self.rows])
+        heights = np.array([[row.gap, *row.coefficients.values()] for row in self.rows])
+        pairs = [heights[(parts == own).all(axis=1)] for own in np.unique(parts, axis=0)]
+
+        def told(places: Array) -> Array:
+            return np.min([(rows[:, 1:] @ places.T + rows[:, :1]).max(axis=0) for rows in pairs], axis=0)
+
+        return GapClaims(
+            bodies=self.touching.bodies,
+            sizes=self.sizes,
+            transform=self.touching.transform,
+            least=(worst.least, np.array([*worst.at_least.values()])),
+            largest=(worst.largest, np.array([*worst.at_largest.values()])),
+            box=self.touching.box,
+            told=told,
+            standing=[pair.parts for pair in self.touching.standing],
+        )
+
     def root_sum_square(self) -> RootSumSquare:
         """Return mean and deviation of the deciding row, and the share that is within the limits if it is normal."""
         from scipy.special import ndtr
@@ -260,7 +281,8 @@ class StackUp:
         correlation : (k, k) array, optional
             Of the sizes' normal scores (a normal copula); default independent.
         """
-        return drawn_gaps(self.touching, self.limits, n, seed=seed, confidence=confidence, correlation=correlation)
+        drawn = drawn_gaps(self.touching, self.limits, n, seed=seed, confidence=confidence, correlation=correlation)
+        return drawn if correlation is not None else replace(drawn, claimed=self.claims())
 
     def allocate(
         self,

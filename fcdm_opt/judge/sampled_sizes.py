@@ -1,0 +1,213 @@
+"""The judge of what is said of many sizes at once: parts made anew at sizes of the judge's choice, asked by coal.
+
+A stack-up, a yield, one pose for all sizes say what holds at every size. At some of these sizes bodies are made of
+their own, moved, and measured by the collision library: what is told there must be so. `GapClaims` and `MotionClaims`
+are what the results hand over: their numbers, and nothing that could be asked for the truth of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Check
+from fcdm_opt.tolerances import DEFAULT
+
+SAMPLED, CORNERS = 12, 12  # sizes within a box, and corners of it, at which parts are made anew at most
+SURE = 1e-9  # chance that a share which is right is refused for the draws it was compared with
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShareClaim:
+    """A share that is told, and draws of what it is a share of, independent of it.
+
+    Attributes
+    ----------
+    share, interval : float, (float, float)
+    passed : (n,) flags
+        Of draws of the same distribution: which of them are counted, by what is told of each.
+    """
+
+    share: float
+    interval: tuple[float, float]
+    passed: Flags
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GapClaims:
+    """What is told of the gap of two bodies at a pose, over a box of sizes or a list of them.
+
+    Attributes
+    ----------
+    bodies : (Body, Body)
+        As drawn.
+    sizes : tuple of Size
+        What numbers of a place are; without any they are the scales of both bodies.
+    transform : (4, 4) array
+        Of the movable body.
+    least, largest : (float, (k,) array)
+        The ends of the range of the gap, and where they are.
+    box : (k, 2) array
+    listed : (n, k) array, optional
+        All sizes that are spoken of, where it is not the whole box.
+    told : function of places (n, k), optional
+        The gaps, (n,), that are told there. Without one only the range is told.
+    standing : sequence of (int, int)
+        Part pairs that are not counted.
+    share : ShareClaim, optional
+    others : sequence of Check
+        Of what else is told.
+    """
+
+    bodies: tuple[Body, Body]
+    sizes: tuple[Size, ...]
+    transform: Array
+    least: tuple[float, Array]
+    largest: tuple[float, Array]
+    box: Array
+    listed: Array | None = None
+    told: Callable[[Array], Array] | None = None
+    standing: Sequence[tuple[int, int]] = ()
+    share: ShareClaim | None = None
+    others: Sequence[Check] = ()
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what the collision library says of it."""
+        slack = DEFAULT.touch * max(body.size for body in self.bodies)
+        ends = np.array([self.least[1], self.largest[1]], float)
+        low, high = self.box.T
+        outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
+        others = _spread(self.box) if self.listed is None else self.listed
+        others = others[np.linspace(0, len(others) - 1, min(len(others), SAMPLED + CORNERS)).astype(np.int64)]
+        gaps = [self._gaps(place) for place in np.vstack([ends, others])]
+        made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=True) if gap is not None]
+        lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
+        least, largest = self.least[0], self.largest[0]
+        beyond = max((max(least - d, (d if np.isnan(s) else min(d, s)) - largest) for (d, s), _ in made), default=0.0)
+        checks = [
+            _at_most("sizes of the range", outside, DEFAULT.nominal, "how far those named are beyond the tolerances"),
+            *(
+                _at_most(name, np.nan if gap is None else _off(own, *gap), slack, "at the sizes named")
+                for name, own, gap in zip(("least gap", "largest gap"), (least, largest), gaps[:2], strict=True)
+            ),
+            _at_most("range", beyond, slack, lost),
+        ]
+        if self.told is not None and made:
+            told = self.told(np.array([place for _, place in made])).tolist()
+            off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
+            checks.append(_at_most("gap at sampled sizes", off, slack, lost))
+        return (*checks, *([] if self.share is None else [_share(self.share)]), *self.others)
+
+    def _gaps(self, place: Array) -> tuple[float, float] | None:
+        """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""
+        try:
+            bodies, scales = made_at(self.bodies, self.sizes, place)
+        except InputError:  # a face has vanished
+            return None
+        pair, here = ScaledPair(*bodies), self.transform[None]
+        if not self.standing:
+            distance, separation = pair.both_ways(scales, here)
+            return float(distance[0]), float(separation[0])
+        counted = set(product(*(range(len(body.parts)) for body in bodies))) - set(self.standing)
+        each = [pair.between(*parts).both_ways(scales, here) for parts in sorted(counted)]
+        return float(min(own[0][0] for own in each)), float(min(own[1][0] for own in each))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionClaims:
+    """What is told of the motions at sizes: a share of them within a budget.
+
+    Attributes
+    ----------
+    problem : Problem
+    sizes : tuple of Size
+        As of `GapClaims`.
+    places : (n, k) array
+    parameters, amounts : (n, p) and (n,) arrays
+        The motions told there; nan where there is none.
+    errors : (n, 2) array
+        Of the amount, and of the displacement of a vertex.
+    share : ShareClaim
+    """
+
+    problem: Problem
+    sizes: tuple[Size, ...]
+    places: Array
+    parameters: Array
+    amounts: Array
+    errors: Array
+    share: ShareClaim = field(repr=False)
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what the collision library says of the parts made and moved so."""
+        problem, goal, worst, count = self.problem, self.problem.goal, np.zeros(2), 0
+        bodies = problem.request["movable"], problem.request["static"]
+        rows = zip(self.places, self.parameters, self.amounts.tolist(), self.errors.tolist(), strict=True)
+        for place, q, amount, (error, displaced) in rows:
+            if not np.isfinite([*q, amount]).all():
+                continue
+            made, scales = made_at(bodies, self.sizes, place)
+            T = problem.motion.transform(q, made[0].seed, made[1].seed)
+            gap = float(ScaledPair(*made).signed_distances(scales, T[None])[0])
+            off = abs(gap) if goal == "touch" else max(problem.clearance - gap, 0.0) if goal == "clear" else 0.0
+            told = float(np.linalg.norm(problem.weights * q)) if problem.amount == "weighted" else amount
+            worst, count = np.maximum(worst, [off - displaced, abs(told - amount) - error]), count + 1
+        slack, note = 10.0 * problem.contact_slack, f"beyond the error told, at {count} sizes with a motion"
+        return (
+            _at_most("gap after the motion", worst[0], slack, note),
+            _at_most("amount of the motion", worst[1], slack + DEFAULT.nominal * problem.length, note),
+            _share(self.share),
+        )
+
+
+def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:
+    """Return both bodies as made at sizes, and the scales, (1, 2), that are left to ask for."""
+    if not sizes:
+        return bodies, np.asarray(place, float)[None]
+    values = dict(zip(sizes, np.asarray(place, float).tolist(), strict=True))
+    own = (
+        resized(body, {size: x for size, x in values.items() if size.body == role})
+        for role, body in zip(("movable", "static"), bodies, strict=True)
+    )
+    movable, static = own
+    return (movable, static), np.ones((1, 2))
+
+
+def _spread(box: Array) -> Array:
+    """Return corners of a box, places on its sides, and places within it, (n, k)."""
+    rng, (low, high) = np.random.default_rng(11), box.T
+    corners = rng.random((CORNERS, len(box))) < 0.5
+    return low + np.vstack([corners, rng.random((SAMPLED, len(box)))]) * (high - low)
+
+
+def _off(told: float, distance: float, separation: float) -> float:
+    """Return how far a told gap is off: a separation, no more than the distance, where parts are apart; minus depth."""
+    if not distance > 0.0:
+        return abs(told - distance)
+    return max(told - distance, min(distance, distance if np.isnan(separation) else separation) - told, 0.0)
+
+
+def _share(claim: ShareClaim) -> Check:
+    """Check a share by draws of the judge's own: none that are as likely as `SURE` are off it as far."""
+    from scipy.stats import binomtest
+
+    count, passed = len(claim.passed), int(np.count_nonzero(claim.passed))
+    low, high = binomtest(passed, count).proportion_ci(1.0 - SURE, method="exact")
+    ends = claim.interval
+    beyond = max(low - ends[1], ends[0] - high, claim.share - ends[1], ends[0] - claim.share)
+    note = f"told {ends[0]:.4%} to {ends[1]:.4%}; of {count} others {passed / count:.4%}"
+    return _at_most("share", beyond, 0.0, note)
+
+
+def _at_most(name: str, value: float, limit: float, note: str) -> Check:
+    return Check(name, bool(value <= limit), float(value), float(limit), note)

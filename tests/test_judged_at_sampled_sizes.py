@@ -1,0 +1,199 @@
+"""Stack-ups, yields and the one pose for all sizes, judged where parts are made anew: right, and changed ones."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+
+
+def block(low, high, name):
+    corners = [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    return fo.Body.convex(corners, seed="box", name=name)
+
+
+@cache
+def key_in_slot(standing: bool = True) -> fo.Problem:
+    """A key 4 wide in a slot 4.2 wide, .3 above its floor or on it: the gap is that of the nearer wall, .1."""
+    bottom = 0.0 if standing else 0.3
+    key = block((-2, -5, bottom), (2, 5, 6), "key")
+    slot = fo.Body.from_parts(
+        [
+            block((-6, -5, -2), (6, 5, 0), "floor").vertices,
+            block((-6, -5, 0), (-2.1, 5, 4), "left").vertices,
+            block((2.1, -5, 0), (6, 5, 4), "right").vertices,
+        ],
+        seed=(0, 0, -1), name="slot",
+    )  # fmt: skip
+    sizes = [
+        fo.Size("key width", "movable", faces="+x", tolerance=0.03),
+        fo.Size("key side", "movable", faces="-x", tolerance=0.02),
+    ]
+    limits = {"TX": (-0.2, 0.2)}
+    return fo.Problem(key, slot, goal="clear", motion=fo.Translation("x"), limits=limits, sizes=sizes, made={})
+
+
+@cache
+def stack() -> fo.StackUp:
+    return fo.stack_up(key_in_slot(), limits=(0.06, 1.0))
+
+
+@cache
+def drawn():
+    return stack().yield_(50_000)
+
+
+@cache
+def pose() -> fo.BestPose:
+    return fo.best_pose(key_in_slot(False))
+
+
+@cache
+def scaled() -> fo.Problem:
+    floor, cube = block((-3, -3, -1), (3, 3, 0), "floor"), block((-1, -1, 0), (1, 1, 2), "cube")
+    return fo.Problem(cube, floor, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+
+
+@cache
+def share() -> fo.AssemblyYield:
+    found = fo.compensation_map(scaled())
+    sizes = fo.Uniform(0.98, 1.02), fo.Uniform(0.98, 1.02)
+    return fo.assembly_yield(found, sizes=sizes, budget=0.01, count=50_000)
+
+
+@cache
+def pose_of_scales() -> fo.BestPose:
+    return fo.best_pose(scaled().changed(limits={"TZ": (-0.5, 0.5)}))
+
+
+ANSWERS = {"stack": stack, "drawn": drawn, "pose": pose, "share": share, "pose of scales": pose_of_scales}
+
+
+def failed(answer, **how) -> set[str]:
+    return {check.name for check in fo.verify(answer, **how).failed}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_what_was_found_passes(name):
+    certificate = fo.verify(ANSWERS[name](), proof=True)
+    assert certificate.passed, certificate.failed
+    assert len(certificate.checks) >= 3
+
+
+def test_the_gap_of_the_key_is_in_closed_form():
+    """.1 less what either side grows; the shares of a yield by two normal distributions, by numbers of our own."""
+    worst = stack().worst()
+    assert worst.least == pytest.approx(0.1 - 0.03)
+    rng = np.random.default_rng(5)
+    sides = rng.normal(0.0, [0.01, 0.02 / 3], (400_000, 2))
+    assert drawn().share == pytest.approx(np.mean(0.1 - sides.max(axis=1) >= 0.06), abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("change", "check"),
+    [
+        ({"gap": 0.02}, "gap at sampled sizes"),
+        ({"coefficients": {"key width": -0.5, "key side": 0.0}}, "gap at sampled sizes"),
+        ({"coefficients": {"key width": 0.0, "key side": 0.0}}, "gap at sampled sizes"),
+    ],
+)
+def test_a_changed_row_is_refused(change, check):
+    forged = replace(stack())
+    rows = list(stack().rows)
+    for k in range(len(rows)):
+        vars(forged).update(rows=tuple(replace(row, **change) if j == k else row for j, row in enumerate(rows)))
+        assert check in failed(forged), rows[k]
+
+
+@pytest.mark.parametrize("change", [{"least": 0.08}, {"least": 0.06}, {"largest": 0.101}, {"largest": 0.2}])
+def test_a_changed_worst_case_is_refused(change):
+    forged = replace(stack())
+    vars(forged).update(_worst=replace(stack().worst(), **change))
+    assert failed(forged) & {"least gap", "largest gap"}
+
+
+def test_worst_sizes_beyond_the_tolerances_are_refused():
+    forged = replace(stack())
+    at = {"key width": 0.04, "key side": 0.0}
+    vars(forged).update(_worst=replace(stack().worst(), at_least=at, least=0.06))
+    assert "sizes of the range" in failed(forged)
+
+
+@pytest.mark.parametrize("factor", [0.97, 1.02])
+def test_a_changed_share_is_refused(factor):
+    told = drawn()
+    assert failed(replace(told, share=told.share * factor)) == {"share"}
+    ends = tuple(end * factor for end in told.interval)
+    assert failed(replace(told, share=told.share * factor, interval=ends)) == {"share"}
+    told, factor = share(), factor**4
+    ends = tuple(end * factor for end in told.interval)
+    assert failed(replace(told, share=told.share * factor, interval=ends)) == {"share"}
+
+
+@pytest.mark.parametrize("add", [0.001, -0.001])
+def test_a_map_whose_motions_are_off_is_refused(add):
+    found = share().sizes_map
+    values = np.array(found.table.values)
+    values[..., 1] += add
+    wrong = replace(found, table=replace(found.table, values=values))
+    assert "gap after the motion" in failed(replace(share(), sizes_map=wrong))
+    values = np.array(found.table.values)
+    values[..., 0] += add
+    wrong = replace(found, table=replace(found.table, values=values))
+    assert "amount of the motion" in failed(replace(share(), sizes_map=wrong))
+
+
+CHANGES = {
+    "status": "inside the window",
+    "parameters": {"TX": 0.05},
+    "transform": np.eye(4) + 0.01,
+    "amount": 0.07,
+    "worst_gap": 0.01,
+    "violation": 0.01,
+    "value": 0.01,
+    "lower_bound": 1.0,
+    "window": (0.2, 0.3),
+}
+
+
+@pytest.mark.parametrize("key", CHANGES)
+@pytest.mark.parametrize("name", ["pose", "pose of scales"])
+def test_a_changed_pose_is_refused(name, key):
+    found = ANSWERS[name]()
+    value = {next(iter(found.parameters)): 0.05} if key == "parameters" else CHANGES[key]
+    assert failed(replace(found, **{key: value}))
+
+
+@pytest.mark.parametrize("name", ["pose", "pose of scales"])
+@pytest.mark.parametrize("end", ["least", "most"])
+def test_a_changed_end_of_the_range_is_refused(name, end):
+    found = ANSWERS[name]()
+    own = getattr(found, end)
+    for change in ({"gap": own.gap + 0.01}, {"gap": own.gap - 0.01}, {"rho": own.rho + 0.1}):
+        assert failed(replace(found, **{end: replace(own, **change)}))
+
+
+def test_a_bound_beyond_its_evidence_is_refused():
+    found = pose_of_scales()
+    assert found.evidence is not None
+    assert failed(replace(found, value=found.value, lower_bound=found.value * 1.5), proof=True)
+
+
+def test_commands_say_that_they_judged(tmp_path):
+    file = "problems/slot_and_key.toml"
+    result = CliRunner().invoke(app, ["stack", file, "--draws", "20000"])
+    assert result.exit_code == 0, result.output
+    assert "judged with parts made anew" in result.output
+    result = CliRunner().invoke(app, ["stack", file, "--draws", "20000", "--json"])
+    cases = json.loads(result.stdout)[0]["cases"]
+    assert all(case["yield"]["certificate"]["passed"] for case in cases)
+    asked = ["pose", "problems/example1_touch.toml", "--case", "A", "--clearance", "0,inf", "--json"]
+    result = CliRunner().invoke(app, asked)
+    assert json.loads(result.stdout)[0]["cases"][0]["best_pose"]["certificate"]["passed"], result.output
