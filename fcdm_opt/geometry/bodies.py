@@ -30,7 +30,7 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED
+from fcdm_opt.geometry.tessellation import TESSELLATED, errors_of_faces
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
@@ -181,6 +181,9 @@ class Body(_Sealed, Shown):
     deviation : (float, float)
         Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most: of one
         made from a mesh or file also by how far its vertices were moved, and triangles leave curved faces.
+    facet_errors : (faces, 2) array or None
+        Lengths by which each face sticks out of the surface that it stands for, and falls short of it, where a file
+        says what surface that is; see `fcdm_opt.geometry.facet_errors`.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -201,6 +204,7 @@ class Body(_Sealed, Shown):
     faces: tuple[tuple[int, ...], ...]
     outlines: tuple[tuple[int, ...], ...]
     deviation: tuple[float, float] = (0.0, 0.0)
+    facet_errors: Array | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
     hollow: bool = False
@@ -359,7 +363,7 @@ class Body(_Sealed, Shown):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks, off = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
+        vertices, faces, remarks, off, surfaces = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
         own = Path(path).stem if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
@@ -367,7 +371,11 @@ class Body(_Sealed, Shown):
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
         out, short = body.deviation
-        return replace(body, deviation=(out + off[0], short + off[1]), notes=(*body.notes, *remarks))
+        errors = None
+        if surfaces is not None:
+            errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), surfaces))
+        deviation, notes = (out + off[0], short + off[1]), (*body.notes, *remarks)
+        return replace(body, deviation=deviation, facet_errors=errors, notes=notes)
 
     @classmethod
     def _made(
@@ -416,7 +424,7 @@ class Body(_Sealed, Shown):
         outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
         skin = made.surface.triangles_of_faces()
         points = frozen(made.points)
-        return cls(name, points, seed, parts, faces, outlines, (moved, moved), notes, skin, hollow=True)
+        return cls(name, points, seed, parts, faces, outlines, (moved, moved), None, notes, skin, hollow=True)
 
     @cached_property
     def corners(self) -> tuple[int, ...]:
@@ -477,6 +485,20 @@ class Body(_Sealed, Shown):
                 for face in own:
                     normals[face], points[face] = part.normals[k], part.vertices[part.loops[k][0]]
         return frozen(normals), frozen(points)
+
+    @cached_property
+    def face_triangles(self) -> tuple[Array, Ints]:
+        """Triangles of the faces, (t, 3, 3), wound outwards, and the row in `faces` of each: the pieces parts have."""
+        if self.skin:
+            rows = np.concatenate([np.array(own) for own in self.skin])
+            return self.vertices[rows], np.repeat(np.arange(len(self.skin)), list(map(len, self.skin)))
+        found = [(np.empty((0, 3, 3)), np.empty(0, np.int64))]
+        for part, owners in zip(self.parts, self.facet_faces, strict=True):
+            for loop, own in zip(part.loops, owners, strict=True):
+                corners = part.vertices[fans([loop])]
+                found += [(corners, np.full(len(corners), face)) for face in own]
+        corners, owners = map(np.concatenate, zip(*found, strict=True))
+        return corners, owners
 
     @cached_property
     def size(self) -> float:
