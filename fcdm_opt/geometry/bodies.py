@@ -30,8 +30,7 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED, errors_of_faces
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.tessellation import errors_of_faces
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -658,23 +657,6 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
         raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
     return float(pair[0]), float(pair[1])
-
-
-def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
-    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
-
-    None where they are off by no more than the digits of files, `Tolerances.drawn`.
-    """
-    reasons: dict[str, list[str]] = {}
-    for body in (movable, *others):
-        if max(body.deviation) > DEFAULT.drawn * body.size:
-            cut = any(note.startswith(TESSELLATED) for note in body.notes)
-            reasons.setdefault("tessellation" if cut else "approximation", []).append(body.name)
-    if not reasons:
-        return []
-    out, short = (movable.deviation[k] + max(body.deviation[k] for body in others) for k in (0, 1))
-    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
-    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

@@ -171,7 +171,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     """Return the facets that lie side by side around one axis, or a point."""
     facets = sorted(face for face in normals if len(face) < MANY)
     looks = np.array([normals[face] for face in facets])
-    pairs, ends = _neighbours(facets)
+    pairs, ends = neighbours(facets)
     if not len(pairs):
         return []
     turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
@@ -247,7 +247,7 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
     return Round(name, surface, faces)
 
 
-def _neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
+def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
     """Return the places of faces with just two corners in common, (m, 2), and the rows of those corners, (m, 2)."""
     ends, owners = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
     for places, corners in by_size(faces):

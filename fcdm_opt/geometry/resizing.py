@@ -275,7 +275,7 @@ def _share_more(one: ConvexPart, two: ConvexPart, near: float) -> bool:
     for own, other in ((one, two), (two, one)):
         if ((own.normals @ other.vertices.T).min(axis=1) - own.levels).max() >= -near:
             return False
-    return _ball(np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels]))[1] > near
+    return largest_ball(np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels]))[1] > near
 
 
 def _facing(made: Body, pair: tuple[int, int]) -> str:
@@ -302,7 +302,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
 
     part, centre = own.part, own.part.vertices.mean(axis=0)
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
-    middle, radius = _ball(part.normals, levels)
+    middle, radius = largest_ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
     try:
@@ -316,7 +316,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     return points + centre, np.ones(len(points), bool)
 
 
-def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
+def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
     """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
     from scipy.optimize import linprog
 

@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import known_to
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
