@@ -94,7 +94,15 @@ def _well_formed(solution: Solution) -> Check:
     )
     wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
     wrong += sum(not _finite(claim, shape) for claim, shape in claims)
+    wrong += not _holds(solution.amount_low, solution.amount, solution.amount_high)
     return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
+
+
+def _holds(low: Any, amount: Any, high: Any) -> bool:
+    """Tell whether what a mesh leaves open holds the amount; both ends are nan where it is not known."""
+    if not isinstance(low, float) or not isinstance(high, float) or low < 0.0:
+        return False
+    return (isnan(low) and isnan(high)) or low <= amount <= high
 
 
 def _finite(claim: Any, shape: tuple[int, ...]) -> bool:

@@ -221,7 +221,8 @@ def _bound(solution: Solution, unit: str) -> tuple[str, str]:
         return "0", "(nothing is proved)" if solution.amount else unit
     if math.isinf(solution.lower_bound):
         return "impossible", ""
-    gap = "exact" if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
+    near = "of the mesh" if solution.left_by_mesh else "exact"
+    gap = near if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
     return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 

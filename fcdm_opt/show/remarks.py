@@ -46,7 +46,10 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    told += known_to(problem.movable, [problem.static, *(each.body for each in problem.keep_out)], unit)
+    told += known_to(problem.movable, problem.bodies[1:], unit)
+    low, high = solution.amount_low, solution.amount_high
+    if low < high and not solution.left_by_mesh:
+        told.append(f"the mesh leaves the amount open between {low:.6g} and {measured(f'{high:.6g}', problem.amount_unit)}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
