@@ -302,6 +302,8 @@ def _each_case(
     inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
+    from fcdm_opt.show.printing import print_lines
+    from fcdm_opt.show.remarks import known_gaps
     from fcdm_opt.show.tables import print_case
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
@@ -312,6 +314,10 @@ def _each_case(
             inquiry.codes.append(_code(answer))
             if not inquiry.as_json:
                 printed(answer)
+        if known := known_gaps(problem):
+            entry["known_to"] = known
+            if not inquiry.as_json:
+                print_lines(known)
 
     inquiry.ask(answered)
 

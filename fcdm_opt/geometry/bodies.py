@@ -373,8 +373,8 @@ class Body(_Sealed, Shown):
         errors = None
         if surfaces is not None:
             errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), surfaces))
-        deviation, notes = (out + off[0], short + off[1]), (*body.notes, *remarks)
-        return replace(body, deviation=deviation, facet_errors=errors, notes=notes)
+        out, short = out + off[0], short + off[1]
+        return replace(body, deviation=(out, short), facet_errors=errors, notes=(*body.notes, *remarks))
 
     @classmethod
     def _made(
@@ -496,8 +496,7 @@ class Body(_Sealed, Shown):
             for loop, own in zip(part.loops, owners, strict=True):
                 corners = part.vertices[fans([loop])]
                 found += [(corners, np.full(len(corners), face)) for face in own]
-        corners, owners = map(np.concatenate, zip(*found, strict=True))
-        return corners, owners
+        return np.concatenate([own for own, _ in found]), np.concatenate([own for _, own in found])
 
     @cached_property
     def size(self) -> float:
@@ -527,7 +526,12 @@ class Body(_Sealed, Shown):
         factor = numbers(rho, key)
         if factor.shape != () or not (np.isfinite(factor) and self.size * factor > SMALLEST):
             raise InputError("a scale is a positive number", key=key, found=rho)
-        return self if factor == 1.0 else self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        if factor == 1.0:
+            return self
+        errors = None if self.facet_errors is None else frozen(factor * self.facet_errors)
+        out, short = (float(factor) * length for length in self.deviation)
+        scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        return replace(scaled, deviation=(out, short), facet_errors=errors)
 
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""

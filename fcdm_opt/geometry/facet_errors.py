@@ -48,7 +48,7 @@ def facet_errors(body: Body) -> Array | None:
     return _KNOWN[body]
 
 
-def deviation(body: Body) -> tuple[float, float]:
+def deviation_of(body: Body) -> tuple[float, float]:
     """Return how far a body sticks out of the true one, and falls short of it, at most: `Body.deviation`, or more."""
     errors = facet_errors(body)
     out, short = np.max([body.deviation, *([] if errors is None else errors.max(axis=0, initial=0.0)[None])], axis=0)
@@ -219,7 +219,7 @@ def _moves(
     It stays in the planes of faces that have no error. None where there is no such move.
     """
     moves, side = np.zeros((count, 3)), 1.0 if off.max() > 0.0 else -1.0
-    flat = ~errors.any(axis=1)
+    flat = np.asarray(errors.max(axis=1) == 0.0)
     faces, their = np.repeat(owners, 3), corners.ravel()
     order = np.argsort(their, kind="stable")
     ends = np.searchsorted(their[order], np.arange(count + 1))
@@ -259,12 +259,12 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     """
     reasons: dict[str, list[str]] = {}
     for body in (movable, *others):
-        if max(deviation(body)) > DEFAULT.drawn * body.size:
+        if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
             reasons.setdefault("approximation" if approximated else "tessellation", []).append(body.name)
     if not reasons:
         return []
-    own, *further = [deviation(body) for body in (movable, *others)]
+    own, *further = [deviation_of(body) for body in (movable, *others)]
     out, short = (own[k] + max(other[k] for other in further) for k in (0, 1))
     told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
     return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]

@@ -35,7 +35,7 @@ TRIES = 8  # to keep the deviation asked for of a STEP file
 
 
 class Drawn(NamedTuple):
-    """What is read from a file: vertices and faces, how far these lie outside and within the solid, and its surfaces."""
+    """What is read from a file: vertices, faces, how far these lie outside and within the solid, and its surfaces."""
 
     vertices: Array
     faces: list[Polygon]

@@ -186,8 +186,8 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
         groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
-    found = [own for faces, axis in rounds if (own := _radius(body, faces, normals, axis)) is not None]
-    known = {face for own in found for face in own.faces}
+    found = [each for faces, axis in rounds if (each := _radius(body, faces, normals, axis)) is not None]
+    known = {face for each in found for face in each.faces}
     left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
     return found + _cones(body, facets, normals, pairs[left], ends[left])
 

@@ -257,7 +257,8 @@ def _offset(moving: Resizing, values: Array) -> Body:
     except InputError as reason:
         what = f"the body changes its shape at these sizes: {reason.what}"
         raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-    return replace(made, notes=body.notes, skin=body.skin, deviation=body.deviation)
+    errors = body.facet_errors if made.faces == body.faces else None
+    return replace(made, notes=body.notes, skin=body.skin, deviation=body.deviation, facet_errors=errors)
 
 
 def _apart(body: Body, made: Body, near: float) -> None:

@@ -7,7 +7,6 @@ a point is from the axis, and along it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np

@@ -94,15 +94,7 @@ def _well_formed(solution: Solution) -> Check:
     )
     wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
     wrong += sum(not _finite(claim, shape) for claim, shape in claims)
-    wrong += not _holds(solution.amount_low, solution.amount, solution.amount_high)
     return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
-
-
-def _holds(low: Any, amount: Any, high: Any) -> bool:
-    """Tell whether what a mesh leaves open holds the amount; both ends are nan where it is not known."""
-    if not isinstance(low, float) or not isinstance(high, float) or low < 0.0:
-        return False
-    return (isnan(low) and isnan(high)) or low <= amount <= high
 
 
 def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
@@ -244,8 +236,17 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
+            *self._left_by_mesh(),
             *self._whole_steps(),
         ]
+
+    def _left_by_mesh(self) -> list[Check]:
+        """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
+        low, amount, high = self.solution.amount_low, self.solution.amount, self.solution.amount_high
+        if low == amount == high or (isnan(low) and isnan(high)):
+            return []
+        note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+        return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), 0.0, note)]
 
     def _amount(self) -> float:
         """Return the amount of the claimed motion, by the problem's own measure."""

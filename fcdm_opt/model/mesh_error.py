@@ -149,8 +149,9 @@ def _most(solution: Solution) -> float:
 
 def _between(solution: Solution, low: float, high: float) -> Solution:
     """Return a solution with what is left open, none where it is rounding; what was found is always within."""
-    amount, problem = solution.amount, solution.problem
-    low, high = (amount if _same(problem, end, amount) else end for end in (low, high))
+    amount, problem, rounding = solution.amount, solution.problem, DEFAULT.nominal * solution.problem.size
+    low = amount if _same(problem, low, amount) else max(low - rounding, 0.0)
+    high = amount if _same(problem, high, amount) else high + rounding
     return replace(solution, amount_low=min(low, amount), amount_high=max(high, amount))
 
 

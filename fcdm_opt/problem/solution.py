@@ -273,9 +273,9 @@ class Solution(Bounded, Shown):
 
     plain_names = (
         "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound",
-        "amount_low", "amount_high", "rho", "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage",
-        "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt", "evidence", "sensitivity",
-        "certificate", "seconds",
+        "amount_low", "amount_high", "rho", "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped",
+        "active", "modelled", "stage", "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt",
+        "evidence", "sensitivity", "certificate", "seconds",
     )  # fmt: skip
 
     problem: Problem
@@ -334,7 +334,8 @@ class Solution(Bounded, Shown):
             one, two, *others = self.problem.bodies
             return "what the mesh leaves open is not known" if known_to(one, [two, *others], unit) else ""
         if math.isinf(high):
-            return f"{measured(f'{low:.4g}', unit)} or more: the mesh leaves that open"
+            least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
+            return f"{least}: the mesh leaves that open"
         return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
 
     @cached_property
@@ -407,8 +408,7 @@ class Solution(Bounded, Shown):
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            open_ends = dict.fromkeys(("amount_low", "amount_high"))  # not in what was stored before there were any
-            read = super().from_dict({**open_ends, **data, "derivatives": data["sensitivity"]})
+            read = super().from_dict({**data, "derivatives": data["sensitivity"]})
         except (KeyError, TypeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
         for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
