@@ -304,6 +304,8 @@ def _each_case(
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
     from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.show.printing import print_lines
+    from fcdm_opt.show.remarks import known_gaps
     from fcdm_opt.show.tables import print_case, print_judged
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
@@ -320,6 +322,10 @@ def _each_case(
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
                 if not inquiry.as_json:
                     print_judged(certificate)
+        if known := known_gaps(problem):
+            entry["known_to"] = known
+            if not inquiry.as_json:
+                print_lines(known)
 
     inquiry.ask(answered)
 

@@ -32,6 +32,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -381,8 +382,9 @@ class DecisionCurve(Shown):
         return (*one.packed, *two.packed, self.transform, one.seed, two.seed)
 
     def gap_bounds(self, rho: ArrayLike) -> tuple[float, float]:
-        """Return bounds of the gap of the solids that the bodies' parts stand for, see `Body.deviation`; length units.
+        """Return bounds of the gap of the solids that the bodies' parts stand for; length units.
 
+        By how far the parts are off these, see `Body.deviation`, and facets off the round faces they are taken for.
         Below: the gap less how far the parts fall short of the solids. Above: the distance of the parts and how far
         they stick out of the solids; where the parts overlap, the solids do, or are no further apart than that. Both
         are the gap or 0 where the parts are the solids themselves.
@@ -393,7 +395,7 @@ class DecisionCurve(Shown):
             Scale pair, both positive.
         """
         pair = _pair(rho)
-        outward, inward = (pair @ own for own in zip(self.movable.deviation, self.static.deviation, strict=True))
+        outward, inward = (pair @ own for own in zip(*map(deviation_of, (self.movable, self.static)), strict=True))
         return float(self.gap(pair) - inward), float(self.distance(pair) + outward)
 
     def distance(self, rho: ArrayLike) -> float:

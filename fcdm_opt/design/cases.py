@@ -17,8 +17,8 @@ from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 COLUMNS = (
-    "case", "requirement", "goal", "status", "usable", "amount", "lower_bound", "gap", "rho_1", "rho_2", "pair_state",
-    "pair_gap", "unit",
+    "case", "requirement", "goal", "status", "usable", "amount", "lower_bound", "gap", "amount_low",
+    "amount_high", "rho_1", "rho_2", "pair_state", "pair_gap", "unit",
 )  # fmt: skip
 """Of a table of cases, before the motion's parameters (angles in degrees) and the verdict."""
 
@@ -103,7 +103,8 @@ def case_rows(cases: Iterable[tuple[str, Solution | AssemblySolution]]) -> list[
         gap = 0.0 if abs(solution.pair_gap) <= DEFAULT.weld * problem.size else solution.pair_gap  # rounding
         told = (
             name, problem.requirement, problem.goal, solution.status.name, solution.usable, solution.amount,
-            solution.lower_bound, solution.gap, rho_1, rho_2, solution.pair_state, gap, problem.unit,
+            solution.lower_bound, solution.gap, solution.amount_low, solution.amount_high, rho_1, rho_2,
+            solution.pair_state, gap, problem.unit,
         )  # fmt: skip
         row: dict[str, Any] = dict(zip(COLUMNS, told, strict=True))
         row |= _moved(problem.motion, solution.parameters)

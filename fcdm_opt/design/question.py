@@ -42,7 +42,7 @@ _EXCLUDED = {
     "pitch": ("pitch_per_deg", "pitch_per_rad"),
     "pitch_per_deg": ("pitch_per_rad", "pitch"),
     "pitch_per_rad": ("pitch_per_deg", "pitch"),
-    "file": ("vertices", "parts", "faces", "deviation", "notes"),
+    "file": ("vertices", "parts", "faces", "deviation", "facet_errors", "notes"),
     "each": ("along",),
     "along": ("each",),
 }

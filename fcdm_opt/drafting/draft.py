@@ -22,7 +22,8 @@ from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, 
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body, known_to
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.files import NANOMETRES, STEP
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes

@@ -30,8 +30,7 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.tessellation import errors_of_faces
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -181,6 +180,9 @@ class Body(_Sealed, Shown):
     deviation : (float, float)
         Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most: of one
         made from a mesh or file also by how far its vertices were moved, and triangles leave curved faces.
+    facet_errors : (faces, 2) array or None
+        Lengths by which each face sticks out of the surface that it stands for, and falls short of it, where a file
+        says what surface that is; see `fcdm_opt.geometry.facet_errors`.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -201,6 +203,7 @@ class Body(_Sealed, Shown):
     faces: tuple[tuple[int, ...], ...]
     outlines: tuple[tuple[int, ...], ...]
     deviation: tuple[float, float] = (0.0, 0.0)
+    facet_errors: Array | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
     hollow: bool = False
@@ -359,7 +362,7 @@ class Body(_Sealed, Shown):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks, off = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
+        vertices, faces, remarks, off, surfaces = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
         own = Path(path).stem if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
@@ -367,7 +370,11 @@ class Body(_Sealed, Shown):
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
         out, short = body.deviation
-        return replace(body, deviation=(out + off[0], short + off[1]), notes=(*body.notes, *remarks))
+        errors = None
+        if surfaces is not None:
+            errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), surfaces))
+        out, short = out + off[0], short + off[1]
+        return replace(body, deviation=(out, short), facet_errors=errors, notes=(*body.notes, *remarks))
 
     @classmethod
     def _made(
@@ -416,7 +423,7 @@ class Body(_Sealed, Shown):
         outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
         skin = made.surface.triangles_of_faces()
         points = frozen(made.points)
-        return cls(name, points, seed, parts, faces, outlines, (moved, moved), notes, skin, hollow=True)
+        return cls(name, points, seed, parts, faces, outlines, (moved, moved), None, notes, skin, hollow=True)
 
     @cached_property
     def corners(self) -> tuple[int, ...]:
@@ -479,6 +486,19 @@ class Body(_Sealed, Shown):
         return frozen(normals), frozen(points)
 
     @cached_property
+    def face_triangles(self) -> tuple[Array, Ints]:
+        """Triangles of the faces, (t, 3, 3), wound outwards, and the row in `faces` of each: the pieces parts have."""
+        if self.skin:
+            rows = np.concatenate([np.array(own) for own in self.skin])
+            return self.vertices[rows], np.repeat(np.arange(len(self.skin)), list(map(len, self.skin)))
+        found = [(np.empty((0, 3, 3)), np.empty(0, np.int64))]
+        for part, owners in zip(self.parts, self.facet_faces, strict=True):
+            for loop, own in zip(part.loops, owners, strict=True):
+                corners = part.vertices[fans([loop])]
+                found += [(corners, np.full(len(corners), face)) for face in own]
+        return np.concatenate([own for own, _ in found]), np.concatenate([own for _, own in found])
+
+    @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
@@ -516,7 +536,12 @@ class Body(_Sealed, Shown):
         factor = numbers(rho, key)
         if factor.shape != () or not (np.isfinite(factor) and self.size * factor > SMALLEST):
             raise InputError("a scale is a positive number", key=key, found=rho)
-        return self if factor == 1.0 else self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        if factor == 1.0:
+            return self
+        errors = None if self.facet_errors is None else frozen(factor * self.facet_errors)
+        out, short = (float(factor) * length for length in self.deviation)
+        scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        return replace(scaled, deviation=(out, short), facet_errors=errors)
 
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
@@ -646,23 +671,6 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
         raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
     return float(pair[0]), float(pair[1])
-
-
-def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
-    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
-
-    None where they are off by no more than the digits of files, `Tolerances.drawn`.
-    """
-    reasons: dict[str, list[str]] = {}
-    for body in (movable, *others):
-        if max(body.deviation) > DEFAULT.drawn * body.size:
-            cut = any(note.startswith(TESSELLATED) for note in body.notes)
-            reasons.setdefault("tessellation" if cut else "approximation", []).append(body.name)
-    if not reasons:
-        return []
-    out, short = (movable.deviation[k] + max(body.deviation[k] for body in others) for k in (0, 1))
-    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
-    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

@@ -25,26 +25,28 @@ from fcdm_opt.geometry.arrays import LARGEST, Array, distinct_rows
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import Polygon
-from fcdm_opt.geometry.tessellation import TESSELLATED, Swept
+from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
+SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
 
 
 class Drawn(NamedTuple):
-    """What is read from a file: vertices and faces, and how far these lie outside and within the solid, lengths."""
+    """What is read from a file: vertices, faces, how far these lie outside and within the solid, and its surfaces."""
 
     vertices: Array
     faces: list[Polygon]
     off: tuple[float, float] = (0.0, 0.0)
+    surfaces: Surfaces | None = None
 
 
 def drawn_mesh(
     path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
-) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float]]:
-    """Return vertices, faces, remarks and how far they are off the solid in a mesh or STEP file.
+) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float], Surfaces | None]:
+    """Return vertices, faces, remarks, how far they are off the solid in a mesh or STEP file, and its surfaces.
 
     Parameters
     ----------
@@ -71,6 +73,8 @@ def drawn_mesh(
     off : (float, float)
         How far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
         curved faces, and by vertices moved from where the file has them.
+    surfaces : Surfaces or None
+        Those of a STEP file, in `unit`.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def drawn_mesh(
         raise InputError("the file is empty", file=path)
     try:
         asked = None if deviation is None else deviation * NANOMETRES[unit] / NANOMETRES["m"]
-        vertices, faces, off = reader(data) if asked is None else _step(data, asked)
+        vertices, faces, off, surfaces = reader(data) if asked is None else _step(data, asked)
     except InputError as reason:
         raise reason.within(file=path) from reason.__cause__
     except Exception as reason:
@@ -128,7 +132,10 @@ def drawn_mesh(
             raise InputError(what, file=path, key="deviation", found=deviation, allowed="a larger length, or none")
         bound = "" if deviation is None else f", at most {deviation:g} asked"
         remarks = (f"{TESSELLATED} by up to {most:.2g} {unit} (STEP{bound})", *remarks)
-    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short)
+    if surfaces is not None:
+        known = tuple(own.placed(np.eye(4), float(scale)) for own in surfaces.known)
+        surfaces = Surfaces(known, *(float(scale) * length for length in surfaces[1:]))
+    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short), surfaces
 
 
 def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
@@ -263,21 +270,23 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
             raise ValueError("no shape can be made of it")
         scene = _scene(glb)
         solids = [_sharpened(mesh, deviation) for mesh, _ in scene]
-        off = np.max([own for _, own in solids], axis=0, initial=0.0) if solids else np.zeros(2)
+        off = np.max([own for _, own, *_ in solids], axis=0, initial=0.0) if solids else np.zeros(2)
         if deviation is None or tolerance is None or off.max() <= deviation:
             break
         tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
     placed = zip(solids, scene, strict=True)
-    drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, _), (mesh, T) in placed])
-    noise = DEFAULT.weld * float(np.abs(drawn.vertices).max(initial=0.0))
-    out, short = np.where(off > noise, off, 0.0).tolist()
-    return drawn._replace(off=(out, short))
+    drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T) in placed])
+    largest = float(np.abs(drawn.vertices).max(initial=0.0))
+    out, short = np.where(off > DEFAULT.weld * largest, off, 0.0).tolist()
+    known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T) in zip(solids, scene, strict=True) for each in own)
+    other = max((bound for *_, bound in solids), default=0.0)
+    return drawn._replace(off=(out, short), surfaces=Surfaces(known, other, SINGLE * largest))
 
 
-def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float]]:
+def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float], list[Swept], float]:
     """Return vertices of a mesh moved, within single precision, onto the surfaces around them; how far triangles leave.
 
-    That is measured at curved surfaces that are known, and the bound asked for at others.
+    That is measured at curved surfaces that are known, and the bound asked for at others; both come with it.
     """
     vertices = np.array(mesh.vertices)
     first, same = distinct_rows(vertices)
@@ -290,7 +299,7 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
     known = [(Swept.of(primitive), own) for primitive, own in zip(found, faces, strict=True) if primitive is not None]
     moved = distinct.copy()
     if known:
-        slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
+        slack = SINGLE * np.abs(vertices).max(initial=0.0)
         corners = [np.unique(own) for _, own in known]
         missed = [surface.misses(distinct[own]) for (surface, _), own in zip(known, corners, strict=True)]
         corner, (misses, normals) = np.concatenate(corners), map(np.concatenate, zip(*missed, strict=True))
@@ -298,12 +307,12 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
         moved = onto_planes(distinct, corner[near], normals[near], -misses[near])
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
-    left = [surface.left_by(moved[own]) for surface, own in known if not surface.flat]
+    left, bound = [surface.left_by(moved[own]) for surface, own in known if not surface.flat], 0.0
     if len(known) < len(faces):
         bound = DEFAULT.tessellation * float(np.ptp(vertices, axis=0).max()) if deviation is None else deviation
         left.append((bound, bound))
     out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
-    return moved[same], (out, short)
+    return moved[same], (out, short), [surface for surface, _ in known], bound
 
 
 @contextmanager

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import by_size, components
+from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.tolerances import DEFAULT
 
 MANY = 8  # corners from which a plane face goes by a name
@@ -47,14 +50,37 @@ def names_of_faces(body: Body) -> dict[Label, str]:
 @lru_cache(maxsize=16)
 def _names_of_faces(body: Body) -> dict[Label, str]:
     normals, rounds = _looks(body)
-    return {**_plane(body, normals, MANY), **rounds}
+    return {**_plane(body, normals, MANY), **_numbered(rounds)}
+
+
+class Round(NamedTuple):
+    """Facets side by side whose corners are all on one round surface: what they are called, that surface, they."""
+
+    name: str
+    surface: Swept
+    faces: list[Label]
 
 
 @lru_cache(maxsize=16)
-def _looks(body: Body) -> tuple[dict[Label, Array], dict[Label, str]]:
-    """Return a normal of each face, and the names of those that are round."""
+def _looks(body: Body) -> tuple[dict[Label, Array], list[Round]]:
+    """Return a normal of each face, and what of the body is round."""
     normals = normals_of_faces(body)
     return normals, _round(body, normals)
+
+
+def round_faces(body: Body) -> list[Round]:
+    """Return the cylinders, cones and spheres that facets of a body stand for: their corners lie on these."""
+    return _looks(body.whole or body)[1]
+
+
+def _numbered(rounds: Sequence[Round]) -> dict[Label, str]:
+    """Return the name of each round face; what is called alike is numbered."""
+    alike, counted, found = Counter(own.name for own in rounds), Counter[str](), list[tuple[int, str]]()
+    for k in sorted(range(len(rounds)), key=lambda k: rounds[k].faces):
+        name = rounds[k].name
+        counted[name] += 1
+        found.append((k, f"{name} no. {counted[name]}" if alike[name] > 1 else name))
+    return {face: name for k, name in sorted(found) for face in rounds[k].faces}
 
 
 def told_element(body: Body, element: Element) -> str:
@@ -95,7 +121,7 @@ def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
 def _told_faces(body: Body) -> dict[Label, tuple[str, str]]:
     normals, rounds = _looks(body)
     named = {}
-    for face, name in {**_plane(body, normals, 0), **rounds}.items():
+    for face, name in {**_plane(body, normals, 0), **_numbered(rounds)}.items():
         normal = normals[face]
         along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
         sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]
@@ -112,8 +138,7 @@ def names_of_rows(body: Body) -> list[str]:
 def normals_of_faces(body: Body) -> dict[Label, Array]:
     """Return a normal of each face that a part carries."""
     if body.skin:
-        corners = body.vertices[np.concatenate([np.array(face) for face in body.skin])]
-        owners = np.repeat(np.arange(len(body.skin)), list(map(len, body.skin)))
+        corners, owners = body.face_triangles
         sums = np.zeros((len(body.skin), 3))
         np.add.at(sums, owners, cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         return dict(zip(body.faces, sums / norms(sums)[:, None], strict=True))
@@ -144,13 +169,13 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
     return named
 
 
-def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
-    """Return the names of facets that lie side by side around one axis."""
+def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
+    """Return the facets that lie side by side around one axis, or a point."""
     facets = sorted(face for face in normals if len(face) < MANY)
     looks = np.array([normals[face] for face in facets])
-    pairs, ends = _neighbours(facets)
+    pairs, ends = neighbours(facets)
     if not len(pairs):
-        return {}
+        return []
     turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
     smooth = (turn >= TURN) & (turn < 1.0 - ROUND)
     pairs, ends = pairs[smooth], ends[smooth]
@@ -163,22 +188,16 @@ def _round(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
         groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
-    named = [(_radius(body, faces, normals, axis), faces) for faces, axis in rounds]
-    known = {face for name, faces in named if name for face in faces}
+    found = [each for faces, axis in rounds if (each := _radius(body, faces, normals, axis)) is not None]
+    known = {face for each in found for face in each.faces}
     left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
-    named += _cones(body, facets, normals, pairs[left], ends[left])
-    alike, counted, found = Counter(name for name, _ in named), Counter[str](), list[tuple[int, str]]()
-    for k in sorted(range(len(named)), key=lambda k: named[k][1]):
-        name = named[k][0]
-        counted[name] += 1
-        found.append((k, f"{name} no. {counted[name]}" if alike[name] > 1 else name))
-    return {face: name for k, name in sorted(found) if named[k][0] for face in named[k][1]}
+    return found + _cones(body, facets, normals, pairs[left], ends[left])
 
 
 def _cones(
     body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints
-) -> list[tuple[str, list[Label]]]:
-    """Return the names and facets of cones: the edges between facets side by side meet in one point."""
+) -> list[Round]:
+    """Return cones: the edges between facets side by side meet in one point."""
     places = body.vertices[ends[:, 0]]
     ways = body.vertices[ends[:, 1]] - places
     ways /= norms(ways)[:, None]
@@ -193,14 +212,14 @@ def _cones(
     keys = np.round(apexes / (ROUND * body.size))
     first, own, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)[1:]
     groups = groups_of(own.reshape(-1))
-    found, owner = list[tuple[str, list[Label]]](), np.full(len(facets), -1)
+    found, owner = list[Round](), np.full(len(facets), -1)
     for k in np.flatnonzero(counts >= FEWEST - 2).tolist():
         around = np.concatenate([np.column_stack([faces[e[groups[k]]], others[e[groups[k]]]]) for e in (one, two)])
         for group in _side_by_side(around, FEWEST):
             labels = [facets[j] for j in group.tolist()]
-            if name := _cone(body, labels, normals, apexes[first[k]]):
+            if (cone := _cone(body, labels, normals, apexes[first[k]])) is not None:
                 owner[group] = len(found)
-                found.append((name, labels))
+                found.append(cone)
     of = owner[pairs]
     looks = np.array([normals[face] for face in facets])
     turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
@@ -208,8 +227,8 @@ def _cones(
     return [cone for k, cone in enumerate(found) if k not in rings]
 
 
-def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Array) -> str:
-    """Return what facets about an apex are: nothing where their corners do not lie on one cone."""
+def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Array) -> Round | None:
+    """Return what facets about an apex are: None where their corners do not lie on one cone."""
     looks = np.array([normals[face] for face in faces])
     axis = np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[2][-1]
     corners = body.vertices[np.unique([v - 1 for face in faces for v in face])] - apex
@@ -219,13 +238,18 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
     off = float(np.abs(away - slope * np.abs(along)).max())
     flat = abs(float(looks[0] @ axis)) > BLUNT
     if flat or np.ptp(looks @ axis) > ROUND or off > ROUND * body.size or np.ptp(np.sign(np.round(along, 9))) == 2:
-        return ""
+        return None
     middle = body.vertices[np.array(faces[0]) - 1].mean(axis=0) - apex
     outward = bool(normals[faces[0]] @ (middle - (middle @ axis) * axis) > 0.0)
-    return f"{'cone' if outward else 'countersink'} radius {away.min():.4g} to {away.max():.4g}"
+    axis *= np.sign(along.sum())
+    steep, start = np.polyfit(np.abs(along), away, 1)
+    line = np.array([1.0, steep]) / np.hypot(1.0, steep)
+    surface = Swept(apex - start / steep * axis, axis, (float(line[0]), float(line[1])), 0.0, 0.0)
+    name = f"{'cone' if outward else 'countersink'} radius {away.min():.4g} to {away.max():.4g}"
+    return Round(name, surface, faces)
 
 
-def _neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
+def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
     """Return the places of faces with just two corners in common, (m, 2), and the rows of those corners, (m, 2)."""
     ends, owners = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
     for places, corners in by_size(faces):
@@ -250,8 +274,8 @@ def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     return [some[group] for group in groups if len(group) >= fewest]
 
 
-def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> str:
-    """Return what facets around an axis, or a point, are: nothing where their corners are not as far from it."""
+def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> Round | None:
+    """Return what facets around an axis, or a point, are: None where their corners are not as far from it."""
     own = {v for face in faces for v in face}
     if axis is None:  # where a sphere is cut off, corners lie on its facets' edges
         rim = {v for face in {*body.faces} - {*faces} for v in face}
@@ -261,8 +285,8 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
         len(faces)
     ):
-        return ""  # a cylinder or a cone: two of its rings lie on a sphere too
-    flat = np.eye(3) if axis is None else np.linalg.svd(axis[None] / np.linalg.norm(axis))[2][1:]
+        return None  # a cylinder or a cone: two of its rings lie on a sphere too
+    flat = np.eye(3) if axis is None else np.linalg.svd(looks, full_matrices=False)[2][:2]
     points = corners @ flat.T
     # |x - c|^2 = r^2, linear in c and r^2 - c^2
     found = np.linalg.lstsq(np.column_stack([2.0 * points, np.ones(len(points))]), (points**2).sum(axis=1))[0]
@@ -270,11 +294,15 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     off = np.linalg.norm(points - centre, axis=1)
     radius = float(off.mean())
     if np.abs(off - radius).max() > ROUND * radius:
-        return ""
+        return None
     if axis is None:
         arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
         if (np.abs((arms * looks).sum(axis=1)) < STEEP * np.linalg.norm(arms, axis=1)).any():
-            return ""
+            return None
     outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
+    if len(outward) != 1:
+        return None
     kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
-    return f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}" if len(outward) == 1 else ""
+    along = np.array((0.0, 0.0, 1.0)) if axis is None else np.cross(*flat)
+    surface = Swept(centre @ flat, along, None if axis is None else (1.0, 0.0), 0.0, radius)
+    return Round(f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}", surface, faces)

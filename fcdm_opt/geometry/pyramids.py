@@ -6,6 +6,7 @@ out is inside the solid. Their number grows with that of the faces, not with tha
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -106,15 +107,11 @@ def _near(low: Array, high: Array, corners: Array, groups: Ints) -> tuple[Ints, 
 
 
 def _pyramid(base: Ints, apex: int) -> Hull:
-    count = len(base)
-    loops, edges = _SHAPES.setdefault(count, _shape(count))
-    return Hull(np.append(base, apex), loops, edges)
+    return Hull(np.append(base, apex), *pyramid_shape(len(base)))
 
 
-_SHAPES: dict[int, tuple[tuple[tuple[int, ...], ...], Ints]] = {}
-
-
-def _shape(count: int) -> tuple[tuple[tuple[int, ...], ...], Ints]:
+@cache
+def pyramid_shape(count: int) -> tuple[tuple[tuple[int, ...], ...], Ints]:
     """Return loops and edges of a pyramid over so many corners; the base is face 0, side k at the base's edge k."""
     around = list(range(count))
     loops = (tuple(around), *(((k + 1) % count, k, count) for k in around))

@@ -321,7 +321,8 @@ def _offset(moving: Resizing, values: Array) -> Body:
         else:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
-    return replace(made, notes=body.notes, deviation=body.deviation)
+    errors = body.facet_errors if made.faces == body.faces else None
+    return replace(made, notes=body.notes, deviation=body.deviation, facet_errors=errors)
 
 
 @contextmanager
@@ -395,7 +396,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
 
     part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
-    middle, radius = _ball(part.normals, levels)
+    middle, radius = largest_ball(part.normals, levels)
     if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
     try:
@@ -409,7 +410,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
 
 
-def _ball(normals: Array, levels: Array) -> tuple[Array, float]:
+def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
     """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
     from scipy.optimize import linprog
 

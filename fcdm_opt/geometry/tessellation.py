@@ -11,11 +11,12 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
 CUTS = 8  # of a side of a triangle on a torus, at whose corners it is looked at
+ALONG = 0.7  # cosine: triangles of a surface are turned against it by less
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -77,8 +78,24 @@ class Swept(NamedTuple):
         across = local - along[:, None] * self.axis
         return along, across, norms(across)
 
+    def placed(self, transform: Array, scale: float) -> Self:
+        """Return it moved by a rigid 4x4 transform, then scaled about the origin."""
+        turn, shift = transform[:3, :3], transform[:3, 3]
+        origin = scale * (turn @ self.origin + shift)
+        return self._replace(
+            origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius
+        )
+
     def left_by(self, corners: Array) -> tuple[float, float]:
         """Return how far triangles (m, 3, 3), wound outwards, stick out of a solid of that face, and fall short of it.
+
+        The most of any of them, see `left_by_each`.
+        """
+        out, short = self.left_by_each(corners).max(axis=0, initial=0.0).tolist()
+        return out, short
+
+    def left_by_each(self, corners: Array) -> Array:
+        """Return the same of each triangle, (m, 2).
 
         Exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
         corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
@@ -87,29 +104,77 @@ class Swept(NamedTuple):
         third of it may hide.
         """
         one, two, three = corners.transpose(1, 0, 2)
-        points, hidden = corners.reshape(-1, 3), 0.0
+        points, hidden = corners, 0.0
         if self.line is not None:
-            steps = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
-            _, start, _ = self._about(points)
-            rise, way, long = self._about(steps + self.origin)
+            steps = np.roll(corners, -1, axis=1) - corners
+            _, start, _ = self._about(corners.reshape(-1, 3))
+            rise, way, long = self._about(steps.reshape(-1, 3) + self.origin)
             c, s = self.line
             square = np.maximum(long**2, _TINY)
             nearest = -(start * way).sum(axis=1) / square
             aside, slope = norms(start + nearest[:, None] * way), s * rise
             steep = np.sqrt(np.maximum(((c * long) ** 2 - slope**2) * square, _TINY))
-            share = np.clip(nearest + slope * aside / steep, 0.0, 1.0)
-            points = np.concatenate([points, points + share[:, None] * steps])
+            share = np.clip(nearest + slope * aside / steep, 0.0, 1.0).reshape(-1, 3, 1)
+            points = np.concatenate([corners, corners + share * steps], axis=1)
         elif not self.ring:
             from trimesh.triangles import closest_point
 
-            points = np.concatenate([points, closest_point(corners, np.broadcast_to(self.origin, one.shape))])
+            nearest = closest_point(corners, np.broadcast_to(self.origin, one.shape))
+            points = np.concatenate([corners, nearest[:, None]], axis=1)
         else:
             shares = np.array([(i, j, CUTS - i - j) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]) / CUTS
-            points, hidden = (shares @ corners).reshape(-1, 3), 4.0 / (3.0 * CUTS**2)
-        off, _ = self.misses(points)
-        slack = hidden * float(np.abs(off).max())
-        low, high = float(off.min()) - slack, float(off.max()) + slack
+            points, hidden = shares @ corners, 4.0 / (3.0 * CUTS**2)
+        off = self.misses(points.reshape(-1, 3))[0].reshape(len(corners), points.shape[1])
+        slack = hidden * np.abs(off).max(axis=1, initial=0.0)
+        low, high = off.min(axis=1, initial=0.0) - slack, off.max(axis=1, initial=0.0) + slack
         middle = self.misses(corners.mean(axis=1))[1]
-        turned = float((cross(two - one, three - one) * middle).sum()) < 0.0  # the material is on the other side
-        low, high = (-high, -low) if turned else (low, high)
-        return max(high, 0.0), max(-low, 0.0)
+        turned = (cross(two - one, three - one) * middle).sum(axis=1) < 0.0  # the material is on the other side
+        return np.stack([np.where(turned, -low, high), np.where(turned, high, -low)], axis=1)
+
+
+class Surfaces(NamedTuple):
+    """The surfaces of a STEP file that its triangles stand for.
+
+    Attributes
+    ----------
+    known : tuple of Swept
+        Planes among them.
+    other : float
+        How far triangles of none of these may be off theirs, length.
+    within : float
+        How far off a surface the corners on it may be: in single precision they are placed.
+    """
+
+    known: tuple[Swept, ...]
+    other: float
+    within: float
+
+
+def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces) -> Array:
+    """Return how far each face sticks out of the surface that it stands for, and falls short of it, (count, 2).
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) array
+        Triangles of the faces, wound outwards.
+    owners : (t,) int array
+        The face that each is of.
+    count : int
+        How many faces there are.
+    surfaces : Surfaces
+        A triangle is of a plane that it lies in, else of each that its corners are on and that looks its way.
+    """
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(norms(normals), _TINY)[:, None]
+    errors, known = np.zeros((len(corners), 2)), np.zeros(len(corners), bool)
+    for surface in sorted(surfaces.known, key=lambda own: not own.flat):
+        off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, 3).max(axis=1)
+        (on,) = np.nonzero((off <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
+        on = on[np.abs((surface.misses(corners[on].mean(axis=1))[1] * normals[on]).sum(axis=1)) > ALONG]
+        known[on] = True
+        if not surface.flat:
+            errors[on] = np.maximum(errors[on], np.maximum(surface.left_by_each(corners[on]), _TINY))
+    errors[~known] = surfaces.other
+    found = np.zeros((count, 2))
+    np.maximum.at(found, owners, errors)
+    return np.where(found > surfaces.within, found, 0.0)

@@ -319,8 +319,17 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
+            *self._left_by_mesh(),
             *self._whole_steps(),
         ]
+
+    def _left_by_mesh(self) -> list[Check]:
+        """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
+        low, amount, high = self.solution.amount_low, self.solution.amount, self.solution.amount_high
+        if low == amount == high or (isnan(low) and isnan(high)):
+            return []
+        note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+        return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), 0.0, note)]
 
     def _amount(self) -> float:
         """Return the amount of the claimed motion, by the problem's own measure."""

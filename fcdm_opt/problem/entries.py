@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
@@ -26,6 +27,7 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.schema import (
     Deviation,
     Entry,
+    FacetError,
     Label,
     Number,
     Pair,
@@ -80,6 +82,13 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         [0.01, 0.0],
         0.01,
     )
+    facet_errors: list[FacetError] | None = declared(
+        None,
+        "[face, outward, inward] of each face that stands for a round one: its number, from 1, and how far, lengths "
+        ">= 0, it sticks out of that and falls short of it; without it facets side by side whose corners lie on one "
+        "cylinder, cone or sphere are taken for that",
+        [[3, 0.0, 0.01]],
+    )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
     )
@@ -100,7 +109,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ["vertices", "parts", "faces", "notes"], ["file_unit"]
+        drawn, read = ["vertices", "parts", "faces", "notes", "facet_errors"], ["file_unit"]
         (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
@@ -165,6 +174,14 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         else:
             body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
         told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes)}
+        if self.facet_errors is not None:
+            errors = np.zeros((len(body.faces), 2))
+            for face, *own in self.facet_errors:
+                if face > len(errors):
+                    allowed = f"1 to {len(errors)}"
+                    raise InputError("no such face", key="facet_errors", found=face, allowed=allowed)
+                errors[int(face) - 1] = own
+            body = replace(body, facet_errors=frozen(errors))
         return replace(body, **{key: value for key, value in told.items() if value})
 
 
@@ -186,7 +203,10 @@ class Bodies(Entry, title="Both bodies"):
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
     told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
-    told = {key: value for key, value in told.items() if value}
+    if body.facet_errors is not None:
+        rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
+        told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
+    told = {key: value for key, value in told.items() if value or key == "facet_errors"}
     if body.hollow:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
         faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]

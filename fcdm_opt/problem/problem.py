@@ -212,6 +212,11 @@ class Problem(NominalContact, Shown):
         self._check_goal()
 
     @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies of the question: `movable`, `static`, and those of the keep-outs."""
+        return (self.movable, self.static, *(keep_out.body for keep_out in self.keep_out))
+
+    @property
     def amount_unit(self) -> str:
         """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
         return self.unit if isinstance(self.amount, str) else ""

@@ -25,7 +25,6 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.problem.keep_out import KeepOut
     from fcdm_opt.problem.problem import Problem
 
 FEW = 10_000  # part pairs that are all modelled

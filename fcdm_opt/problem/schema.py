@@ -125,6 +125,7 @@ Real = Annotated[Number, must(lambda x: abs(x) <= LARGEST, "unusable number")]
 Positive = Annotated[Number, must(lambda x: 1.0 / LARGEST <= x <= LARGEST, "unusable number")]
 Length = Annotated[Number, must(lambda x: 0.0 <= x <= LARGEST, "unusable number")]
 Deviation = Positive | tuple[Length, Length]
+FacetError = tuple[Label, Length, Length]
 Scales = Annotated[Pair, must(lambda pair: min(pair) > 0.0 and max(pair) <= LARGEST, "unusable pair")]
 ScaleRange = Annotated[Scales, must(lambda ends: ends[0] < ends[1], "empty range of scales")]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -15,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import Evidence
@@ -26,6 +28,9 @@ EFFORTS = ("proved", "quick")
 
 LOOSE = 0.1
 """Relative gap above which an amount is not to be taken for the least."""
+
+SURE = 0.01
+"""Share of an amount that its mesh may leave open for it to be called the smallest possible."""
 
 
 class Status(Enum):
@@ -197,6 +202,11 @@ class Bounded(Plain):
     certificate: Certificate | None
 
     @property
+    def left_by_mesh(self) -> str:
+        """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it."""
+        return ""
+
+    @property
     def verified(self) -> bool:
         """Whether a motion was found and the judge passed it, though it may leave the fit."""
         return self.status.found and self.certificate is not None and self.certificate.passed
@@ -213,10 +223,12 @@ class Bounded(Plain):
 
     @property
     def doubt(self) -> str:
-        """What is to be said beside the amount where its bound is far below it: by how much it may be too large."""
-        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
+        """What is to be said beside the amount: that its bound is far below it, or its mesh leaves much open."""
+        if not self.status.found:
             return ""
-        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
+        loose = self.amount > 0.0 and self.gap > LOOSE
+        less = f"up to {100.0 * self.gap:.0f} % less not excluded" if self.lower_bound > 0.0 else "not proved least"
+        return "; ".join(filter(None, (less * loose, self.left_by_mesh)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -236,6 +248,11 @@ class Solution(Bounded, Shown):
         Motion amount, length units (nan where no motion was found).
     lower_bound : float
         No motion smaller than this can do; 0 where nothing is proved.
+    amount_low, amount_high : float
+        Between these the least amount is for the parts whose round faces are cylinders, cones, spheres and so on, as
+        far as the facets that stand for them leave it open: the amount for bodies that the true ones hold, and for
+        bodies that hold them. Both are `amount` where all faces that matter are plane; nan where it is not known, and
+        of effort "quick", which does not look; infinite where the larger bodies may not do at all.
     rho : (2,) array or None
         The tracked contact point after the motion; for "touch" and "clear" the target pair.
     features : tuple of Feature
@@ -272,10 +289,10 @@ class Solution(Bounded, Shown):
     """
 
     plain_names = (
-        "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound", "rho",
-        "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage",
-        "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt", "evidence", "sensitivity",
-        "certificate", "seconds",
+        "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound",
+        "amount_low", "amount_high", "rho", "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped",
+        "active", "modelled", "stage", "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt",
+        "evidence", "sensitivity", "certificate", "seconds",
     )  # fmt: skip
 
     problem: Problem
@@ -284,6 +301,8 @@ class Solution(Bounded, Shown):
     transform: Array | None = None
     amount: float = float("nan")
     lower_bound: float = 0.0
+    amount_low: float = float("nan")
+    amount_high: float = float("nan")
     rho: Array | None = None
     features: tuple[Feature, ...] = ()
     pair: Array
@@ -305,6 +324,7 @@ class Solution(Bounded, Shown):
         motion = self.problem.motion.describe(values, unit=self.problem.unit) if values else "no motion"
         amount = measured(f"{self.amount:.4g}", self.problem.amount_unit)
         proved = measured(f"{self.lower_bound:.4g}", self.problem.amount_unit)
+        amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)
         found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
         return f"Solution({self.problem.name!r}: {self.status.name}, {found})"
 
@@ -312,6 +332,23 @@ class Solution(Bounded, Shown):
         """Return the verdict in words, and below it what its row in a table says."""
         text: str = upper("show.verdict:answer_text")(self)
         return text
+
+    @cached_property
+    def left_by_mesh(self) -> str:
+        """As in `Bounded`: "between .33 and 2.84 mm: the mesh leaves that open"."""
+        low, high, unit = self.amount_low, self.amount_high, self.problem.amount_unit
+        if not self.usable:
+            needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
+            return "" if math.isnan(low) else f"but the mesh leaves open whether they fit: {needed}"
+        if high - low <= SURE * self.amount:
+            return ""
+        if math.isnan(low):
+            one, two, *others = self.problem.bodies
+            return "what the mesh leaves open is not known" if known_to(one, [two, *others], unit) else ""
+        if math.isinf(high):
+            least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
+            return f"{least}: the mesh leaves that open"
+        return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
 
     @cached_property
     def advice(self) -> str:

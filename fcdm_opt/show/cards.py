@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, pixels
@@ -106,7 +107,7 @@ def body_card(body: Body) -> Card:
         ("convex parts", str(len(body.parts))),
         ("seed", f"({numbers(body.seed)})"),
         ("extent", " x ".join(map(number, np.ptp(body.vertices, axis=0).tolist())), "length"),
-        ("off the solid", numbers(body.deviation, 3) if any(body.deviation) else "", "outward, inward at most"),
+        ("off the solid", numbers(off, 3) if any(off := deviation_of(body)) else "", "outward, inward at most"),
     ]
     told = f"{counted(len(body.faces), 'face')} of the body; the cross is its seed"
     lists = {"how it was made": body.notes}
@@ -221,7 +222,8 @@ def _bound(solution: Solution, unit: str) -> tuple[str, str]:
         return "0", "(nothing is proved)" if solution.amount else unit
     if math.isinf(solution.lower_bound):
         return "impossible", ""
-    gap = "exact" if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
+    near = "of the mesh" if solution.left_by_mesh else "exact"
+    gap = near if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
     return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 

@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import known_to
+from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -46,8 +46,17 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    told += known_to(problem.movable, [problem.static, *(each.body for each in problem.keep_out)], unit)
+    told += known_gaps(problem)
+    low, high = solution.amount_low, solution.amount_high
+    if low < high and not solution.left_by_mesh:
+        end = measured(f"{high:.6g}", problem.amount_unit)
+        told.append(f"the mesh leaves the amount open between {low:.6g} and {end}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
+
+
+def known_gaps(problem: Problem) -> list[str]:
+    """Return how well gaps of a problem's bodies are known, where that is less than the digits of files."""
+    return known_to(problem.movable, problem.bodies[1:], problem.unit)
 
 
 def _frames(solution: Solution) -> list[str]:
@@ -150,7 +159,8 @@ def left_out(solution: Solution) -> list[str]:
         problem=problem,
         scaled=problem.tolerance is not None or bool((problem.target != 1.0).any()),
         asked=asked_text(problem),
-        bodies=(problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out)),
+        bodies=problem.bodies,
+        deviation_of=deviation_of,
         tracking=problem.goal in TRACKING,
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],

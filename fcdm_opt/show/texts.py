@@ -168,7 +168,7 @@ def bound_text(solution: Solution | AssemblySolution) -> str:
     if not math.isfinite(solution.gap):
         return rounded
     if abs(solution.gap) < CLOSED:
-        return f"{amount_text(solution.amount)}\nexact"
+        return f"{amount_text(solution.amount)}\n{'of the mesh' if solution.left_by_mesh else 'exact'}"
     return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
 
 

@@ -52,11 +52,18 @@ REFUSED = {
 
 def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
+    if solution.usable:
+        return f"{_deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
+    if solution.left_by_mesh:
+        return "; ".join((_refused_text(solution), solution.left_by_mesh))
+    return _refused_text(solution)
+
+
+def _refused_text(solution: Solution) -> str:
+    """Return why there is no motion to use."""
     from fcdm_opt.problem.fit import verdict
 
     problem = solution.problem
-    if solution.usable:
-        return f"{_deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
     widths = verdict(problem)
     if widths:
         return f"{widths}; no such motion brings them together" if not solution.status.found else widths
@@ -165,7 +172,7 @@ def _effect(solution: Solution) -> str:
 def sure_text(solution: Solution) -> str:
     """Return whether less would do, in words."""
     if not solution.amount > 0.0:
-        return "nothing to do"
+        return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh)))
     if solution.doubt:
         return solution.doubt
     if abs(solution.gap) < max(CLOSED, EXACT):

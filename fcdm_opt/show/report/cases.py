@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -134,7 +135,7 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
             "parts": len(body.parts),
             "seed": finite(np.where(np.abs(body.seed) <= DEFAULT.weld * body.size, 0.0, body.seed)),
             "notes": [note for note in (first, *body.notes) if note],
-            "deviation": finite(body.deviation),
+            "deviation": finite(deviation_of(body)),
         }
         for role, body, first in listed
     ]

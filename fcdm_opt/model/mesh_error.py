@@ -1,0 +1,183 @@
+"""What facets of round faces leave open: the least amounts of bodies that the true ones lie between.
+
+"clear" asks more of larger bodies, and so does "touch" where they overlap; where they are apart, larger bodies touch
+sooner. So the amount for the true bodies is between those for bodies within and about them. The other goals follow one
+contact: of plane faces, their edges and corners it is the same for all of these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+from fcdm_opt import pacing
+from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import SURE, Solution, Status
+from fcdm_opt.tolerances import DEFAULT
+
+SHORTEST = 1.0
+"""Seconds that either of the other searches may take at least; else as long as the one about the bodies as given."""
+
+REFUSED = (Status.OUTSIDE_FIT, Status.INFEASIBLE, Status.NOT_FOUND)
+"""What may be said of bodies only because their facets stick out of round faces."""
+
+
+class _Scene(NamedTuple):
+    """The bodies of a problem, all of them within the true ones, or all about them."""
+
+    movable: Body
+    static: Body
+    keep_outs: tuple[Body, ...]
+
+
+def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
+    """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
+
+    Parameters
+    ----------
+    solution : Solution
+    solve : callable
+        Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`.
+    """
+    problem = solution.problem
+    if not solution.usable and solution.status not in REFUSED:
+        return solution
+    errors = [facet_errors(body) for body in problem.bodies]
+    if all(own is not None and not own.any() for own in errors):
+        return _between(solution, solution.amount, solution.amount) if solution.usable else solution
+    if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
+        return solution
+    found = [None if pacing.over() else bounding_bodies(body) for body in problem.bodies]
+    if any(own is None for own in found):
+        return solution
+    inner, outer = (_Scene(one, two, tuple(more)) for one, two, *more in zip(*filter(None, found), strict=True))
+    seconds = max(SHORTEST, sum(solution.seconds.values()))
+    with suppress(pacing.TimeOverError):
+        if not solution.usable:
+            with pacing.within(seconds, share=1.0):
+                return _of_smaller(solution, solve(_about(problem, inner), "quick"))
+        if _comparable(problem):
+            return _bracketed(solution, *(_least_of(_about(problem, own), solve, seconds) for own in (inner, outer)))
+        if _stays_clear(solution, outer):
+            return _between(solution, solution.amount, solution.amount)
+    return solution
+
+
+def _comparable(problem: Problem) -> bool:
+    """Tell whether larger bodies make a question harder, or easier, whatever faces they meet with."""
+    if problem.amount == "displacement" and not problem.motion.shifts:
+        return False  # of corners, and these differ
+    if problem.goal == "clear":
+        return problem.pair != "touch"
+    plain = problem.amount in ("weighted", "displacement") and problem.resolution is None and not problem.keep_out
+    return problem.goal == "touch" and plain
+
+
+def _about(problem: Problem, scene: _Scene) -> Problem:
+    """Return the question about other bodies, which are as made."""
+    keep_out = tuple(
+        KeepOut(body, own.scale, clearance=own.clearance, name=own.name)
+        for own, body in zip(problem.keep_out, scene.keep_outs, strict=True)
+    )
+    as_made = dict.fromkeys(("requirement", "tolerance", "made", "features", "contacts", "published"))
+    return Problem(
+        **{
+            **problem.request,
+            **as_made,
+            "movable": scene.movable,
+            "static": scene.static,
+            "keep_out": keep_out,
+            "sizes": (),
+            "target": tuple(problem.target.tolist()),
+            "nominal": tuple(problem.nominal_pair.tolist()),
+            "length": problem.length,
+            "goal": problem.goal,
+            "pair": problem.pair,
+        }
+    )
+
+
+def _least_of(problem: Problem, solve: Callable[[Problem, str], Solution], seconds: float) -> Solution:
+    """Return the least motion, searched for further where the first one found is not known to be the least."""
+    with pacing.within(seconds, share=1.0):
+        first = solve(problem, "quick")
+        sure = first.gap <= SURE if first.usable else first.status is not Status.NOT_FOUND
+        return first if sure or pacing.over() else solve(problem, "proved")
+
+
+def _of_smaller(solution: Solution, inner: Solution) -> Solution:
+    """Return a refused solution with what bodies within the true ones need: the true ones need that at least."""
+    if not inner.usable or (solution.problem.goal == "touch" and _gap_at_rest(inner.problem) > 0.0):
+        return solution
+    return replace(solution, amount_low=inner.lower_bound, amount_high=math.inf)
+
+
+def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution:
+    """Return a solution between those of bodies within and about the true ones."""
+    states = [_gap_at_rest(own.problem) for own in (inner, outer)]
+    slack = solution.problem.contact_slack
+    if solution.problem.goal == "clear" or states[0] <= slack:  # the larger, the farther
+        return _between(solution, _least(inner, solution.amount), _most(outer))
+    if states[1] >= -slack:
+        return _between(solution, _least(outer, solution.amount), _most(inner))
+    return _between(solution, 0.0, max(_most(inner), _most(outer)))  # apart, touching or overlapping as drawn
+
+
+def _gap_at_rest(problem: Problem) -> float:
+    return float(decision_curve(problem.movable, problem.static, box=problem.box).gap(problem.target))
+
+
+def _least(solution: Solution, amount: float) -> float:
+    """Return what no smaller amount than this does; what was found where that is proved least, as is told."""
+    found = solution.usable and not solution.stopped and solution.amount <= amount
+    if found and (solution.gap <= SURE or _same(solution.problem, solution.amount, amount)):
+        return solution.amount
+    return solution.lower_bound if math.isfinite(solution.lower_bound) else 0.0
+
+
+def _most(solution: Solution) -> float:
+    return solution.amount if solution.usable else math.inf
+
+
+def _between(solution: Solution, low: float, high: float) -> Solution:
+    """Return a solution with what is left open, none where it is rounding; what was found is always within."""
+    amount, problem, rounding = solution.amount, solution.problem, DEFAULT.nominal * solution.problem.size
+    low = amount if _same(problem, low, amount) else max(low - rounding, 0.0)
+    high = amount if _same(problem, high, amount) else high + rounding
+    return replace(solution, amount_low=min(low, amount), amount_high=max(high, amount))
+
+
+def _same(problem: Problem, one: float, two: float) -> bool:
+    return math.isclose(one, two, rel_tol=DEFAULT.nominal, abs_tol=DEFAULT.nominal * problem.size)
+
+
+def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
+    """Tell whether contacts are of faces that are plane in truth, and of edges and corners between such alone."""
+    features = problem.contacts or solution.features
+    sides = ((problem.movable, [own.one for own in features]), (problem.static, [own.two for own in features]))
+    return bool(features) and all(_exact(body, element) for body, elements in sides for element in elements)
+
+
+def _exact(body: Body, element: Element) -> bool:
+    body, errors = body.whole or body, facet_errors(body)
+    label = tuple(sorted(element.vertices))
+    beside = [label] if element.kind == "F" else body.faces_with(label)
+    rows = [body.face_rows.get(face, -1) for face in beside]
+    return errors is not None and bool(rows) and min(rows) >= 0 and not errors[rows].any()
+
+
+def _stays_clear(solution: Solution, outer: _Scene) -> bool:
+    """Tell whether bodies about the true ones overlap no more than the tracked contact lets them, after the motion."""
+    rho = solution.pair if solution.problem.contacts else solution.rho
+    if rho is None or solution.problem.movable.whole is not None or outer.keep_outs:
+        return False
+    curve = decision_curve(outer.movable, outer.static, box=solution.problem.box, transform=solution.transform)
+    return float(curve.gap(rho)) >= -solution.problem.contact_slack
