@@ -65,8 +65,13 @@ class Tolerances:
     none: within `touch` a narrower one cannot be told from a contact at its border. The judge asks for half."""
     touch: float = 1e-9
     """A pair is touching when its gap is at most this (relative to the smaller body, see `Problem.contact_slack`)."""
+    tight: float = 1e-2
+    """Share of `touch` within which parts touch beyond doubt: where some do, what is merely near is no contact."""
     side: float = 1e-6
     """Relative opening and closing of the pair at which the judge asks for "apart" and "overlapping"."""
+    finer: float = 1e-4
+    """Least share of `side` at which it asks again for "overlapping": where seeds lie near the plane of a contact, what
+    closes it by `side` moves the parts along the plane by far more, past each other's rims."""
     requirement: float = 1e-9
     """Slack by which a requirement's inequality may be missed through rounding."""
     judge_gjk: float = 1e-12

@@ -18,7 +18,6 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
-TIGHT = 1e-2  # share of the slack within which parts touch beyond doubt
 Vertices = tuple[int, ...]
 _ORDER = {"F": 0, "E": 1, "V": 2}
 
@@ -229,7 +228,8 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
                     contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
             off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
-    most = slack * TIGHT if min(off, default=0.0) <= slack * TIGHT else math.inf
+    tight = slack * DEFAULT.tight
+    most = tight if min(off, default=0.0) <= tight else math.inf
     return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
 
 

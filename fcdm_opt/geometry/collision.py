@@ -25,6 +25,12 @@ from fcdm_opt.tolerances import DEFAULT
 
 # Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
 EXHAUSTIVE = 250_000
+BLOCK = 4096  # directions that are looked at together: what they take stays in the processor's memory
+MOST = 200  # vertices taken up in the search for the nearest points; a few for each face that holds them
+
+Rows = tuple[Any, Any]
+"""Which faces or edges of part 1, and of part 2."""
+ALL: Rows = slice(None), slice(None)
 
 
 class Direction(NamedTuple):
@@ -234,16 +240,19 @@ class ScaledPair:
         as it is, rational and not exactly orthogonal.
         """
         frame = self._frame(rho, transform)
-        least = np.inf
+        least = np.full(1, np.inf)
         T, (here, there), (rho_1, rho_2) = _exactly(transform), _exactly(self._seeds), _exactly(np.asarray(rho))
-        for one, two in product(*self._hulls):
+        bounds = judging.nearness(*self._solids, self._framed(np.asarray(rho)[None], transform[None]))
+        for pair, _ in judging.nearest_first(bounds.reshape(1, -1) - DEFAULT.tie, least):
+            one, two = self._hulls[0][pair // len(self._hulls[1])], self._hulls[1][pair % len(self._hulls[1])]
             places = _best_directions(one, two, frame)
             if not places:
                 return float("nan")
             first = (here + rho_1 * (_exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
             second = there + rho_2 * (_exactly(two.part.vertices) - there)
-            least = min(least, max(_exact_gap(first, second, place) for place in places))
-        return least
+            gap = max(_exact_gap(first, second, place) for place in places)
+            least[0] = min(least[0], gap / frame.unit)
+        return float(least[0] * frame.unit)
 
     def gradients(self, rho: ArrayLike, transform: Array, slack: float) -> Array:
         """Return how fast the separation of touching parts falls as the scales grow, (k, 2).
@@ -267,11 +276,16 @@ class ScaledPair:
     ) -> Direction:
         """Return a direction in which two parts that touch with some elements are farthest apart, or overlap least.
 
-        Of very large parts among the faces at the elements, given by their vertices.
+        Among the normals of the faces at the elements' vertices, and of pairs of edges there: between these lies every
+        direction that keeps parts apart which touch so. Faces come first.
         """
         one, two = (hulls[k] for hulls, k in zip(self._hulls, parts, strict=True))
         frame = self._frame(rho, transform)
-        return next(iter(_best_directions(one, two, frame) or [_best_face(one, two, frame, elements)]))
+        first, second = (_edges_at(hull.part, rows) for hull, rows in zip((one, two), elements, strict=True))
+        own, others = np.unique(one.part.edges[first, 2:]), np.unique(two.part.edges[second, 2:])
+        gaps = _gaps_along(_directions(one, two, frame.R, (own, others), (first, second)), one, two, frame)
+        k = int(np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie)[0])
+        return _named(one, two, k, (own, others), (first, second))
 
     def _framed(self, pairs: ArrayLike, transforms: Array) -> Array:
         rows, poses = np.array(pairs, dtype=np.float64), np.array(transforms, dtype=np.float64, order="C")
@@ -291,10 +305,11 @@ class _Frame(NamedTuple):
     unit: float
     offset: Array
     R: Array
+    row: Array
 
     @classmethod
     def of(cls, row: Array) -> _Frame:
-        return cls((float(row[0]), float(row[1])), float(row[2]), row[3:6], row[6:].reshape(3, 3))
+        return cls((float(row[0]), float(row[1])), float(row[2]), row[3:6], row[6:].reshape(3, 3), row)
 
 
 class _Hull:
@@ -341,14 +356,18 @@ def _ears(loop: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
         loop = loop[::2]
 
 
-def _directions(one: _Hull, two: _Hull, R: Array) -> Array:
-    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice."""
-    crosses = np.cross((one.edges @ R.T)[:, None], two.edges[None]).reshape(-1, 3)
+def _directions(one: _Hull, two: _Hull, R: Array, faces: Rows = ALL, edges: Rows = ALL) -> Array:
+    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice.
+
+    Those of some faces and edges of either part alone, where these are given.
+    """
+    first, second = one.edges[edges[0]], two.edges[edges[1]]
+    crosses = np.cross((first @ R.T)[:, None], second[None]).reshape(-1, 3)
     lengths = np.linalg.norm(crosses, axis=1)
-    sines = lengths / np.outer(np.linalg.norm(one.edges, axis=1), np.linalg.norm(two.edges, axis=1)).ravel()
+    sines = lengths / np.outer(np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)).ravel()
     crosses = np.where((sines > DEFAULT.line)[:, None], crosses, np.nan)
     crosses /= np.where(lengths > 0, lengths, 1.0)[:, None]
-    return np.vstack([one.part.normals @ R.T, -two.part.normals, crosses, -crosses])
+    return np.vstack([one.part.normals[faces[0]] @ R.T, -two.part.normals[faces[1]], crosses, -crosses])
 
 
 def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
@@ -362,24 +381,33 @@ def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
 def _gaps_along(n: Array, one: _Hull, two: _Hull, frame: _Frame) -> Array:
     """Return the gap of two parts along each direction."""
     first = frame.offset + frame.scales[0] * one.points @ frame.R.T
-    return np.asarray(frame.scales[1] * (two.points @ n.T).min(axis=0) - (first @ n.T).max(axis=0))
+    gaps = [
+        frame.scales[1] * (two.points @ some.T).min(axis=0) - (first @ some.T).max(axis=0)
+        for some in np.split(n, range(BLOCK, len(n), BLOCK))
+    ]
+    return np.concatenate(gaps)
 
 
 def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong.
 
     All differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
-    directions with a gap, is a least distance problem, solved through non-negative least squares.
+    directions with a gap at the vertices that are nearest, is a least distance problem, solved through non-negative
+    least squares. Of parts that overlap, the direction in which they do so least; of very large ones that of the seeds.
     """
     from scipy.optimize import nnls
 
-    gaps, n = _gaps(one, two, frame)
-    if np.isnan(gaps).all():
-        return -frame.offset
-    best = int(np.nanargmax(gaps))
+    places = _nearest(one, two, frame)
+    edges = tuple(_edges_at(hull.part, rows) for hull, rows in zip((one, two), places, strict=True))
+    faces = tuple(np.unique(hull.part.edges[own, 2:]) for hull, own in zip((one, two), edges, strict=True))
+    n = _directions(one, two, frame.R, faces, edges)
+    gaps = _gaps_along(n, one, two, frame)
     apart = np.flatnonzero(gaps > 0)
     if not apart.size:
-        return n[best]
+        if len(one.edges) * len(two.edges) > EXHAUSTIVE:
+            return -frame.offset
+        return np.asarray(judging.widest_gaps(*one.solid[:4], *two.solid[:4], frame.row[None], True)[0, 1:])
+    best = apart[gaps[apart].argmax()]
     system = np.vstack([n[apart].T, gaps[apart] / gaps[best]])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))
     way = system[:3] @ weights
@@ -387,15 +415,32 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     return way / length if length > 0 else n[best]
 
 
+def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
+    """Return vertices of both parts whose hulls hold the points that are nearest to each other.
+
+    Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
+    one that lies furthest back along it, that point is found anew, by non-negative least squares.
+    """
+    from scipy.optimize import nnls
+
+    X, Y = frame.offset + frame.scales[0] * one.points @ frame.R.T, frame.scales[1] * two.points
+    way, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
+    for _ in range(MOST):
+        furthest = (X @ way).argmax(), (Y @ way).argmin()
+        if way @ way - way @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(way @ way):
+            break
+        held = np.vstack([held, furthest])
+        differences = (Y[held[:, 1]] - X[held[:, 0]]).T
+        weights, _ = nnls(np.vstack([differences, np.ones(len(held))]), np.array([0.0, 0.0, 0.0, 1.0]))
+        held, way = held[weights > 0.0], differences @ weights / weights.sum()
+    return np.unique(held[:, 0]), np.unique(held[:, 1])
+
+
 def _explicit(one: _Hull, two: _Hull, frame: _Frame) -> float:
-    """Return the signed distance of two hulls from their vertices, in units; nan for very large parts."""
-    gaps, _ = _gaps(one, two, frame)
-    best = float(np.fmax.reduce(gaps))
-    if not best > 0:
-        return best
+    """Return the signed distance of two hulls from their vertices, in units; nan for very large parts that overlap."""
     way = _towards(one, two, frame)
-    first = frame.offset + frame.scales[0] * one.points @ frame.R.T
-    return float(frame.scales[1] * (two.points @ way).min() - (first @ way).max())
+    gap = float(_gaps_along(way[None], one, two, frame)[0])
+    return gap if gap > 0.0 or len(one.edges) * len(two.edges) <= EXHAUSTIVE else float("nan")
 
 
 def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
@@ -403,35 +448,28 @@ def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
     gaps, _ = _gaps(one, two, frame)
     if np.isnan(gaps).all():
         return []
-    faces, others, edges = one.part.loops, two.part.loops, len(two.edges)
-    found = []
-    for k in np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist():
-        if k < len(faces):
-            found.append(Direction(face_corners(one.part, k), (), 1))
-        elif k < len(faces) + len(others):
-            found.append(Direction((), face_corners(two.part, k - len(faces)), -1))
-        else:
-            turn, place = divmod(k - len(faces) - len(others), len(one.edges) * edges)
-            first, second = one.part.edges[place // edges, :2], two.part.edges[place % edges, :2]
-            found.append(Direction(tuple(first.tolist()), tuple(second.tolist()), -1 if turn else 1))
-    return found
+    rows = [(np.arange(len(hull.part.loops)), np.arange(len(hull.edges))) for hull in (one, two)]
+    faces, edges = zip(*rows, strict=True)
+    best = np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist()
+    return [_named(one, two, k, faces, edges) for k in best]
 
 
-def _best_face(one: _Hull, two: _Hull, frame: _Frame, elements: tuple[Ints, Ints]) -> Direction:
-    """Return the direction whose gap is the largest among those of the faces at elements of two parts."""
-    own, others = (_faces_at(hull.part, rows) for hull, rows in zip((one, two), elements, strict=True))
-    n = np.vstack([one.part.normals[own] @ frame.R.T, -two.part.normals[others]])
-    k = int(np.argmax(_gaps_along(n, one, two, frame)))
-    if k < len(own):
-        return Direction(face_corners(one.part, int(own[k])), (), 1)
-    return Direction((), face_corners(two.part, int(others[k - len(own)])), -1)
+def _named(one: _Hull, two: _Hull, k: int, faces: Rows, edges: Rows) -> Direction:
+    """Return a direction by its place in what `_directions` returns of some faces and edges."""
+    first, second = len(faces[0]), len(faces[0]) + len(faces[1])
+    if k < first:
+        return Direction(face_corners(one.part, int(faces[0][k])), (), 1)
+    if k < second:
+        return Direction((), face_corners(two.part, int(faces[1][k - first])), -1)
+    turn, place = divmod(k - second, len(edges[0]) * len(edges[1]))
+    i, j = divmod(place, len(edges[1]))
+    own, other = one.part.edges[edges[0][i], :2], two.part.edges[edges[1][j], :2]
+    return Direction(tuple(own.tolist()), tuple(other.tolist()), -1 if turn else 1)
 
 
-def _faces_at(part: ConvexPart, rows: Ints) -> Ints:
-    """Return the faces on whose edges all of some vertices lie, or one where it is one."""
-    ends = np.isin(part.edges[:, :2], rows)
-    faces: Ints = np.unique(part.edges[ends.any(axis=1) if len(rows) == 1 else ends.all(axis=1), 2:])
-    return faces
+def _edges_at(part: ConvexPart, rows: Ints) -> Ints:
+    """Return the edges that end in any of some vertices."""
+    return np.flatnonzero(np.isin(part.edges[:, :2], rows).any(axis=1))
 
 
 def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:

@@ -247,6 +247,7 @@ def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints
     # only facets are of use that are no further from the other surface's box than any two corners are
     corners, opposite = points[triangles], others[facing]
     near = cKDTree(opposite[:, 0]).query(corners[:, 0])[0].min()
+    near += DEFAULT.nominal * (near + np.abs(opposite).max())  # rounding must leave the nearest
     for _ in range(2):
         low, high = opposite.min(axis=(0, 1)) - near, opposite.max(axis=(0, 1)) + near
         own = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)

@@ -205,27 +205,28 @@ def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> A
 
 def _widest(one: Solid, two: Solid, frames: Array, edged: bool) -> Array:
     """Return the largest gap of two parts over their face normals, and pairs of edges if asked, in each frame, (k,)."""
-    return np.asarray(widest_gaps(*one[:4], *two[:4], frames, edged))
+    return np.asarray(widest_gaps(*one[:4], *two[:4], frames, edged)[:, 0])
 
 
 @light
 @kernel
 def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours, frames, edged):
-    """Return the largest gap of two solids, as `Solid` has them, over directions that can separate most, (k,).
+    """Return the largest gap of two solids, as `Solid` has them, over directions that can separate most, and where.
+
+    The gap and its unit direction, (k, 4).
 
     Pairs of edges make a facet of the parts' difference only where the arcs between the normals of the faces beside
     them cross: where the faces of either lie on different sides of the other. Others are left out, unless rounding may
     have chosen the side; and parallel ones.
     """
-    found, x, y = np.empty(len(frames)), np.empty((len(points), 3)), np.empty((len(others), 3))
+    found, x, y = np.full((len(frames), 4), np.nan), np.empty((len(points), 3)), np.empty((len(others), 3))
     normals, hands = np.empty((len(planes), 3)), np.empty(len(faces), np.int8)
     room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
     for k in range(len(frames)):
         frame = frames[k]
         if np.isnan(frame[UNIT]):
-            found[k] = np.nan
             continue
-        R, offset = frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
+        way, R, offset = found[k, 1:], frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
         for m in range(len(points)):
             x[m, 0], x[m, 1], x[m, 2] = _plus(offset, frame[0], _turned(R, points[m]))
         for m in range(len(others)):
@@ -233,9 +234,9 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
         best, far, near = -np.inf, 0, 0
         for m in range(len(planes)):
             n = normals[m, 0], normals[m, 1], normals[m, 2] = _turned(R, planes[m])
-            best, far, near = _wider(best, far, near, n, x, y)
+            best, far, near = _wider(best, far, near, n, x, y, way)
         for m in range(len(faces)):
-            best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y)
+            best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y, way)
         for i in range(len(edges) if edged else 0):
             u, a, b = _turned(R, edges[i]), beside[i, 1], beside[i, 2]
             own, off = np.sqrt(_dot(u, u)), TIE + max(planes[a, 4], planes[b, 4])
@@ -257,17 +258,18 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
                     continue  # the normal of a face beside, which has been asked: of aligned parts nearly all pairs
                 if size > PARALLEL * own * length:
                     n = (n[0] / size, n[1] / size, n[2] / size)
-                    best, far, near = _wider(best, far, near, n, x, y)
-                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), x, y)
-        found[k] = best
+                    best, far, near = _wider(best, far, near, n, x, y, way)
+                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), x, y, way)
+        found[k, 0] = best
     return found
 
 
 @step
-def _wider(best, i, j, n, x, y):
+def _wider(best, i, j, n, x, y, way):
     """Return the larger of the best gap of points y from x and that along n, and points that came near the extremes.
 
-    Two points of either part, those of the last direction first, rule most directions out.
+    A direction that is better is put into `way`. Two points of either part, those of the last direction first, rule
+    most directions out.
     """
     if _dot(n, y[j]) - _dot(n, x[i]) <= best:
         return best, i, j
@@ -282,7 +284,8 @@ def _wider(best, i, j, n, x, y):
             low, j = level, m
             if low - high <= best:
                 return best, i, j
-    return max(best, low - high), i, j
+    way[0], way[1], way[2] = n
+    return low - high, i, j
 
 
 @step

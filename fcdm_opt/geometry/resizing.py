@@ -636,13 +636,13 @@ def _combined(normals: Array, normal: Array) -> Array | None:
     """Return factors of normals, (m, 3), that add up to a normal; None where it is not among their sums."""
     if not len(normals):
         return None
-    factors: Array = np.linalg.lstsq(normals.T, normal)[0]
+    factors = np.asarray(np.linalg.lstsq(normals.T, normal)[0], dtype=np.float64)
     return factors if np.abs(factors @ normals - normal).max() <= DEFAULT.nominal else None
 
 
 def _agree(normals: Array, offsets: Array) -> Array | None:
     """Return how a point on faces moves as they do, (3, k); None where it does not stay one point."""
-    move: Array = np.linalg.lstsq(normals, offsets)[0]
+    move = np.asarray(np.linalg.lstsq(normals, offsets)[0], dtype=np.float64)
     off = np.abs(normals @ move - offsets).max(initial=0.0)
     return move if off <= DEFAULT.planarity * max(1.0, float(np.abs(offsets).max(initial=0.0))) else None
 

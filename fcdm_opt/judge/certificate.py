@@ -35,6 +35,7 @@ from fcdm_opt.tolerances import DEFAULT, Tolerances
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 MOST_CHECKED = 3  # parameters up to which evidence is kept
+FINER = 4  # smaller changes of the scales that are tried
 
 
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
@@ -486,6 +487,11 @@ class _Judge:
             after = min(after, *self._gaps((self.rho + step)[None]))
         if after < -least:
             return _Side(step, before, after, least)
+        for share in np.geomspace(0.1, self.tolerances.finer, FINER):
+            nearer, small = share * step, min(self.limit, share * float(line[:2] @ step) / 2.0)
+            gaps = self._gaps(np.array([self.rho - nearer, self.rho + nearer]), own)
+            if gaps[1] < -small:
+                return _Side(nearer, gaps[0], gaps[1], small)
         # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step
         for slack in (float(np.abs(step) @ own.reaches), self.limit):
             more = own.gradients(self.rho, self.transform, slack)
@@ -507,14 +513,17 @@ class _Judge:
     def _unclaimed(self, steps: list[Array]) -> list[tuple[float, Array]]:
         """Return how far each part pair that touches and carries no claim opens at most, with the claimed ones.
 
-        None where a goal tracks some of the contacts that there are.
+        Where a claimed one touches beyond doubt, so must these: on a thread dozens are near, each at another step of
+        the scales. None where a goal tracks some of the contacts that there are.
         """
         if self.problem.goal in TRACKING or self.scaled.count == 1:
             return []
         here = self.rho[None], self.transform[None]
-        proved = {parts for claim in self.claims for parts, error in claim.proofs(*here) if error[0] <= self.limit}
-        found = []
-        for parts in self.scaled.touching(self.rho, self.transform, self.limit / 2.0):
+        errors = {parts: error[0] for claim in self.claims for parts, error in claim.proofs(*here)}
+        proved = {parts for parts, error in errors.items() if error <= self.limit}
+        tight = min(errors.values(), default=np.inf) <= self.limit * self.tolerances.tight
+        found, near = [], self.limit / 2.0 * (self.tolerances.tight if tight else 1.0)
+        for parts in self.scaled.touching(self.rho, self.transform, near):
             if parts not in proved:
                 gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), self.scaled.between(*parts)), nan=-np.inf)
                 found.append((float(gaps.max()), steps[int(gaps.argmax())]))

@@ -30,10 +30,13 @@ from fcdm_opt.curve.kernels import (
     _turned_back,
 )
 from fcdm_opt.proof.least_distance import _lowest, nearest_points
+from fcdm_opt.tolerances import DEFAULT
 
 OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `evidence.Reason`
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
+PARALLEL = DEFAULT.line  # sine of the angle of two edges up to which they give no direction
+STEEP = 1e-3  # and above which rounding turns it by less than matters
 
 
 # ---------------------------------------------------------------------------------------------- enclosures as rows
@@ -377,13 +380,17 @@ def best_site(R, d, first, second, edged, site):
                 continue
             before, after = _at(normals2, edges2[f, 2]), _at(normals2, edges2[f, 3])
             n = _cross(u, w)
-            if not _dot(u, before) * _dot(u, after) < 0.0 or not _length(n) > 0.0:
+            across, own = _length(n), _length(u) * _length(w)
+            if not _dot(u, before) * _dot(u, after) < 0.0 or not across > PARALLEL * own:
                 continue
             up = _dot(n, _plus(left, right))
             if not up * _dot(n, _plus(before, after)) < 0.0:  # the arcs' circles cross on the far side
                 continue
             sign = 1.0 if up > 0.0 else -1.0
-            gap = sign * _dot(n, _minus(_plus(way, y), _turned(R, 0, x))) / _length(n)
+            gap = sign * _dot(n, _minus(_plus(way, y), _turned(R, 0, x))) / across
+            if gap > best and not across > STEEP * own:  # of edges almost parallel rounding turns the direction
+                n = _times(sign / across, n)
+                gap = _dot(n, way) + _lowest(two, n)[1] + _lowest(one, _turned_back(R, 0, _times(-1.0, n)))[1]
             if gap > best:
                 best = gap
                 _set_site(site, E1E2, sign, (_times(1.0 / _length(edge), edge), _times(1.0 / _length(w), w), x, y))

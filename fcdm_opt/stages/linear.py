@@ -28,7 +28,7 @@ from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
-from fcdm_opt.stages.rays import ON_THE_WAY, meeting
+from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.together import among_others
 from fcdm_opt.tolerances import DEFAULT
@@ -177,7 +177,7 @@ def straight(task: Task) -> Answer | None:
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
     slack, along = DEFAULT.line * task.size, task.motion.ways(task.movable.seed, task.static.seed)[0]
-    pairs = meeting(task, along)
+    pairs = meeting(task, steady_way(task, np.ones(1)))
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
     low, high, beside, features = task.spans(pairs, along).T
     met = (beside <= slack) & (low <= high + slack)

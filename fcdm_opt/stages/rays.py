@@ -29,6 +29,7 @@ STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
+WORK = 2e7  # pairs of edges looked at between two looks at the clock
 ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
 LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
@@ -53,12 +54,7 @@ def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
     if task.tracked or len(task.weights) != 1:
         return None
-    answer = _one_way(task, True) if is_steady(task, np.ones(1)) else None
-    return answer or _one_way(task, False)
-
-
-def _one_way(task: Task, steady: bool) -> Answer | None:
-    """Return the answer by steps of second order, or by plain ones; None where they prove and find nothing."""
+    steady = is_steady(task, np.ones(1))
     if not steady and task.needs.max() > 0:
         return None
     stage = "2: one parameter, safe steps to the first contact"
@@ -72,11 +68,11 @@ def _one_way(task: Task, steady: bool) -> Answer | None:
             return task.answer(q, stage, start, ("a limit",), task.modelled_by_gaps(q))
     amount, nearer, clear = np.inf, 0, [0.0, 0.0]
     for k in (0, 1) if not steady or leads_nearer(task, ways[0]) else (1, 0):
-        contact = first_contact(task, ways[k], min(ends[k], amount), starts[k], plain=not steady)
+        contact = first_contact(task, ways[k], min(ends[k], amount), starts[k])
         clear[k] = np.inf if contact.clear_to >= ends[k] else contact.clear_to
         amount, nearer = min((amount, nearer), (contact.amount, k))
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
-        if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady):
+        if min(clear) < np.inf and (task.keep_out or task.need > 0):
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
     bound = max(min(clear), 0.0 if steady else displacement_bound(task))
@@ -89,9 +85,7 @@ def _one_way(task: Task, steady: bool) -> Answer | None:
     return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
 
 
-def first_contact(
-    task: Task, direction: Array, limit: float, start: float = 0.0, *, plain: bool = False
-) -> FirstContact:
+def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0) -> FirstContact:
     """Return where along a ray the target pair first has just the gap it needs.
 
     Parameters
@@ -104,57 +98,51 @@ def first_contact(
         Amount to go to.
     start : float
         Amount to go from.
-    plain : bool
-        Whether to take steps of first order in any case; clearances are then kept along facets alone.
 
     Notes
     -----
     A contact that a keep-out forbids is passed by: the way is then searched on from there.
     """
     pacing.check()
-    if plain or not is_steady(task, direction):
+    if not is_steady(task, direction):
         return _searched(task, direction, limit, start)
-    way, (movable, others, needs) = _way(task, direction), _solids(task)
-    if way[2, 0] == 0.0:
-        pairs = meeting(task, way[0] * way[2, 1], start, limit)
-    else:
-        pairs = np.argwhere(np.ones((len(task.movable.parts), len(task.opponents)), bool))
-    found = steady.first(
-        way,
-        movable,
-        others,
-        task.static.seed - task.movable.seed,
-        needs,
-        pairs,
-        len(task.static.parts),
-        task.must_touch,
-        limit,
-        start,
-        *(share * task.size / _speed(way, movable[0]) for share in (DEFAULT.march, DEFAULT.line)),
-        STEPS,
-        DEFAULT.line,
-        DEFAULT.line * task.size,
-    )
-    return FirstContact(*found)
+    way, (movable, others, needs) = steady_way(task, direction), _solids(task)
+    pairs = meeting(task, way, start, limit)
+    floor, finest = (share * task.size / _speed(way, movable[0]) for share in (DEFAULT.march, DEFAULT.line))
+    until, now, state = np.full(len(pairs), -np.inf), np.full(6, -1.0), np.array([start, 0.0, 1.0, 0.0, 0.0])
+    solids = movable, others, task.static.seed - task.movable.seed, needs, pairs, len(task.static.parts)
+    steps = task.must_touch, limit, floor, finest, STEPS, DEFAULT.line, DEFAULT.line * task.size, WORK
+    while not steady.first(way, *solids, *steps, until, now, state):
+        pacing.check()
+    return FirstContact(float(state[0]), float(state[1]))
 
 
-def meeting(task: Task, along: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
-    """Return which part pairs may come as near as they need on a stretch of a shift, (k, 2): by extents in its ways."""
-    n = along / np.linalg.norm(along)
+def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
+    """Return which part pairs may come as near as they need on a stretch of a steady way, (k, 2).
+
+    By the extents of what they sweep: along the way's line, and across it in several directions or, where body 1
+    turns, from the nearest to the farthest from the line. `way`: see `steady`.
+    """
+    n, centre, (turn, shift, _) = way
     first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
     angles = np.arange(ACROSS) * np.pi / ACROSS
     ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
     ways = np.vstack([n, ways / np.linalg.norm(first)])
     low, high = [], []
-    for points, _, _, places in _solids(task)[:2]:
-        heights, starts = ways @ points.T, places[:-1, 0]
-        low.append(np.minimum.reduceat(heights, starts, axis=1))
-        high.append(np.maximum.reduceat(heights, starts, axis=1))
-    offset = ways @ (task.movable.seed - task.static.seed)
-    low[0], high[0] = low[0] + offset[:, None], high[0] + offset[:, None]
-    low[0][0] += start * (n @ along)
-    high[0][0] += end * (n @ along)
-    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    for (points, _, _, places), seed in zip(_solids(task)[:2], (task.movable.seed, task.static.seed), strict=True):
+        arms = points + (seed - task.movable.seed - centre)
+        heights, starts = ways @ arms.T, places[:-1, 0]
+        least, most = (extreme.reduceat(heights, starts, axis=1) for extreme in (np.minimum, np.maximum))
+        if turn != 0.0:
+            farthest = np.sqrt(np.maximum.reduceat(heights[1] ** 2 + heights[1 + ACROSS // 2] ** 2, starts))
+            nearest = np.maximum(least[1:], -most[1:]).max(axis=0)
+            least, most = np.array([least[0], nearest]), np.array([most[0], farthest])
+        low.append(least)
+        high.append(most)
+    if shift != 0.0:
+        low[0][0] += min(start * shift, end * shift)
+        high[0][0] += max(start * shift, end * shift)
+    room = np.where(task.needs > -np.inf, np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size, -np.inf)
     one, two = np.nonzero((low[0][0][:, None] <= high[1][0] + room) & (low[1][0] <= high[0][0][:, None] + room))
     for least, most, low_2, high_2 in zip(low[0][1:], high[0][1:], low[1][1:], high[1][1:], strict=True):
         near = (least[one] <= (high_2 + room)[two]) & ((low_2 - room)[two] <= most[one])
@@ -229,7 +217,7 @@ def _stepped(task: Task) -> list[tuple[Step, str]]:
     return [(step, kind) for step, (_, kind) in zip(task.motion.owners, task.motion.parameters, strict=True)]
 
 
-def _way(task: Task, direction: Array) -> Array:
+def steady_way(task: Task, direction: Array) -> Array:
     """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
     seed, rates = task.movable.seed, _rates(task)
     rate = (direction @ rates.reshape(len(rates), 16)).reshape(4, 4)
@@ -265,7 +253,7 @@ def _speed(way: Array, points: Array) -> float:
 
 def leads_nearer(task: Task, direction: Array) -> bool:
     """Tell whether a steady ray seems to lead to the first contact sooner than the way back; either may."""
-    axis, centre, (turn, shift, _) = _way(task, direction)
+    axis, centre, (turn, shift, _) = steady_way(task, direction)
     gaps = task.pair_gaps(task.rest)
     i, j = divmod(int(gaps.argmin()), gaps.shape[1])
     _, rows, separations = task.separations((i, j), task.pose(task.rest))

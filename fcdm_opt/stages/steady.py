@@ -23,6 +23,7 @@ HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
 TURNS, FALSI = 200, 60  # trials for a root, and of them those by regula falsi
 SITE = 16
+FAR = 1e300  # the excess of no pair at all: a finite one, as it is multiplied
 
 
 @kernel
@@ -66,14 +67,14 @@ def _time(room, rate, bend):
 
 
 @kernel
-def _apart(way, R, m, d, n, one, two):
-    """Return how long a direction keeps two polyhedra apart."""
+def _apart(way, R, m, d, n, need, one, two):
+    """Return how long a direction keeps two polyhedra `need` apart."""
     least, time = np.inf, np.inf
     for v in range(len(two)):
         least = min(least, _dot(n, _at(two, v)))
     leaning = _dot(n, _at(way, 0))
     bend = way[2, 0] ** 2 * np.sqrt(max(1.0 - leaning * leaning, 0.0))
-    level = least + _dot(n, d) + _dot(n, m)
+    level = least + _dot(n, d) + _dot(n, m) - need
     for v in range(len(one)):
         x = _plus(_entry(m, 0), _turned(R, 0, _at(one, v)))
         rate, radius = _velocity(way, x)
@@ -102,9 +103,15 @@ def _held(way, R, m, d, body, point, normals, levels, known):
 
 
 @kernel
-def _overlapping(way, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
-    """Return how long two polyhedra overlap at least: by a vertex of one inside the other, or a point of an edge."""
-    best = 0.0
+def _overlapping(way, R, m, d, depth, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
+    """Return how long two polyhedra overlap at least.
+
+    By their depth and the speed of the fastest vertex; by a vertex of one inside the other, or a point of an edge.
+    """
+    fastest = 0.0
+    for v in range(len(one)):
+        fastest = max(fastest, _length(_velocity(way, _plus(_entry(m, 0), _turned(R, 0, _at(one, v))))[0]))
+    best = depth / fastest if fastest > 0.0 else np.inf
     p, u = np.empty(3), np.empty(3)
     for body in range(2):
         points, edges = (one, edges1) if body == 0 else (two, edges2)
@@ -140,13 +147,14 @@ def _near(way, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, found):
-    """Set what holds at a pose of some part pairs: excess over the needed gap of partner's parts and others, and times.
+def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, until, found):
+    """Set what holds at a pose of the part pairs: excess over the needed gap of partner's parts and others, and times.
 
-    found: partner's least excess, the others', how long the partner's state lasts (apart or not), how long one of the
-    others is too near, and a pair too near for `enough`, -1 without: where there are no others nothing more is asked
-    then, that of before first. With `touch` the partner's state is that of all pairs; without, the others count with
-    it.
+    Pairs that are known to keep their gap until a later amount than this, by more than `enough`, are passed over;
+    `until` is set anew of those that keep it here. found: partner's least excess, the others', how long one of
+    partner's parts is too near, how long one of the others is, a pair too near for `enough`, -1 without, and how many
+    pairs of edges were looked at, added up. Where there are no others nothing more is asked then, that of before first.
+    With `touch` the partner's state is that of all pairs; without, the others count with it.
     """
     R, m, d = np.empty(9), np.empty(3), np.empty(3)
     _pose(way, amount, R, m)
@@ -155,15 +163,15 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
     points1, faces1, edges1, places1 = ones
     points2, faces2, edges2, places2 = twos
     site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
-    excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
+    excess, others, short, others_short = FAR, FAR, 0.0, 0.0
     before, alone = int(found[4]), partner == len(places2) - 1 or not touch
     found[4] = -1.0
     for turn in range(-1 if timed and alone and before >= 0 else 0, len(pairs)):
         code = before if turn < 0 else turn
+        if until[code] > amount + enough:
+            continue
         i, c = pairs[code, 0], pairs[code, 1]
         need = needs[c]
-        if need == -np.inf:
-            continue
         a, b, a2, b2 = places1[i], places1[i + 1], places2[c], places2[c + 1]
         # copies, as those called take contiguous arrays: one version of each for all
         one, normals1, levels1 = points1[a[0] : b[0]], faces1[a[1] : b[1], :3].copy(), faces1[a[1] : b[1], 3].copy()
@@ -172,6 +180,7 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
         own1, own2 = edges1[a[2] : b[2]], edges2[a2[2] : b2[2]]
         first, second = (one, normals1, levels1, own1), (two, normals2, levels2, own2)
         gap = best_site(R, d, first, second, True, site)
+        found[5] += len(own1) * len(own2)
         miss = gap - need
         if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
             gap = set_nearest(R, d, one, two, x, y)
@@ -187,7 +196,7 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
             if gap > 0.0:
                 time = _near(way, R, m, d, x, y, need)
             else:
-                time = _overlapping(way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2)
+                time = _overlapping(way, R, m, d, -gap, one, normals1, levels1, own1, two, normals2, levels2, own2)
                 if gap > -need:  # coming apart, they stay near
                     set_nearest(R, d, one, two, x, y)
                     time = max(time, _near(way, R, m, d, x, y, need))
@@ -198,44 +207,67 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
             if alone and time >= enough:
                 found[4] = code
                 break
-        elif touch and ours:
+        else:
             n = _entry(site, FIRST)
             if site[KIND] != V1F2:
                 n = _turned(R, 0, n)
             if site[KIND] == E1E2:
                 n = _times(site[SIGN], _cross(n, _entry(site, SECOND)))
                 n = _times(1.0 / _length(n), n)
-            apart = min(apart, _apart(way, R, m, d, n, one, two))
-    found[0], found[1], found[3] = excess, others, others_short
-    found[2] = short if excess < 0.0 else apart
+            until[code] = amount + _apart(way, R, m, d, n, need, one, two)
+    found[0], found[1], found[2], found[3] = excess, others, short, others_short
+
+
+@step
+def _soonest(pairs, partner, until):
+    """Return the amount until which all of partner's parts are known to keep their gap."""
+    least = np.inf
+    for code in range(len(pairs)):
+        if pairs[code, 1] < partner:
+            least = min(least, until[code])
+    return least
 
 
 @kernel
-def first(way, ones, twos, offset, needs, pairs, partner, touch, limit, start, floor, finest, most, fine, slack):
-    """Return (amount, clear to) of the first motion that does, see `rays.FirstContact`.
+def first(
+    way, ones, twos, offset, needs, pairs, partner, touch, limit, floor, finest, most, fine, slack, work, until, now,
+    state,
+):
+    """Go on to the first motion that does, see `rays.FirstContact`; return whether that is done.
 
     With `touch` a change of side at which nothing else is too near; without, where all that is needed is reached.
-    Steps are `floor` at least, the first ones `finest`.
-    """
-    here, proved, sure = start, 0.0, True
-    now, ahead = np.full(5, -1.0), np.full(5, -1.0)
-    _looked(way, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, now)
-    side = -1.0 if now[0] < 0.0 else 1.0
-    for turn in range(most):
+    Steps are `floor` at least, the first ones `finest`. One call looks at about `work` pairs of edges; the next takes
+    up where it left. `until`: up to which amount each pair is known to keep its gap, -inf at first; `now`: see
+    `_looked`, -1 at first. state: amount so far, up to which nothing was found, whether that is proved, side of the
+    start, 0 at first, and steps taken; when done, the first two are the result.
+    """  # fmt: skip
+    here, proved, sure, side = state[0], state[1], state[2] > 0.0, state[3]
+    ahead, known = np.full(6, -1.0), until.copy()
+    now[5] = 0.0
+    if side == 0.0:
+        _looked(way, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, now)
+        side = -1.0 if now[0] < 0.0 else 1.0
+    for turn in range(int(state[4]), most):
+        if now[5] > work:
+            state[0], state[1], state[2], state[3], state[4] = here, proved, (1.0 if sure else 0.0), side, turn
+            return False
         if here >= limit:
-            return np.inf, (limit if sure else proved)
+            state[0], state[1] = np.inf, (limit if sure else proved)
+            return True
         if not touch and now[0] >= 0.0:
-            return here, (here if sure else proved)
-        step = now[2]
-        forbidden = touch and now[1] < 0.0 and now[3] > step
+            state[0], state[1] = here, (here if sure else proved)
+            return True
+        end = here + now[2] if now[0] < 0.0 else _soonest(pairs, partner, until)
+        forbidden = touch and now[1] < 0.0 and here + now[3] > end
         if forbidden:
-            step = now[3]
+            end = here + now[3]
         proved = here if sure else proved
         least = floor if turn >= EAGER else finest
-        sure = sure and (step >= least or here + step >= limit)
-        there, ahead[4] = min(here + max(step, least), limit), now[4]
-        _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
-        if forbidden and step >= least:  # all the way: contacts there do not count
+        sure = sure and (end >= here + least or here + least >= limit)
+        there, ahead[4], ahead[5] = min(max(end, here + least), limit), now[4], now[5]
+        known[:] = until  # from there back it is known no better
+        _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
+        if forbidden and end >= here + least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
             low, high, below, above = here, there, now[0], ahead[0]
@@ -248,17 +280,20 @@ def first(way, ones, twos, offset, needs, pairs, partner, touch, limit, start, f
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
+                _looked(way, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, ahead)
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
             if ahead[1] >= -slack:
-                return there, proved
-            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, ahead)
+                state[0], state[1] = there, proved
+                return True
+            until[:] = known
+            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
             side = -side
         here = there
         now[:] = ahead
-    return np.inf, proved
+    state[0], state[1] = np.inf, proved
+    return True
