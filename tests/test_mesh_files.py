@@ -242,7 +242,7 @@ def test_faces_of_turned_solids_are_plane_again_after_single_precision(tmp_path,
         solid = random_solid(rng, family, False)
         points = solid.vertices @ Rotation.from_rotvec(rng.uniform(0.3, 1, 3)).as_matrix().T + rng.uniform(-5, 5, 3)
         path = written(tmp_path, "part.stl", stl(points, solid.triangles))
-        vertices, faces, remarks, _ = drawn_mesh(path, unit="mm")
+        vertices, faces, remarks, *_ = drawn_mesh(path, unit="mm")
         size = np.abs(points).max()
         order = np.linalg.norm(vertices[:, None] - points, axis=2).argmin(axis=1)
         moved = np.abs(vertices - points[order]).max() / size
@@ -290,7 +290,7 @@ def test_a_prism_in_a_binary_file_is_one_part_and_keeps_its_faces(tmp_path):
 def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_path):
     points = L_POINTS @ TURN.T + 0.2
     path = written(tmp_path, "L.obj", obj(points.round(6), L_FACES))
-    vertices, faces, remarks, _ = drawn_mesh(path, unit="mm")
+    vertices, faces, remarks, *_ = drawn_mesh(path, unit="mm")
     assert 0 < np.abs(vertices - points).max() < 5e-6
     assert len(remarks) == 1
     np.testing.assert_allclose(checked_mesh(vertices, faces).volume, 3, rtol=1e-5)
@@ -303,7 +303,7 @@ def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_p
 def test_vertices_of_plane_faces_are_not_touched(tmp_path, name):
     make, slack = WAYS[name]
     points = np.array(BOX + 0.1, np.float32 if slack else float).astype(float)
-    vertices, _, remarks, _ = drawn_mesh(written(tmp_path, name, make(points)), unit="mm")
+    vertices, _, remarks, *_ = drawn_mesh(written(tmp_path, name, make(points)), unit="mm")
     assert remarks == ()
     assert {tuple(x) for x in vertices.tolist()} == {tuple(x) for x in points.tolist()}
 
@@ -313,7 +313,7 @@ def test_the_finest_step_in_a_file_of_all_digits_is_not_flattened(tmp_path, turn
     step = 1e-9
     outline = [(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 1 + step), (0, 1 + step)]
     points = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in outline]) @ turn.T
-    vertices, _, remarks, _ = drawn_mesh(written(tmp_path, "step.obj", obj(points, L_FACES)), unit="mm")
+    vertices, _, remarks, *_ = drawn_mesh(written(tmp_path, "step.obj", obj(points, L_FACES)), unit="mm")
     np.testing.assert_array_equal(vertices, points)
     assert remarks == ()
 

@@ -192,6 +192,8 @@ class Body(_Sealed, Shown):
         The body with all parts, where these are only some of it, see `fcdm_opt.problem.reach`.
     rows : tuple of int
         The numbers, from 0, of the parts of `whole` that these are.
+    rounding : float
+        Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
     """
 
     name: str
@@ -206,6 +208,7 @@ class Body(_Sealed, Shown):
     hollow: bool = False
     whole: Body | None = field(default=None, repr=False)
     rows: tuple[int, ...] = field(default=(), repr=False)
+    rounding: float = 0.0
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -359,7 +362,7 @@ class Body(_Sealed, Shown):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks, off = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
+        vertices, faces, remarks, off, rounding = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
         own = Path(path).stem if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
@@ -367,7 +370,8 @@ class Body(_Sealed, Shown):
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
         out, short = body.deviation
-        return replace(body, deviation=(out + off[0], short + off[1]), notes=(*body.notes, *remarks))
+        notes = (*body.notes, *remarks)
+        return replace(body, deviation=(out + off[0], short + off[1]), notes=notes, rounding=rounding)
 
     @classmethod
     def _made(

@@ -31,6 +31,8 @@ from fcdm_opt.tolerances import DEFAULT
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
 TRIES = 8  # to keep the deviation asked for of a STEP file
+SINGLE = 9  # digits that tell all numbers of single precision apart
+ROUNDED = 3.0**0.5 / 2.0  # of a last digit: how far rounding moves a point of three coordinates
 
 
 class Drawn(NamedTuple):
@@ -43,7 +45,7 @@ class Drawn(NamedTuple):
 
 def drawn_mesh(
     path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
-) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float]]:
+) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float], float]:
     """Return vertices, faces, remarks and how far they are off the solid in a mesh or STEP file.
 
     Parameters
@@ -70,7 +72,9 @@ def drawn_mesh(
         What was done to the vertices, and how far triangles leave curved faces.
     off : (float, float)
         How far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
-        curved faces, and by vertices moved from where the file has them.
+        curved faces, by vertices moved from where the file has them, and by digits too few for the coordinates.
+    rounding : float
+        Length by which the file's digits leave each vertex open; 0.0 where nothing tells that they do.
 
     Raises
     ------
@@ -119,8 +123,15 @@ def drawn_mesh(
     if not len(faces):
         raise InputError("no faces in the file", file=path)
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
-    vertices, remarks, moved = _plane(vertices, faces, single=own_unit is not None)
-    out, short = ((length + moved) * float(scale) for length in off)
+    joined = suffix == ".stl" and _few_digits(vertices)
+    vertices, remarks, moved, rounding = _plane(
+        vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data
+    )
+    coarse = rounding if rounding > DEFAULT.drawn * float(norms(np.ptp(vertices, axis=0))) else 0.0
+    if coarse:
+        place = f"{coarse * float(scale):.2g} {unit}"
+        remarks = (*remarks, f"its digits are too few so far from the origin: vertices are known to {place}")
+    out, short = ((length + moved + coarse) * float(scale) for length in off)
     if any(off):
         most = max(off) * float(scale)
         if deviation is not None and most > deviation * (1.0 + DEFAULT.nominal):
@@ -128,22 +139,34 @@ def drawn_mesh(
             raise InputError(what, file=path, key="deviation", found=deviation, allowed="a larger length, or none")
         bound = "" if deviation is None else f", at most {deviation:g} asked"
         remarks = (f"{TESSELLATED} by up to {most:.2g} {unit} (STEP{bound})", *remarks)
-    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short)
+    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short), rounding * float(scale)
 
 
-def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
-    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far."""
+def _plane(
+    vertices: Array, faces: list[Polygon], *, single: bool, joined: bool, binary: bool
+) -> tuple[Array, tuple[str, ...], float, float]:
+    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far.
+
+    And how far the digits leave each vertex open; 0 of a text in which nothing tells that they do.
+    """
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
-        return vertices, (), 0.0  # `checked_mesh` says what is wrong
+        return vertices, (), 0.0, 0.0  # `checked_mesh` says what is wrong
     with np.errstate(over="ignore"):
-        single = single or bool((vertices == vertices.astype(np.float32)).all())
-    digits = float(np.finfo(np.float32).eps) if single else DEFAULT.drawn
-    moved = flattened(vertices, faces, digits * size, joined=single)
+        exactly = bool((vertices == vertices.astype(np.float32)).all())
+    digits = float(np.finfo(np.float32).eps) if single or exactly else DEFAULT.drawn
+    moved = flattened(vertices, faces, digits * size, joined=single or exactly or joined)
     step = float(norms(moved - vertices).max())
+    rounded = step > 0.0 or single or (binary and exactly) or (joined and not exactly)
+    rounding = max(step, digits * size * ROUNDED) if rounded else 0.0
     if not step:
-        return vertices, (), 0.0
-    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step
+        return vertices, (), 0.0, rounding
+    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step, rounding
+
+
+def _few_digits(vertices: Array) -> bool:
+    """Tell whether numbers are written with no more digits than single precision takes."""
+    return all(x == float(f"{x:.{SINGLE - 1}e}") for x in np.unique(vertices).tolist())
 
 
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
