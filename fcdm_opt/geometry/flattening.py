@@ -19,7 +19,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 PLAIN = 3  # rounds in which points are moved onto planes as they are: enough where at most three meet at a point
 ROUNDS = 12  # with those in which planes move, too; each squares what is left
-EXACT, MOST_STEPS = 1e-12, 2000  # of the linear equations in these
+MOST_REFLEX, NEAREST = 1000, 4  # reflex edges that sections are looked for through, and others that each is tried with
+DAMPING = 1e-10  # of these: planes may say the same of a point
 
 
 def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
@@ -44,7 +45,7 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
         else:
             groups += list(map(np.unique, same[corners]))
     if joined:
-        groups += _connected(distinct, triangles, slack)
+        groups += _connected(distinct, triangles, slack) + sections(distinct, triangles, slack)
     groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
     if not groups:
         return vertices
@@ -119,8 +120,8 @@ def settled(points: Array, lies: Incidences, slack: float) -> Array:
 
 def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, bent: Flags) -> Array:
     """Return points after a step of Newton's method towards their planes, which are moved and turned with them."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import lsmr
+    from scipy.sparse import block_array, coo_array, eye_array
+    from scipy.sparse.linalg import splu
 
     moving = np.zeros(len(place), bool)  # all corners of planes that a bent one lies on
     moving[lies.corner[np.isin(lies.plane, lies.plane[bent[lies.corner]])]] = True
@@ -145,10 +146,12 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
     first = 3 * np.stack([np.where(moving, np.cumsum(moving) - 1, 0)[corner], many + own], axis=1)
     at = np.repeat(np.arange(len(rows)), 6), (first[:, :, None] + np.arange(3)).ravel()
     matrix = coo_array((entries.ravel(), at), shape=(len(rows), 3 * (many + len(planes)))).tocsr()
-    unit = float(np.abs(heights[rows]).max())
-    found = lsmr(matrix, -heights[rows] / unit, atol=EXACT, btol=EXACT, conlim=0.0, maxiter=MOST_STEPS)[0]
+    many_ways, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
+    both = block_array([[many_ways, matrix.T], [matrix, damped]]).tocsc()
+    solved = splu(both, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    found = solved.solve(np.concatenate([np.zeros(matrix.shape[1]), -heights[rows]]))
     moved = place.copy()
-    moved[moving] += unit * found[: 3 * many].reshape(-1, 3)
+    moved[moving] += found[: 3 * many].reshape(-1, 3)
     return moved
 
 
@@ -212,3 +215,33 @@ def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
     group = components(sides.face[sides.pairs[flat]], len(triangles))
     order = np.argsort(group, kind="stable")
     return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]
+
+
+def sections(points: Array, triangles: Ints, slack: float) -> list[Ints]:
+    """Return the corners of reflex edges that lie in one plane, a face's or not: there the solid is cut into parts."""
+    if not len(triangles):
+        return []
+    sides = Sides.around(triangles.ravel(), 3)
+    along, c, d = sides.sections(points, sides.pairs)
+    reflex = (cross(c, d) * along).sum(axis=1) > 4 * slack * np.maximum(norms(c), norms(d))
+    edges = np.column_stack([sides.origin, sides.end])[sides.pairs[reflex, 0]]
+    if not 1 < len(edges) <= MOST_REFLEX:
+        return []
+    corners, groups = np.unique(edges), list[Ints]()
+    free, (a, b) = np.ones((len(edges), len(edges)), bool), points[edges.T]
+    reach = norms(a + b - (a + b)[:, None])
+    for one, near in enumerate(np.argsort(reach, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
+        for two in near:
+            spokes = points[edges[[one, two]].ravel()] - a[one]
+            normals = cross(spokes[1], spokes[2:])
+            normal = normals[norms(normals).argmax()]
+            size = float(norms(normal))
+            if not free[one, two] or size <= slack * float(np.abs(spokes).max()):
+                continue
+            heights = np.abs((points[corners] - a[one]) @ normal) / size
+            if np.abs(spokes @ normal).max() <= 4 * slack * size:
+                own = corners[heights <= 4 * slack]
+                on = np.isin(edges, own).all(axis=1)
+                free[np.ix_(on, on)] = False
+                groups.append(own)
+    return groups

@@ -16,7 +16,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
-from fcdm_opt.geometry.flattening import Incidences, settled
+from fcdm_opt.geometry.flattening import Incidences, sections, settled
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import components, coplanar
 from fcdm_opt.tolerances import DEFAULT
@@ -28,8 +28,9 @@ def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, .
     """Return bodies as drawn in one frame, with planes that their files' digits cannot tell apart made the same.
 
     So are those made parallel to directions of motions, or square to them, that may have been drawn so: a wall which a
-    part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0) stay as they are, and others are moved to them. The seeds
-    stay; so do all bodies where no planes are that near each other, or they are the same already.
+    part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0) stay as they are,
+    and others are moved to them. The seeds stay; so do all bodies where no planes are that near each other, or they
+    are the same already.
     """
     loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.skin)) for body in bodies]
     if len(bodies) < 2 or not any(loose):
@@ -118,7 +119,17 @@ def _incidences(
     pairs = pairs[np.r_[True, (pairs[1:, :2] != pairs[:-1, :2]).any(axis=1)]]
     for k in np.unique(plane[exact]).tolist():
         spans.pop(k, None)
-    return Incidences(pairs[:, 1], pairs[:, 0], pairs[:, 2] > 0, ~free, spans)
+    cuts, start = list[Ints](), 0  # along which the solids are cut into parts
+    for body in bodies:
+        if body.skin and not body.hollow:
+            triangles = np.concatenate([np.array(own) for own in body.skin])
+            cuts += [start + own for own in sections(body.vertices, triangles, DEFAULT.planarity * body.size)]
+        start += len(body.vertices)
+    cuts = [own for own in cuts if free[own[0]]]
+    corner = np.concatenate([pairs[:, 1], *cuts])
+    number = np.concatenate([pairs[:, 0], np.repeat(plane.max() + 1 + np.arange(len(cuts)), list(map(len, cuts)))])
+    fixing = np.concatenate([pairs[:, 2] > 0, np.ones(len(corner) - len(pairs), bool)])
+    return Incidences(corner, number, fixing, ~free, spans)
 
 
 def _moved(body: Body, points: Array) -> Body:

@@ -18,6 +18,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Polygon = tuple[int, ...]
 BLOCK = 256  # planes that are looked at together
+TILT = 1e-2  # radians: how far the plane of a polygon may be from that which it lies in, unless it is slim
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a middle's height above a plane, relative to the coordinates
 
 
@@ -112,19 +113,29 @@ def coplanar(
     points: Array, polygons: Sequence[Polygon] | Sequence[Ints], normals: Array, levels: Array, slack: float
 ) -> list[Ints]:
     """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
+    from scipy.spatial import cKDTree
+
     counts = np.array([len(own) for own in polygons])
     starts = np.cumsum(counts) - counts
     middles = np.add.reduceat(points[np.concatenate(polygons)], starts) / counts[:, None]
-    wide = slack + ROUNDING * float(np.abs(points).max())
+    size = float(np.abs(points).max())
+    wide = slack + ROUNDING * size
+    # the plane of a polygon that is not slim differs little from each that it lies in, so that a tree finds it
+    slim = np.empty(len(polygons), bool)
+    for places, corners in by_size(polygons):
+        slim[places] = TILT * widths(points[corners]) <= 4.0 * wide
+    planes, broad, slim = np.column_stack([normals, levels / size]), np.flatnonzero(~slim), np.flatnonzero(slim)
+    tree = cKDTree(np.concatenate([planes[broad], -planes[broad]]))
     free, groups = np.ones(len(polygons), bool), []
     for first in range(0, len(polygons), BLOCK):
-        block = slice(first, first + BLOCK)
-        near = np.abs(middles @ normals[block].T - levels[block]) <= wide  # the middle of what is within the slack is
-        for k, others in enumerate(near.T, first):
+        block = first + np.flatnonzero(free[first : first + BLOCK])
+        parallel = tree.query_ball_point(planes[block], 3.0 * TILT)
+        near = np.abs(middles[slim] @ normals[block].T - levels[block]) <= wide
+        for k, rows, others in zip(block.tolist(), parallel, near.T, strict=True):
             if not free[k]:
                 continue
-            others[k] = True
-            own = np.flatnonzero(free & others)
+            own = np.unique(np.concatenate([[k], broad[np.array(rows, np.int64) % len(broad)], slim[others]]))
+            own = own[free[own] & ((np.abs(middles[own] @ normals[k] - levels[k]) <= wide) | (own == k))]
             if len(own) > 1:
                 chosen = [polygons[row] for row in own.tolist()]
                 heights = np.abs(points[np.concatenate(chosen)] @ normals[k] - levels[k])
