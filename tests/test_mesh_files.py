@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import struct
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.surface import Surface
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -299,6 +301,16 @@ def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_p
         checked_mesh(*read_mesh(path, unit="mm"))
 
 
+def test_an_edge_whose_ends_rounding_made_one_divides_nothing_by_zero():
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 0, 0), (0, 1, 0)], float)
+    surface = Surface(
+        points, np.array([(0, 1, 3)]), np.zeros(1, int), ((0, 1, 3),), np.array([(0, 1), (1, 2)]), np.empty((0, 2)), ()
+    )
+    on, within = surface.along_edges(np.array([(0.5, 0, 0), (1, 0, 0)]))
+    np.testing.assert_array_equal(on, [(True, False), (True, True)])
+    np.testing.assert_array_equal(within, on)
+
+
 @pytest.mark.parametrize("name", [name for name in WAYS if name != "text.STL"])
 def test_vertices_of_plane_faces_are_not_touched(tmp_path, name):
     make, slack = WAYS[name]
@@ -328,6 +340,14 @@ def test_a_low_step_in_a_binary_file_is_not_flattened(tmp_path):
 
 
 # ---------------------------------------------------------------------------------------------------------- bad files
+
+
+def test_a_pipe_named_as_a_mesh_is_refused_not_waited_for(tmp_path):
+    """Nobody writes to it: reading would not end."""
+    path = tmp_path / "part.stl"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="not a regular file"):
+        drawn_mesh(path, unit="mm")
 
 GOOD_STL, GOOD_GLB = stl(BOX, TRIANGLES), glb(BOX, TRIANGLES)
 NO_GLB = b"glTF" + struct.pack("<II", 2, 48) + struct.pack("<I", 28) + b'JSON{"asset":{"version":"2.0"}} '

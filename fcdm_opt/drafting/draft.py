@@ -24,6 +24,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, known_to
 from fcdm_opt.geometry.files import NANOMETRES, STEP
+from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size, direction
@@ -47,7 +48,8 @@ TILTED = (
 MOST_CONTACTS = 4  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
-UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
+UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up, of parts that are apart or overlap; of all
+UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
@@ -130,7 +132,8 @@ def draft(
 
     bodies = beside.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
-    situation = Situation(bodies[0], bodies[1], lengths)
+    one, two = matched(bodies)
+    situation = Situation(one, two, lengths)
     choice = chosen(situation)
     warned = remarks(situation, lengths)
     state = state_text(situation, lengths)
@@ -206,8 +209,10 @@ def remarks(situation: Situation, unit: str) -> list[str]:
     one, two = situation.movable, situation.static
     found = []
     ratio = max(one.size, two.size) / min(one.size, two.size)
-    if ratio > UNLIKE:
-        found.append(f"one part is {ratio:.3g} times as large as the other: is one mesh in another unit? (file_unit)")
+    if ratio > (UNLIKE if situation.state != "touching" and not nearly(situation) else UNLIKELY):
+        units = "; ".join(f"{words} are {factor:g}" for factor, words in UNITS.items())
+        question = f"is one mesh in another unit ({units})? (file_unit)"
+        found.append(f"one part is {ratio:.3g} times as large as the other: {question}")
     if situation.gap > FAR * situation.size:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):

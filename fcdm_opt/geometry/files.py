@@ -105,6 +105,8 @@ def drawn_mesh(
     if deviation is not None and not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
         raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a finite number > 0")
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe that nobody writes to would be waited for
+            raise InputError("not a regular file", file=path, found="a pipe, socket or device", allowed="a mesh file")
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
         what = getattr(reason, "strerror", None) or str(reason)
