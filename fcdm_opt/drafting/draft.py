@@ -23,7 +23,7 @@ from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, known_to
-from fcdm_opt.geometry.files import NANOMETRES, STEP
+from fcdm_opt.geometry.files import NANOMETRES, STEP, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing
@@ -48,7 +48,7 @@ TILTED = (
 MOST_CONTACTS = 4  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
-UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up, of parts that are apart or overlap; of all
+UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: of parts that do not touch, of all
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
@@ -119,7 +119,8 @@ def draft(
         raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
     lengths = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
-    bounds = [deviation if path.suffix.lower() in STEP else None for path in paths]
+    files = [chosen_solid(path)[0] for path in paths]
+    bounds = [deviation if file.suffix.lower() in STEP else None for file in files]
     if deviation is not None and not 0.0 < deviation < math.inf:
         raise InputError("not a chord error", key="--deviation", found=deviation, allowed="a finite length > 0")
     if deviation is not None and bounds == [None, None]:
@@ -146,7 +147,7 @@ def draft(
         "moved": _moved,
     }
     text = _template(filters).render(
-        title=f"{paths[0].stem} and {paths[1].stem}",
+        title=f"{called(paths[0])} and {called(paths[1])}",
         name=shown(quoted(Path(file).name)),
         warned=warned,
         unit=lengths,
@@ -185,6 +186,12 @@ def draft(
     return Draft(text, summary)
 
 
+def called(mesh: Path) -> str:
+    """Return what the part in a mesh file is called: as the solid picked of it, or the file."""
+    file, solid = chosen_solid(mesh)
+    return solid or file.stem
+
+
 def _template(filters: dict[str, Callable[..., str]]) -> Any:
     """Return the template of the file; `filters` are those about these parts."""
     loader = PackageLoader("fcdm_opt", "drafting")
@@ -194,8 +201,8 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {
-        "saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT,
-        "step": lambda place: Path(place).suffix.lower() in STEP,
+        "saying_its_unit": lambda place: chosen_solid(place)[0].suffix.lower() in OWN_UNIT,
+        "step": lambda place: chosen_solid(place)[0].suffix.lower() in STEP,
         "large": _is_large,
     }
     return made.get_template("problem.toml.jinja")

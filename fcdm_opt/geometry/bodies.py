@@ -341,6 +341,8 @@ class Body(_Sealed, Shown):
         Parameters
         ----------
         path : path
+            Several solids of a file are one body; "drive.step#key" is one of them alone, by its name in a STEP, GLB,
+            OBJ or text STL file, by its number, from 1, in others.
         unit : str
             Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
@@ -353,22 +355,25 @@ class Body(_Sealed, Shown):
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`, in `unit`.
         name : str, optional
-            Used in messages and pictures; default the file's name without suffix.
+            Used in messages and pictures; default the solid's, or the file's name without suffix.
 
         Raises
         ------
         InputError
             For a file that cannot be read and a surface that bounds no solid; names the file.
         """
-        from fcdm_opt.geometry.files import drawn_mesh
+        from fcdm_opt.geometry.files import chosen_solid, drawn_mesh
 
         vertices, faces, remarks, off, rounding = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
-        own = Path(path).stem if name is None else name
+        file, solid = chosen_solid(path)
+        own = (solid or file.stem) if name is None else name
         pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
             body = cls.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=own)
         except InputError as reason:
-            raise reason.within(file=path) from reason.__cause__
+            several = next((f"; {told}" for told in remarks if "solids in the file" in told), "")
+            told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
+            raise told.within(file=path) from reason.__cause__
         out, short = body.deviation
         notes = (*body.notes, *remarks)
         return replace(body, deviation=(out + off[0], short + off[1]), notes=notes, rounding=rounding)

@@ -16,6 +16,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.decomposition import Method
 from fcdm_opt.geometry.flattening import Incidences, sections, settled
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import components, coplanar
@@ -145,7 +146,7 @@ def _moved(body: Body, points: Array) -> Body:
     else:
         triangles = [own for face in body.skin for own in face]
         drawn = points[: 1 + max(map(max, triangles))]
-        method = "surface" if body.hollow else "exact"
+        method: Method = "surface" if body.hollow else "exact"
         made = Body.from_mesh(drawn, triangles, decomposition=method, seed=body.seed, name=body.name)
     out, short = body.deviation
     return replace(made, deviation=(out + moved, short + moved), notes=body.notes, rounding=body.rounding)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -316,6 +317,27 @@ class Sides:
         """Sides of edges that are run along more often one way than the other."""
         ways = np.where(self.origin < self.end, 1, -1)
         return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
+
+    def wedges(self, points: Array, normals: Array, edge: int, *, inwards: bool) -> list[tuple[int, int]]:
+        """Return the pairs of polygons between which the material at an edge lies, by their normals out of or into it.
+
+        Where they are not as many one way round as the other, each two after another.
+        """
+        own = np.flatnonzero(self.edge == edge)
+        ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
+        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]
+        into = cross(normals[self.face[own]], ways[:, None] * along)
+        angles = np.arctan2(cross(into[:1], into) @ along, into @ into[0])
+        faces, up = self.face[own], (ways > 0) ^ inwards
+        if 2 * up.sum() != len(own):
+            return list(pairwise(faces.tolist()))
+        turns = (angles[up] - angles[~up][:, None] - DEFAULT.sharp) % (2.0 * np.pi)  # material is ahead of those down
+        pairs = list[tuple[int, int]]()
+        for k in np.argsort(turns.min(axis=1), kind="stable").tolist():
+            other = int(turns[k].argmin())
+            turns[:, other] = np.inf
+            pairs.append((int(faces[~up][k]), int(faces[up][other])))
+        return pairs
 
     def sections(self, points: Array, pairs: Ints) -> tuple[Array, Array, Array]:
         """Return the section across edges of two triangles each: along them, and to the corners opposite, (m, 3) each.
