@@ -93,6 +93,17 @@ def test_what_is_said_of_the_state_agrees_with_the_closed_form(tmp_path: Path) -
         assert near.pair == pytest.approx([1 + 5 * gap / 29, 1 + 2 * gap / 29])
 
 
+@pytest.mark.parametrize("factor", [10.0, 25.4, 1000.0])
+def test_a_part_in_another_unit_than_the_other_is_asked_about(tmp_path: Path, factor: float) -> None:
+    """A peg in cm, inches or m beside a plate in mm, of like size: 25.4 was below the ratio that is asked about."""
+    peg = box(tmp_path / "peg.off", (10 / factor, 10 / factor, 30 / factor), (0.0, 0.0, 25 / factor))
+    plate = box(tmp_path / "plate.off", (24.0, 24.0, 6.0), (0.0, 0.0, -3.0))
+    text = " ".join(drafted(peg, plate, tmp_path)[0].replace("#", " ").split())
+    assert "is one mesh in another unit (cm beside mm are 10; inches beside mm are 25.4; m beside mm are 1000)?" in text
+    alike = box(tmp_path / "alike.off", (10.0, 10.0, 30.0), (0.0, 0.0, 15.0))
+    assert "in another unit (cm" not in drafted(alike, plate, tmp_path)[0]
+
+
 def test_tilted_far_and_unlike_parts_are_told_and_solved(tmp_path: Path) -> None:
     turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
     turn *= np.linalg.det(turn)

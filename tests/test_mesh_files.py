@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import struct
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.surface import Surface
 from fcdm_opt_benchmarks.step_files import cylinder, polyhedron
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
@@ -299,6 +301,16 @@ def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_p
         checked_mesh(*read_mesh(path, unit="mm"))
 
 
+def test_an_edge_whose_ends_rounding_made_one_divides_nothing_by_zero():
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 0, 0), (0, 1, 0)], float)
+    surface = Surface(
+        points, np.array([(0, 1, 3)]), np.zeros(1, int), ((0, 1, 3),), np.array([(0, 1), (1, 2)]), np.empty((0, 2)), ()
+    )
+    on, within = surface.along_edges(np.array([(0.5, 0, 0), (1, 0, 0)]))
+    np.testing.assert_array_equal(on, [(True, False), (True, True)])
+    np.testing.assert_array_equal(within, on)
+
+
 @pytest.mark.parametrize("name", [name for name in WAYS if name != "text.STL"])
 def test_vertices_of_plane_faces_are_not_touched(tmp_path, name):
     make, slack = WAYS[name]
@@ -327,7 +339,80 @@ def test_a_low_step_in_a_binary_file_is_not_flattened(tmp_path):
     assert plane_faces(checked_mesh(vertices, faces)) == 8
 
 
+# ------------------------------------------------------------------------------------------------ several solids a file
+
+ENDS = BOX, BOX + np.array([1, 0, 0])  # face on face
+
+
+def _two(kind):
+    """Return two boxes as a file of a kind has them, and what it calls them."""
+    if kind == "stl":
+        return stl(np.concatenate(ENDS), np.concatenate([TRIANGLES, TRIANGLES + 8])), ("1", "2")
+    if kind == "off":
+        return off(np.concatenate(ENDS), [tuple(x) for x in np.concatenate([TRIANGLES, TRIANGLES + 8])]), ("1", "2")
+    if kind == "obj":
+        return _objects(), ("left", "right")
+    left, right = (trimesh.Trimesh(own, TRIANGLES) for own in ENDS)
+    return trimesh.Scene({"right": right, "left": left}).export(file_type="glb"), ("left", "right")
+
+
+def _objects():
+    text = ""
+    for k, (name, points) in enumerate(zip(("left", "right"), ENDS, strict=True)):
+        rows = obj(points, [tuple(v + 8 * k for v in face) for face in QUADS])
+        text += f"o {name}\n{rows}"
+    return text
+
+
+@pytest.mark.parametrize("kind", ["stl", "off", "obj", "glb"])
+def test_solids_face_on_face_in_one_file_are_one_body_or_each_by_name(tmp_path, kind):
+    """They were refused: "faces 12 and 15 cross"; and nothing told how many a file holds."""
+    content, names = _two(kind)
+    path, unit = written(tmp_path, f"two.{kind}", content), "m" if kind == "glb" else "mm"
+    whole = fo.Body.from_file(path, unit=unit)
+    assert whole.size == pytest.approx(np.sqrt(4 + 4 + 9))
+    assert sum(part.volume_and_centroid[0] for part in whole.parts) == pytest.approx(12.0)
+    (told,) = (note for note in whole.notes if "one alone" in note)
+    orders = [f"solids {one} and {two}; one alone is 'two.{kind}#{one}'" for one, two in (names, names[::-1])]
+    assert told in [f"2 solids in the file, taken as one body: {order}" for order in orders]
+    for name, points in zip(names, ENDS, strict=True):
+        body = fo.Body.from_file(f"{path}#{name}", unit=unit)
+        assert body.name == name
+        assert {tuple(x) for x in body.vertices.tolist()} == {tuple(x) for x in points.tolist()}
+    with pytest.raises(InputError, match=f"no such solid in the file; found 'lid'; allowed: .*{names[0]}"):
+        fo.Body.from_file(f"{path}#lid", unit=unit)
+
+
+def test_a_cavity_is_no_solid_of_its_own(tmp_path):
+    ball = trimesh.creation.box((0.5, 0.5, 0.5))
+    points = np.concatenate([BOX, np.array(ball.vertices) + np.array([0.5, 1, 1.5])])
+    path = written(tmp_path, "room.stl", stl(points, np.concatenate([TRIANGLES, np.array(ball.faces)[:, ::-1] + 8])))
+    body = fo.Body.from_file(path, unit="mm")
+    assert not any("solids" in note for note in body.notes)
+    assert sum(part.volume_and_centroid[0] for part in body.parts) == pytest.approx(6 - 0.125)
+    assert len(fo.Body.from_file(f"{path}#1", unit="mm").corners) == 16
+
+
+def test_a_problem_file_names_one_solid_of_a_mesh_file(tmp_path):
+    written(tmp_path, "two.stl", _two("stl")[0])
+    path = tmp_path / "p.toml"
+    path.write_text(
+        '[bodies.movable]\nfile = "two.stl#1"\nunit = "mm"\n[bodies.static]\nfile = "two.stl#2"\nunit = "mm"\n'
+        '[[case]]\nname = "a"\ntarget = [1.01, 1.0]\nmotion = [{ translation = "x" }]\ngoal = "clear"\n'
+    )
+    (problem,) = fo.load_problems(path)
+    assert fo.solve(problem).amount == pytest.approx(0.005)  # half of the width grows by that
+
+
 # ---------------------------------------------------------------------------------------------------------- bad files
+
+
+def test_a_pipe_named_as_a_mesh_is_refused_not_waited_for(tmp_path):
+    """Nobody writes to it: reading would not end."""
+    path = tmp_path / "part.stl"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="not a regular file"):
+        drawn_mesh(path, unit="mm")
 
 GOOD_STL, GOOD_GLB = stl(BOX, TRIANGLES), glb(BOX, TRIANGLES)
 NO_GLB = b"glTF" + struct.pack("<II", 2, 48) + struct.pack("<I", 28) + b'JSON{"asset":{"version":"2.0"}} '

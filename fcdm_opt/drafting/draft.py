@@ -24,7 +24,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import known_to
-from fcdm_opt.geometry.files import NANOMETRES, STEP
+from fcdm_opt.geometry.files import NANOMETRES, STEP, chosen_solid
+from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
@@ -48,7 +49,8 @@ TILTED = (
 MOST_CONTACTS = 4  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
-UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
+UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: of parts that do not touch, of all
+UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
@@ -118,7 +120,8 @@ def draft(
         raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
     lengths = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
-    bounds = [deviation if path.suffix.lower() in STEP else None for path in paths]
+    files = [chosen_solid(path)[0] for path in paths]
+    bounds = [deviation if file.suffix.lower() in STEP else None for file in files]
     if deviation is not None and not 0.0 < deviation < math.inf:
         raise InputError("not a chord error", key="--deviation", found=deviation, allowed="a finite length > 0")
     if deviation is not None and bounds == [None, None]:
@@ -131,7 +134,8 @@ def draft(
 
     bodies = beside.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
-    situation = Situation(bodies[0], bodies[1], lengths)
+    one, two = matched(bodies)
+    situation = Situation(one, two, lengths)
     choice = chosen(situation)
     warned = remarks(situation, lengths)
     state = state_text(situation, lengths)
@@ -144,7 +148,7 @@ def draft(
         "moved": _moved,
     }
     text = _template(filters).render(
-        title=f"{paths[0].stem} and {paths[1].stem}",
+        title=f"{called(paths[0])} and {called(paths[1])}",
         name=shown(quoted(Path(file).name)),
         warned=warned,
         unit=lengths,
@@ -183,6 +187,12 @@ def draft(
     return Draft(text, summary)
 
 
+def called(mesh: Path) -> str:
+    """Return what the part in a mesh file is called: as the solid picked of it, or the file."""
+    file, solid = chosen_solid(mesh)
+    return solid or file.stem
+
+
 def _template(filters: dict[str, Callable[..., str]]) -> Any:
     """Return the template of the file; `filters` are those about these parts."""
     loader = PackageLoader("fcdm_opt", "drafting")
@@ -192,8 +202,8 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {
-        "saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT,
-        "step": lambda place: Path(place).suffix.lower() in STEP,
+        "saying_its_unit": lambda place: chosen_solid(place)[0].suffix.lower() in OWN_UNIT,
+        "step": lambda place: chosen_solid(place)[0].suffix.lower() in STEP,
         "large": _is_large,
     }
     return made.get_template("problem.toml.jinja")
@@ -207,8 +217,10 @@ def remarks(situation: Situation, unit: str) -> list[str]:
     one, two = situation.movable, situation.static
     found = []
     ratio = max(one.size, two.size) / min(one.size, two.size)
-    if ratio > UNLIKE:
-        found.append(f"one part is {ratio:.3g} times as large as the other: is one mesh in another unit? (file_unit)")
+    if ratio > (UNLIKE if situation.state != "touching" and not nearly(situation) else UNLIKELY):
+        units = "; ".join(f"{words} are {factor:g}" for factor, words in UNITS.items())
+        question = f"is one mesh in another unit ({units})? (file_unit)"
+        found.append(f"one part is {ratio:.3g} times as large as the other: {question}")
     if situation.gap > FAR * situation.size:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):

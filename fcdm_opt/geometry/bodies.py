@@ -194,6 +194,8 @@ class Body(_Sealed, Shown):
         The body with all parts, where these are only some of it, see `fcdm_opt.problem.reach`.
     rows : tuple of int
         The numbers, from 0, of the parts of `whole` that these are.
+    rounding : float
+        Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
     """
 
     name: str
@@ -209,6 +211,7 @@ class Body(_Sealed, Shown):
     hollow: bool = False
     whole: Body | None = field(default=None, repr=False)
     rows: tuple[int, ...] = field(default=(), repr=False)
+    rounding: float = 0.0
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -341,6 +344,8 @@ class Body(_Sealed, Shown):
         Parameters
         ----------
         path : path
+            Several solids of a file are one body; "drive.step#key" is one of them alone, by its name in a STEP, GLB,
+            OBJ or text STL file, by its number, from 1, in others.
         unit : str
             Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
@@ -353,28 +358,32 @@ class Body(_Sealed, Shown):
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`, in `unit`.
         name : str, optional
-            Used in messages and pictures; default the file's name without suffix.
+            Used in messages and pictures; default the solid's, or the file's name without suffix.
 
         Raises
         ------
         InputError
             For a file that cannot be read and a surface that bounds no solid; names the file.
         """
-        from fcdm_opt.geometry.files import drawn_mesh
+        from fcdm_opt.geometry.files import chosen_solid, drawn_mesh
 
-        vertices, faces, remarks, off, surfaces = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
-        own = Path(path).stem if name is None else name
-        pacing.at(f"making a solid of {own}: {len(faces)} faces")
+        read = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
+        file, solid = chosen_solid(path)
+        own = (solid or file.stem) if name is None else name
+        pacing.at(f"making a solid of {own}: {len(read.faces)} faces")
         try:
-            body = cls.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=own)
+            body = cls.from_mesh(read.vertices, read.faces, decomposition=decomposition, seed=seed, name=own)
         except InputError as reason:
-            raise reason.within(file=path) from reason.__cause__
+            several = next((f"; {told}" for told in read.remarks if "solids in the file" in told), "")
+            told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
+            raise told.within(file=path) from reason.__cause__
         out, short = body.deviation
         errors = None
-        if surfaces is not None:
-            errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), surfaces))
-        out, short = out + off[0], short + off[1]
-        return replace(body, deviation=(out, short), facet_errors=errors, notes=(*body.notes, *remarks))
+        if read.surfaces is not None:
+            errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), read.surfaces))
+        own_deviation = out + read.off[0], short + read.off[1]
+        notes = (*body.notes, *read.remarks)
+        return replace(body, deviation=own_deviation, facet_errors=errors, notes=notes, rounding=read.rounding)
 
     @classmethod
     def _made(

@@ -15,15 +15,18 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError, checked_path
-from fcdm_opt.geometry.arrays import LARGEST, Array, distinct_rows
+from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
+from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.mesh import solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
 from fcdm_opt.tolerances import DEFAULT
@@ -32,26 +35,79 @@ NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000
 STEP = (".step", ".stp")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
+SINGLE_DIGITS = 9  # digits that tell all numbers of single precision apart
+ROUNDED = 3.0**0.5 / 2.0  # of a last digit: how far rounding moves a point of three coordinates
 
 
 class Drawn(NamedTuple):
-    """What is read from a file: vertices, faces, how far these lie outside and within the solid, and its surfaces."""
+    """What is read from a file.
+
+    Attributes
+    ----------
+    vertices : (n, 3) array
+    faces : list of tuples of int
+    off : (float, float)
+        How far these lie outside and within the solid, lengths.
+    surfaces : Surfaces or None
+        Those of a STEP file.
+    solids : list of (str, int)
+        Name of each of the file's objects, and how many of the faces it has; none where it tells of no objects.
+    """
 
     vertices: Array
     faces: list[Polygon]
     off: tuple[float, float] = (0.0, 0.0)
     surfaces: Surfaces | None = None
+    solids: Sequence[tuple[str, int]] = ()
+
+    def by_name(self) -> dict[str, Ints]:
+        """Return the numbers of each solid's faces: of the objects that the file names, else of closed surfaces."""
+        ends = np.cumsum([0, *(count for _, count in self.solids)]).tolist()
+        named = {name: np.arange(*own) for (name, _), own in zip(self.solids, pairwise(ends), strict=True)}
+        whole = (solids(self.vertices, [self.faces[k] for k in own.tolist()]) for own in named.values())
+        if 1 < len(named) == len(self.solids) and all(whole):
+            return named
+        return {str(k): own for k, own in enumerate(solids(self.vertices, self.faces), 1)}
+
+    def only(self, rows: Ints) -> Drawn:
+        """Return some of the faces, and the vertices that these use."""
+        faces = [self.faces[k] for k in rows.tolist()]
+        used, place = np.unique(np.array([v for face in faces for v in face], np.int64), return_inverse=True)
+        numbers = iter(place.tolist())
+        own = [tuple(next(numbers) for _ in face) for face in faces]
+        return self._replace(vertices=self.vertices[used], faces=own, solids=())
+
+
+class ReadMesh(NamedTuple):
+    """A mesh as `drawn_mesh` returns it."""
+
+    vertices: Array
+    faces: list[Polygon]
+    remarks: tuple[str, ...]
+    off: tuple[float, float]
+    rounding: float
+    surfaces: Surfaces | None
+
+
+def chosen_solid(path: str | Path) -> tuple[Path, str]:
+    """Return a file and the name of one solid in it, "drive.step#key"; "" where all are meant."""
+    whole = checked_path(path, "path")
+    name, _, solid = whole.name.rpartition("#")
+    if not solid or Path(name).suffix.lower() not in _READERS or whole.exists():
+        return whole, ""
+    return whole.with_name(name), solid
 
 
 def drawn_mesh(
     path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
-) -> tuple[Array, list[Polygon], tuple[str, ...], tuple[float, float], Surfaces | None]:
+) -> ReadMesh:
     """Return vertices, faces, remarks, how far they are off the solid in a mesh or STEP file, and its surfaces.
 
     Parameters
     ----------
     path : path
-        Its suffix says what it is, see `mesh_formats`.
+        Its suffix says what it is, see `mesh_formats`. Of a file of several solids "drive.step#key" is one alone, by
+        its name, or by its number from 1 where the file names none.
     unit : str
         Unit of the coordinates returned: "m", "cm", "mm", "um", "in" or "ft".
     file_unit : as `unit`, optional
@@ -72,7 +128,9 @@ def drawn_mesh(
         What was done to the vertices, and how far triangles leave curved faces.
     off : (float, float)
         How far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
-        curved faces, and by vertices moved from where the file has them.
+        curved faces, by vertices moved from where the file has them, and by digits too few for the coordinates.
+    rounding : float
+        Length by which the file's digits leave each vertex open; 0.0 where nothing tells that they do.
     surfaces : Surfaces or None
         Those of a STEP file, in `unit`.
 
@@ -88,7 +146,7 @@ def drawn_mesh(
     `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a
     plane are made plane to double precision, see `flattening`.
     """
-    path = checked_path(path, "path")
+    path, solid = chosen_solid(path)
     for key, value in (("unit", unit), ("file_unit", file_unit)):
         if not (isinstance(value, str) and value in NANOMETRES) and (key == "unit" or value is not None):
             raise InputError("unknown unit", file=path, key=key, found=value, allowed=", ".join(NANOMETRES))
@@ -105,6 +163,8 @@ def drawn_mesh(
     if deviation is not None and not (isinstance(deviation, float | int) and 0.0 < deviation <= LARGEST):
         raise InputError("not a length", file=path, key="deviation", found=deviation, allowed="a finite number > 0")
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe that nobody writes to would be waited for
+            raise InputError("not a regular file", file=path, found="a pipe, socket or device", allowed="a mesh file")
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
         what = getattr(reason, "strerror", None) or str(reason)
@@ -114,17 +174,26 @@ def drawn_mesh(
         raise InputError("the file is empty", file=path)
     try:
         asked = None if deviation is None else deviation * NANOMETRES[unit] / NANOMETRES["m"]
-        vertices, faces, off, surfaces = reader(data) if asked is None else _step(data, asked)
+        drawn = reader(data) if asked is None else _step(data, asked)
     except InputError as reason:
         raise reason.within(file=path) from reason.__cause__
     except Exception as reason:
         kind = "STEP" if suffix in STEP else suffix[1:].upper()
         raise InputError(f"not a complete {kind} file: {str(reason) or type(reason).__name__}", file=path) from reason
-    if not len(faces):
+    if not len(drawn.faces):
         raise InputError("no faces in the file", file=path)
+    drawn, several = _picked(drawn, solid, path)
+    vertices, faces, off, surfaces, _ = drawn
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
-    vertices, remarks, moved = _plane(vertices, faces, single=own_unit is not None)
-    out, short = ((length + moved) * float(scale) for length in off)
+    joined = suffix == ".stl" and _few_digits(vertices)
+    vertices, remarks, moved, rounding = _plane(
+        vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data
+    )
+    coarse = rounding if rounding > DEFAULT.drawn * float(norms(np.ptp(vertices, axis=0))) else 0.0
+    if coarse:
+        place = f"{coarse * float(scale):.2g} {unit}"
+        remarks = (*remarks, f"its digits are too few so far from the origin: vertices are known to {place}")
+    out, short = ((length + moved + coarse) * float(scale) for length in off)
     if any(off):
         most = max(off) * float(scale)
         if deviation is not None and most > deviation * (1.0 + DEFAULT.nominal):
@@ -135,22 +204,54 @@ def drawn_mesh(
     if surfaces is not None:
         known = tuple(own.placed(np.eye(4), float(scale)) for own in surfaces.known)
         surfaces = Surfaces(known, *(float(scale) * length for length in surfaces[1:]))
-    return vertices * scale.numerator / scale.denominator, faces, remarks, (out, short), surfaces
+    remarks, vertices = (*remarks, *several), vertices * scale.numerator / scale.denominator
+    return ReadMesh(vertices, faces, remarks, (out, short), rounding * float(scale), surfaces)
 
 
-def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
-    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far."""
+def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...]]:
+    """Return the solid asked for of what was read, or all with a remark on how many they are and how to have one."""
+    found = drawn.by_name() if _has_rows(drawn) else {}
+    if solid and solid not in found:
+        raise InputError("no such solid in the file", file=path, found=solid, allowed=", ".join(found) or "none: open")
+    if solid:
+        return drawn.only(found[solid]), ()
+    if len(found) < 2:
+        return drawn, ()
+    known, first = listed(list(found), "solid", "solids"), next(iter(found))
+    return drawn, (f"{len(found)} solids in the file, taken as one body: {known}; one alone is '{path.name}#{first}'",)
+
+
+def _has_rows(drawn: Drawn) -> bool:
+    """Tell whether all faces are rows of finite vertices; `checked_mesh` says what is wrong where they are not."""
+    every = [v for face in drawn.faces for v in face]
+    return bool(np.isfinite(drawn.vertices).all()) and min(every) >= 0 and max(every) < len(drawn.vertices)
+
+
+def _plane(
+    vertices: Array, faces: list[Polygon], *, single: bool, joined: bool, binary: bool
+) -> tuple[Array, tuple[str, ...], float, float]:
+    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far.
+
+    And how far the digits leave each vertex open; 0 of a text in which nothing tells that they do.
+    """
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
-        return vertices, (), 0.0  # `checked_mesh` says what is wrong
+        return vertices, (), 0.0, 0.0  # `checked_mesh` says what is wrong
     with np.errstate(over="ignore"):
-        single = single or bool((vertices == vertices.astype(np.float32)).all())
-    digits = float(np.finfo(np.float32).eps) if single else DEFAULT.drawn
-    moved = flattened(vertices, faces, digits * size, joined=single)
+        exactly = bool((vertices == vertices.astype(np.float32)).all())
+    digits = float(np.finfo(np.float32).eps) if single or exactly else DEFAULT.drawn
+    moved = flattened(vertices, faces, digits * size, joined=single or exactly or joined)
     step = float(norms(moved - vertices).max())
+    rounded = step > 0.0 or single or (binary and exactly) or (joined and not exactly)
+    rounding = max(step, digits * size * ROUNDED) if rounded else 0.0
     if not step:
-        return vertices, (), 0.0
-    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step
+        return vertices, (), 0.0, rounding
+    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step, rounding
+
+
+def _few_digits(vertices: Array) -> bool:
+    """Tell whether numbers are written with no more digits than single precision takes."""
+    return all(x == float(f"{x:.{SINGLE_DIGITS - 1}e}") for x in np.unique(vertices).tolist())
 
 
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
@@ -176,8 +277,8 @@ def _stl(data: bytes) -> Drawn:
         found = f"{len(data)} bytes" + (f" where its header promises {size}" if len(data) >= 84 else "")
         raise ValueError(found)
     loaded = _quietly(load_stl, io.BytesIO(data))
-    solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
-    drawn = _together([(solid["vertices"], solid["faces"]) for solid in solids])
+    named = loaded.get("geometry", {"": loaded})
+    drawn = _together([(solid["vertices"], solid["faces"]) for solid in named.values()], list(named))
     if is_text and len(drawn.faces) != lower.count(b"endfacet"):
         raise ValueError(f"{lower.count(b'endfacet')} facets with {len(drawn.vertices)} corners")
     return drawn
@@ -206,27 +307,30 @@ def _ply(data: bytes) -> Drawn:
 
 def _glb(data: bytes) -> Drawn:
     # a mirror turns the faces' winding round
-    placed = [(mesh, T, -1 if np.linalg.det(T[:3, :3]) < 0 else 1) for mesh, T in _scene(data)]
-    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::way]) for mesh, T, way in placed])
+    placed = [(mesh, T, -1 if np.linalg.det(T[:3, :3]) < 0 else 1, name) for mesh, T, name in _scene(data)]
+    meshes = [(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::way]) for mesh, T, way, _ in placed]
+    return _together(meshes, [name for *_, name in placed])
 
 
-def _scene(data: bytes) -> list[tuple[Any, Array]]:
-    """Return the meshes of a GLB file and the 4x4 transform that places each."""
+def _scene(data: bytes) -> list[tuple[Any, Array, str]]:
+    """Return the meshes of a GLB file, the 4x4 transform that places each, and its name."""
     from trimesh import Trimesh, load_scene
 
     loaded = _quietly(load_scene, io.BytesIO(data), file_type="glb", process=False)
-    placed = [(loaded.geometry[name], T) for T, name in map(loaded.graph.get, loaded.graph.nodes_geometry)]
-    return [(mesh, T) for mesh, T in placed if isinstance(mesh, Trimesh)]
+    nodes = [(node, *loaded.graph.get(node)) for node in loaded.graph.nodes_geometry]
+    placed = [(loaded.geometry[name], T, str(node)) for node, T, name in nodes]
+    return [own for own in placed if isinstance(own[0], Trimesh)]
 
 
-def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
+def _together(meshes: Sequence[tuple[Any, Any]], names: Sequence[str]) -> Drawn:
     """Return several meshes as one."""
     vertices, faces, count = [np.empty((0, 3))], list[Polygon](), 0
     for own, rows in meshes:
         vertices.append(np.asarray(own, float))
         faces += [tuple(row) for row in (np.asarray(rows, np.int64) + count).tolist()]
         count += len(own)
-    return Drawn(np.concatenate(vertices), faces)
+    counts = [(name, len(own)) for name, (_, own) in zip(names, meshes, strict=True)]
+    return Drawn(np.concatenate(vertices), faces, solids=counts)
 
 
 def _step(data: bytes, deviation: float | None = None) -> Drawn:
@@ -269,17 +373,18 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         if not glb:
             raise ValueError("no shape can be made of it")
         scene = _scene(glb)
-        solids = [_sharpened(mesh, deviation) for mesh, _ in scene]
-        off = np.max([own for _, own, *_ in solids], axis=0, initial=0.0) if solids else np.zeros(2)
+        sharp = [_sharpened(mesh, deviation) for mesh, *_ in scene]
+        off = np.max([own for _, own, *_ in sharp], axis=0, initial=0.0) if sharp else np.zeros(2)
         if deviation is None or tolerance is None or off.max() <= deviation:
             break
         tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
-    placed = zip(solids, scene, strict=True)
-    drawn = _together([(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T) in placed])
+    placed = list(zip(sharp, scene, strict=True))
+    meshes = [(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T, _) in placed]
+    drawn = _together(meshes, [name for *_, name in scene])
     largest = float(np.abs(drawn.vertices).max(initial=0.0))
     out, short = np.where(off > DEFAULT.weld * largest, off, 0.0).tolist()
-    known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T) in zip(solids, scene, strict=True) for each in own)
-    other = max((bound for *_, bound in solids), default=0.0)
+    known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T, _) in placed for each in own)
+    other = max((bound for *_, bound in sharp), default=0.0)
     return drawn._replace(off=(out, short), surfaces=Surfaces(known, other, SINGLE * largest))
 
 
@@ -338,10 +443,12 @@ def _lines(data: bytes) -> list[tuple[int, list[str]]]:
 
 
 def _obj(data: bytes) -> Drawn:
-    vertices, faces = list[list[float]](), list[Polygon]()
+    vertices, faces, objects, name = list[list[float]](), list[Polygon](), list[str](), ""
     for line, (word, *rest) in _lines(data):
         try:
-            if word == "v":
+            if word == "o":
+                name = " ".join(rest)
+            elif word == "v":
                 x, y, z = map(float, rest[:3])
                 vertices.append([x, y, z])
             elif word == "f":
@@ -351,11 +458,13 @@ def _obj(data: bytes) -> Drawn:
                 if 0 in rows or min(own) < 0:
                     raise ValueError
                 faces.append(own)
+                objects.append(name)
         except ValueError as reason:
             raise ValueError(f"line {line}: {' '.join([word, *rest])[:60]!r}") from reason
     if faces and max(map(max, faces)) >= len(vertices):
         raise ValueError(f"a face names vertex {max(map(max, faces)) + 1} of {len(vertices)}")
-    return Drawn(np.array(vertices).reshape(-1, 3), faces)
+    named = [(own, len(list(some))) for own, some in groupby(objects)]
+    return Drawn(np.array(vertices).reshape(-1, 3), faces, solids=named)
 
 
 def _off(data: bytes) -> Drawn:

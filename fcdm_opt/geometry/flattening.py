@@ -7,16 +7,20 @@ by no more than those digits leave open, onto the planes of their faces; one of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
+from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
 from fcdm_opt.tolerances import DEFAULT
 
-ROUNDS = 100  # two are enough unless more than three faces meet at a corner
+PLAIN = 3  # rounds in which points are moved onto planes as they are: enough where at most three meet at a point
+ROUNDS = 12  # with those in which planes move, too; each squares what is left
+MOST_REFLEX, NEAREST = 1000, 4  # reflex edges that sections are looked for through, and others that each is tried with
+DAMPING = 1e-10  # of these: planes may say the same of a point
 
 
 def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
@@ -41,27 +45,114 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
         else:
             groups += list(map(np.unique, same[corners]))
     if joined:
-        groups += _connected(distinct, triangles, slack)
+        groups += _connected(distinct, triangles, slack) + sections(distinct, triangles, slack)
     groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
     if not groups:
         return vertices
-    place = distinct.copy()
-    corner, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
-    enough = DEFAULT.normal * float(np.abs(distinct).max())
-    normals, levels, _ = _fitted(place, groups)
-    for _ in range(ROUNDS):
-        misses = levels[owner] - (normals[owner] * place[corner]).sum(axis=1)
-        bent = np.zeros(len(place), bool)
-        bent[corner[np.abs(misses) > enough]] = True
-        rows = bent[corner]  # what is plane stays, while faces beside it are worked on
-        if not rows.any():
+    return settled(distinct, Incidences.of(groups), slack)[same]
+
+
+@dataclass(frozen=True, eq=False)
+class Incidences:
+    """Which points lie on which planes.
+
+    Attributes
+    ----------
+    corner, plane : (k,) int arrays
+        The number of a point, and of a plane that it lies on, ascending.
+    fixing : (k,) bool array
+        Whether the point is one of those that the plane is fitted to.
+    held : (n,) bool array, optional
+        Points that stay where they are, and with them the planes that are fitted to these alone.
+    ways : mapping of plane to (3, 1 or 2) array
+        Orthonormal directions that span the normals which a plane may have; all others may have any.
+    """
+
+    corner: Ints
+    plane: Ints
+    fixing: Flags
+    held: Flags | None = None
+    ways: Mapping[int, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, groups: Sequence[Ints]) -> Incidences:
+        """Return those of groups of points that lie in one plane each."""
+        corner, plane = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
+        return cls(corner, plane, np.ones(len(corner), bool))
+
+    def fitted(self, points: Array) -> tuple[Array, Array]:
+        """Return unit normals and levels of the planes, each nearest to the points that it is fitted to."""
+        groups = np.split(self.corner[self.fixing], np.cumsum(np.bincount(self.plane[self.fixing]))[:-1])
+        normals, levels, _ = _fitted(points, groups)
+        for k, ways in self.ways.items():
+            middle = points[groups[k]].mean(axis=0)
+            normals[k] = ways @ np.linalg.svd((points[groups[k]] - middle) @ ways)[2][-1]
+            levels[k] = normals[k] @ middle
+        return normals, levels
+
+
+def settled(points: Array, lies: Incidences, slack: float) -> Array:
+    """Return points moved onto their planes, by no more than what the slack explains; what is plane stays as it is.
+
+    Where at most three planes meet at each point these need not change; where more do, planes and points are moved
+    together, as little as they can be (Newton's method, least squares of least norm).
+    """
+    place, enough = points.copy(), DEFAULT.normal * float(np.abs(points).max())
+    free = np.ones(len(points), bool) if lies.held is None else ~lies.held
+    normals, levels = lies.fitted(place)
+    for step in range(ROUNDS):
+        heights = (normals[lies.plane] * place[lies.corner]).sum(axis=1) - levels[lies.plane]
+        off = (np.abs(heights) > enough) & free[lies.corner]
+        if not off.any():
             break
-        place = onto_planes(place, corner[rows], normals[owner[rows]], misses[rows])
-        again = np.unique(owner[rows])
-        normals[again], levels[again], _ = _fitted(place, [groups[k] for k in again.tolist()])
-    far = norms(place - distinct) > slack / DEFAULT.sharp
-    place[far] = distinct[far]
-    return place[same]
+        if step < PLAIN:
+            bent = np.zeros(len(place), bool)
+            bent[lies.corner[off]] = True
+            rows = bent[lies.corner]
+            place = onto_planes(place, lies.corner[rows], normals[lies.plane[rows]], -heights[rows])
+        else:
+            place = _both_moved(place, lies, normals, heights, free & np.isin(np.arange(len(place)), lies.corner[off]))
+        normals, levels = lies.fitted(place)
+    far = norms(place - points) > slack / DEFAULT.sharp
+    place[far] = points[far]
+    return place
+
+
+def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, bent: Flags) -> Array:
+    """Return points after a step of Newton's method towards their planes, which are moved and turned with them."""
+    from scipy.sparse import block_array, coo_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    moving = np.zeros(len(place), bool)  # all corners of planes that a bent one lies on
+    moving[lies.corner[np.isin(lies.plane, lies.plane[bent[lies.corner]])]] = True
+    if lies.held is not None:
+        moving &= ~lies.held
+    rows = np.flatnonzero(np.isin(lies.plane, lies.plane[moving[lies.corner]]))
+    corner, (planes, own) = lies.corner[rows], np.unique(lies.plane[rows], return_inverse=True)
+    count, normal = np.bincount(own), normals[planes]
+    middle = np.stack([np.bincount(own, x) for x in place[corner].T], axis=1) / count[:, None]
+    spokes = place[corner] - middle[own]
+    extent = np.sqrt(np.bincount(own, (spokes**2).sum(axis=1)) / count)
+    one = units(cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
+    turns = np.stack([one, cross(normal, one)], axis=1) / extent[:, None, None]
+    for k, plane in enumerate(planes.tolist()):
+        if plane in lies.ways:
+            turns[k] = turns[k] @ lies.ways[plane] @ lies.ways[plane].T
+    still = np.zeros(len(place), bool) if lies.held is None else lies.held
+    fixed = np.bincount(own, lies.fixing[rows] & ~still[corner]) == 0
+    tilts = np.concatenate([(turns[own] * spokes[:, None]).sum(axis=2), np.ones((len(rows), 1))], axis=1)
+    entries = np.concatenate([normal[own] * moving[corner, None], tilts * ~fixed[own, None]], axis=1)
+    many = int(moving.sum())
+    first = 3 * np.stack([np.where(moving, np.cumsum(moving) - 1, 0)[corner], many + own], axis=1)
+    at = np.repeat(np.arange(len(rows)), 6), (first[:, :, None] + np.arange(3)).ravel()
+    matrix = coo_array((entries.ravel(), at), shape=(len(rows), 3 * (many + len(planes)))).tocsr()
+    many_ways, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
+    both = block_array([[many_ways, matrix.T], [matrix, damped]]).tocsc()
+    solved = splu(both, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    found = solved.solve(np.concatenate([np.zeros(matrix.shape[1]), -heights[rows]]))
+    moved = place.copy()
+    moved[moving] += found[: 3 * many].reshape(-1, 3)
+    return moved
 
 
 def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> Array:
@@ -124,3 +215,33 @@ def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
     group = components(sides.face[sides.pairs[flat]], len(triangles))
     order = np.argsort(group, kind="stable")
     return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]
+
+
+def sections(points: Array, triangles: Ints, slack: float) -> list[Ints]:
+    """Return the corners of reflex edges that lie in one plane, a face's or not: there the solid is cut into parts."""
+    if not len(triangles):
+        return []
+    sides = Sides.around(triangles.ravel(), 3)
+    along, c, d = sides.sections(points, sides.pairs)
+    reflex = (cross(c, d) * along).sum(axis=1) > 4 * slack * np.maximum(norms(c), norms(d))
+    edges = np.column_stack([sides.origin, sides.end])[sides.pairs[reflex, 0]]
+    if not 1 < len(edges) <= MOST_REFLEX:
+        return []
+    corners, groups = np.unique(edges), list[Ints]()
+    free, (a, b) = np.ones((len(edges), len(edges)), bool), points[edges.T]
+    reach = norms(a + b - (a + b)[:, None])
+    for one, near in enumerate(np.argsort(reach, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
+        for two in near:
+            spokes = points[edges[[one, two]].ravel()] - a[one]
+            normals = cross(spokes[1], spokes[2:])
+            normal = normals[norms(normals).argmax()]
+            size = float(norms(normal))
+            if not free[one, two] or size <= slack * float(np.abs(spokes).max()):
+                continue
+            heights = np.abs((points[corners] - a[one]) @ normal) / size
+            if np.abs(spokes @ normal).max() <= 4 * slack * size:
+                own = corners[heights <= 4 * slack]
+                on = np.isin(edges, own).all(axis=1)
+                free[np.ix_(on, on)] = False
+                groups.append(own)
+    return groups

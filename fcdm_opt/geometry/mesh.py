@@ -14,11 +14,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, distinct_rows, frozen, numbers, row_lists
+from fcdm_opt.geometry.arrays import (
+    SMALLEST,
+    Array,
+    Ints,
+    checked_corners,
+    distinct_rows,
+    frozen,
+    groups_of,
+    numbers,
+    row_lists,
+)
 from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
-from fcdm_opt.geometry.polygons import Polygon, Sides, components, triangulated
+from fcdm_opt.geometry.polygons import Polygon, Sides, components, fans, normals_of, triangulated
 from fcdm_opt.geometry.shells import JoinedShells, simplified, union_of_shells
 from fcdm_opt.tolerances import DEFAULT
 
@@ -290,7 +300,7 @@ def _outward(surface: Faces, triangles: Ints, owner: Ints, slack: float, key: st
 def _shells(surface: Faces) -> Ints:
     """Return for each face the number of its closed surface: those that edges of two faces connect, if they are closed.
 
-    Others, cut open by edges of more faces, are taken together across those.
+    Others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on face.
     """
     sides = Sides.of(surface.polygons)
     order = np.argsort(sides.edge, kind="stable")
@@ -304,7 +314,34 @@ def _shells(surface: Faces) -> Ints:
     open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
     if not open_.any():
         return group
-    return components(links[plain | open_[group[links]].all(axis=1)], len(surface.polygons))
+    normals = normals_of(surface.points, surface.polygons)
+    inwards = volume_and_centroid(surface.points[fans(surface.polygons)])[0] < 0
+    several = np.flatnonzero(sides.counts > 2).tolist()
+    wedges = [sides.wedges(surface.points, normals, own, inwards=inwards) for own in several]
+    beside = np.array([pair for own in wedges for pair in own]).reshape(-1, 2)
+    both = np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]])
+    return components(both, len(surface.polygons))
+
+
+def solids(points: Array, polygons: Sequence[Polygon]) -> list[Ints]:
+    """Return the numbers of the faces of each closed surface with its cavities; none where some are open."""
+    first, same = _ranked(points)
+    place = same.tolist()
+    every = [tuple(place[v] for v in own) for own in polygons]
+    kept = [k for k, own in enumerate(every) if len(set(own)) == len(own)]
+    welded = Faces(points[first], 0, tuple(every[k] for k in kept), tuple(kept))
+    if not kept or Sides.of(welded.polygons).odd.size or Sides.of(welded.polygons).unequal.size:
+        return []
+    group, numbers = _shells(welded), np.array(kept)
+    triangles = [fans([welded.polygons[k] for k in own.tolist()]) for own in groups_of(group)]
+    corners = [welded.points[own] for own in triangles]
+    volumes = np.array([volume_and_centroid(own)[0] for own in corners])
+    cavity = volumes * np.sign(volumes[np.abs(volumes).argmax()]) < 0
+    owner = np.arange(len(corners))
+    for k in np.flatnonzero(cavity).tolist():
+        around = [j for j in np.flatnonzero(~cavity).tolist() if _is_inside(corners[k], corners[j])]
+        owner[k] = min(around, key=lambda j: abs(volumes[j]), default=k)
+    return [numbers[np.isin(group, np.flatnonzero(owner == k))] for k in np.unique(owner).tolist()]
 
 
 def _is_inside(inner: Array, outer: Array) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Polygon = tuple[int, ...]
 BLOCK = 256  # planes that are looked at together
+TILT = 1e-2  # radians: how far the plane of a polygon may be from that which it lies in, unless it is slim
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a middle's height above a plane, relative to the coordinates
 
 
@@ -112,19 +114,29 @@ def coplanar(
     points: Array, polygons: Sequence[Polygon] | Sequence[Ints], normals: Array, levels: Array, slack: float
 ) -> list[Ints]:
     """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
+    from scipy.spatial import cKDTree
+
     counts = np.array([len(own) for own in polygons])
     starts = np.cumsum(counts) - counts
     middles = np.add.reduceat(points[np.concatenate(polygons)], starts) / counts[:, None]
-    wide = slack + ROUNDING * float(np.abs(points).max())
+    size = float(np.abs(points).max())
+    wide = slack + ROUNDING * size
+    # the plane of a polygon that is not slim differs little from each that it lies in, so that a tree finds it
+    slim = np.empty(len(polygons), bool)
+    for places, corners in by_size(polygons):
+        slim[places] = TILT * widths(points[corners]) <= 4.0 * wide
+    planes, broad, slim = np.column_stack([normals, levels / size]), np.flatnonzero(~slim), np.flatnonzero(slim)
+    tree = cKDTree(np.concatenate([planes[broad], -planes[broad]]))
     free, groups = np.ones(len(polygons), bool), []
     for first in range(0, len(polygons), BLOCK):
-        block = slice(first, first + BLOCK)
-        near = np.abs(middles @ normals[block].T - levels[block]) <= wide  # the middle of what is within the slack is
-        for k, others in enumerate(near.T, first):
+        block = first + np.flatnonzero(free[first : first + BLOCK])
+        parallel = tree.query_ball_point(planes[block], 3.0 * TILT)
+        near = np.abs(middles[slim] @ normals[block].T - levels[block]) <= wide
+        for k, rows, others in zip(block.tolist(), parallel, near.T, strict=True):
             if not free[k]:
                 continue
-            others[k] = True
-            own = np.flatnonzero(free & others)
+            own = np.unique(np.concatenate([[k], broad[np.array(rows, np.int64) % len(broad)], slim[others]]))
+            own = own[free[own] & ((np.abs(middles[own] @ normals[k] - levels[k]) <= wide) | (own == k))]
             if len(own) > 1:
                 chosen = [polygons[row] for row in own.tolist()]
                 heights = np.abs(points[np.concatenate(chosen)] @ normals[k] - levels[k])
@@ -305,6 +317,27 @@ class Sides:
         """Sides of edges that are run along more often one way than the other."""
         ways = np.where(self.origin < self.end, 1, -1)
         return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
+
+    def wedges(self, points: Array, normals: Array, edge: int, *, inwards: bool) -> list[tuple[int, int]]:
+        """Return the pairs of polygons between which the material at an edge lies, by their normals out of or into it.
+
+        Where they are not as many one way round as the other, each two after another.
+        """
+        own = np.flatnonzero(self.edge == edge)
+        ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
+        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]
+        into = cross(normals[self.face[own]], ways[:, None] * along)
+        angles = np.arctan2(cross(into[:1], into) @ along, into @ into[0])
+        faces, up = self.face[own], (ways > 0) ^ inwards
+        if 2 * up.sum() != len(own):
+            return list(pairwise(faces.tolist()))
+        turns = (angles[up] - angles[~up][:, None] - DEFAULT.sharp) % (2.0 * np.pi)  # material is ahead of those down
+        pairs = list[tuple[int, int]]()
+        for k in np.argsort(turns.min(axis=1), kind="stable").tolist():
+            other = int(turns[k].argmin())
+            turns[:, other] = np.inf
+            pairs.append((int(faces[~up][k]), int(faces[up][other])))
+        return pairs
 
     def sections(self, points: Array, pairs: Ints) -> tuple[Array, Array, Array]:
         """Return the section across edges of two triangles each: along them, and to the corners opposite, (m, 3) each.

@@ -169,6 +169,7 @@ class Surface:
         """Tell which points lie on the lines of which edges, and which on the edges, (m, edges) each."""
         origin, end = (self.points[self.edges[edges, k]] for k in (0, 1))
         along, lengths = end - origin, self.lengths[edges]
+        lengths = np.where(lengths > 0.0, lengths, np.inf)  # of ends that rounding made one: only they lie on it
         spokes = points[:, None] - origin
         share = (spokes * along).sum(axis=2) / (lengths * self.size) ** 2
         on = norms(spokes - share[:, :, None] * along) <= DEFAULT.nominal * self.size

@@ -87,6 +87,12 @@ class Motion:
         values = iter(q)
         return [list(islice(values, len(step.own_parameters))) for step in self.steps]
 
+    @property
+    def directions(self) -> list[Array]:
+        """The unit vectors along and about which its steps move as drawn, where they are given."""
+        lines = [step for step in self.steps if isinstance(step, Straight) and getattr(step, "axis", None) != "seeds"]
+        return [np.array(step.line(ORIGIN, ORIGIN)[0], float) for step in lines]
+
     @cached_property
     def shifts(self) -> bool:
         """Whether the body moves in proportion to the parameters and never turns."""

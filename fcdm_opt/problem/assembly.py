@@ -20,6 +20,7 @@ from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Parameter
@@ -153,6 +154,8 @@ class Assembly:
             if not isinstance(motion, Motion) or not motion.parameters:
                 allowed = "a Motion with parameters"
                 raise InputError("not a motion", key=f"motions.{part}", found=motion, allowed=allowed)
+        ways = [way for motion in moved.values() for way in motion.directions]
+        bodies = dict(zip(bodies, matched(tuple(bodies.values()), ways), strict=True))
         resting = tuple(part for part in bodies if part not in moved)
         if not resting or not moved:
             what = "some parts must be without a motion: those that are fixed; and some with one"

@@ -54,6 +54,10 @@ class KeepOut:
             clearance=arguments.length(clearance, "KeepOut.clearance"),
         )
 
+    def with_body(self, body: Body) -> KeepOut:
+        """Return the same keep-out of another body."""
+        return self if body is self.body else KeepOut(body, self.scale, clearance=self.clearance, name=self.name)
+
     @property
     def ends(self) -> tuple[float, float]:
         """Least and largest scale."""

@@ -23,6 +23,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Screw
@@ -371,9 +372,9 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     request = {
         **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
-        "keep_out": keep_outs(asked.keep_out),
-        **{role: fit_for_sizes(getattr(asked, role), own) for role, own in _sizes_of(asked.sizes).items()},
+        **_matched(asked.movable, asked.static, keep_outs(asked.keep_out), asked.motion),
     }
+    request |= {role: fit_for_sizes(request[role], own) for role, own in _sizes_of(asked.sizes).items()}
     parts = _parts_made(request)
     if parts and asked.contacts is not None:
         parts |= _contacts_made(request, parts)
@@ -447,6 +448,12 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     _check_motion(asked)
     _check_agreement(asked)
     return asked
+
+
+def _matched(movable: Body, static: Body, others: Sequence[KeepOut], motion: Motion) -> dict[str, Any]:
+    """Return the bodies as given to a problem, with walls that their files' digits cannot tell apart made the same."""
+    one, two, *rest = matched((movable, static, *(other.body for other in others)), motion.directions)
+    return {"movable": one, "static": two, "keep_out": tuple(map(KeepOut.with_body, others, rest))}
 
 
 def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:

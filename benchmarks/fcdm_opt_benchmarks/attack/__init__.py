@@ -1,3 +1,1 @@
-"""An attack on ordinary parts (`run`): oracles, scenes and verdicts; only `asking` and
-`mesh_files` know the package under attack.
-"""
+"""An attack on ordinary parts: oracles, scenes, verdicts; only `asking` and `mesh_files` know the package."""

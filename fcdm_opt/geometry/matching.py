@@ -1,0 +1,154 @@
+"""Walls that two files have in common, made the same: each has them as its digits tell, a last digit apart.
+
+A peg and its hole are drawn with the same wall. Written with 7 digits, each with corners of its own, the two walls are
+two planes, which cross or overlap by 1e-7 of the size: a fit that is line to line would count as one that does not fit.
+What the digits cannot tell apart is taken as one: corners of all bodies are moved onto common planes together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.decomposition import Method
+from fcdm_opt.geometry.flattening import Incidences, sections, settled
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.polygons import components, coplanar
+from fcdm_opt.tolerances import DEFAULT
+
+APART = 2.0  # times the rounding of both: planes through rounded corners, looked at where the other's corners are
+
+
+def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, ...]:
+    """Return bodies as drawn in one frame, with planes that their files' digits cannot tell apart made the same.
+
+    So are those made parallel to directions of motions, or square to them, that may have been drawn so: a wall which a
+    part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0) stay as they are,
+    and others are moved to them. The seeds stay; so do all bodies where no planes are that near each other, or they
+    are the same already.
+    """
+    loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.skin)) for body in bodies]
+    if len(bodies) < 2 or not any(loose):
+        return tuple(bodies)
+    counts = [len(body.vertices) for body in bodies]
+    points, starts = np.concatenate([body.vertices for body in bodies]), np.cumsum([0, *counts])
+    faces = [[start + own for own in _faces(body)] for body, start in zip(bodies, starts.tolist(), strict=False)]
+    lies = _incidences(bodies, points, faces, np.repeat(loose, counts), ways)
+    if lies is None:
+        return tuple(bodies)
+    places = np.split(settled(points, lies, max(body.rounding for body in bodies)), starts[1:-1])
+    try:
+        return tuple(_moved(body, own) for body, own in zip(bodies, places, strict=True))
+    except InputError:  # of slivers finer than the digits none may be left
+        return tuple(bodies)
+
+
+def _faces(body: Body) -> list[Ints]:
+    """Return the rows of the vertices of each face, those within it too."""
+    if body.skin:
+        return [np.unique(own) for own in body.skin]
+    return [np.array(face, np.int64) - 1 for face in body.faces]
+
+
+def _incidences(
+    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], free: Flags, ways: Sequence[Array]
+) -> Incidences | None:
+    """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
+    every = [own for some in faces for own in some]
+    owner = np.repeat(np.arange(len(bodies)), list(map(len, faces)))
+    rounding = np.array([body.rounding for body in bodies])[owner]
+    normals, bases = (np.concatenate(own) for own in zip(*(body.face_planes for body in bodies), strict=True))
+    levels = (normals * bases).sum(axis=1)
+    first, reach = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
+    rows = np.concatenate(every)
+    low, high = (end.reduceat(points[rows], first[:-1]) for end in (np.minimum, np.maximum))
+    found = list(overlapping(low - reach, high + reach, owner))
+    one, two = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
+    same, near, off = list[Array](), list[Array](), 0.0
+    for plane, other in ((one, two), (two, one)):
+        size = np.diff(first)[other]
+        pair = np.repeat(np.arange(len(other)), size)
+        corner = rows[np.arange(len(pair)) + np.repeat(first[other] - np.cumsum(size) + size, size)]
+        at, slack = plane[pair], APART * (rounding[plane] + rounding[other])
+        heights = np.abs((normals[at] * points[corner]).sum(axis=1) - levels[at])
+        on = heights <= slack[pair]
+        all_on = np.bincount(pair, ~on, len(other)) == 0
+        same.append(np.column_stack([plane, other])[all_on])
+        inside = ((points[corner] >= low[at] - reach) & (points[corner] <= high[at] + reach)).all(axis=1)
+        kept = on & (inside | all_on[pair])
+        near.append(np.column_stack([at, corner])[kept])
+        off = max(off, float(heights[kept].max(initial=0.0)))
+    tight = DEFAULT.tie * float(np.abs(points).max())
+    if not (touched := np.concatenate(near)).size:
+        return None
+    end = 0
+    for some, body in zip(faces, bodies, strict=True):
+        own = slice(end, end := end + len(some))
+        slack = DEFAULT.planarity * body.size
+        groups = [own.start + group for group in coplanar(points, some, normals[own], levels[own], slack)]
+        same += [np.column_stack([np.repeat(group[:1], len(group) - 1), group[1:]]) for group in groups]
+    plane = components(np.concatenate(same), len(every))
+    spans = dict[int, Array]()
+    extent, shared = norms(high - low), np.unique(touched[:, 0])
+    for k in shared[np.argsort(-extent[shared], kind="stable")].tolist():
+        if int(plane[k]) in spans or not ways:
+            continue
+        slope, most = np.array(ways) @ normals[k], min(reach / extent[k], DEFAULT.sharp)
+        square = norms(np.array(ways) - slope[:, None] * normals[k]) <= most
+        along = np.abs(slope) <= most
+        off = max(off, *(extent[k] * np.where(along, np.abs(slope), 0.0)))
+        if square.any():
+            spans[int(plane[k])] = np.array(ways)[square][:1].T
+        elif along.any():
+            _, sizes, axes = np.linalg.svd(np.array(ways)[along])
+            rank = int((sizes > DEFAULT.sharp).sum())
+            spans[int(plane[k])] = axes[rank:].T
+    if off <= tight:
+        return None
+    flat = np.repeat(np.arange(len(every)), np.diff(first))
+    exact = np.bincount(plane, ~free[[own[0] for own in every]])[plane] > 0  # one that is with exact corners is theirs
+    fixing = ~exact[flat] | ~free[rows]
+    pairs = np.concatenate([np.column_stack([plane[flat], rows, fixing]), np.insert(touched, 2, 0, axis=1)])
+    pairs[len(rows) :, 0] = plane[touched[:, 0]]
+    pairs = pairs[np.lexsort((-pairs[:, 2], pairs[:, 1], pairs[:, 0]))]
+    pairs = pairs[np.r_[True, (pairs[1:, :2] != pairs[:-1, :2]).any(axis=1)]]
+    for k in np.unique(plane[exact]).tolist():
+        spans.pop(k, None)
+    cuts, start = list[Ints](), 0  # along which the solids are cut into parts
+    for body in bodies:
+        if body.skin and not body.hollow:
+            triangles = np.concatenate([np.array(own) for own in body.skin])
+            cuts += [start + own for own in sections(body.vertices, triangles, DEFAULT.planarity * body.size)]
+        start += len(body.vertices)
+    cuts = [own for own in cuts if free[own[0]]]
+    corner = np.concatenate([pairs[:, 1], *cuts])
+    number = np.concatenate([pairs[:, 0], np.repeat(plane.max() + 1 + np.arange(len(cuts)), list(map(len, cuts)))])
+    fixing = np.concatenate([pairs[:, 2] > 0, np.ones(len(corner) - len(pairs), bool)])
+    return Incidences(corner, number, fixing, ~free, spans)
+
+
+def _moved(body: Body, points: Array) -> Body:
+    """Return a body made anew of moved vertices; its seed stays where it is."""
+    moved = float(norms(points - body.vertices).max())
+    if moved == 0.0:
+        return body
+    if len(body.parts) == 1:
+        place = {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
+        part = body.parts[0]
+        own = points[[place[tuple(point)] for point in part.vertices.tolist()]]
+        made = replace(body, vertices=frozen(points), parts=(part.placed(own, body.seed),))
+    else:
+        triangles = [own for face in body.skin for own in face]
+        drawn = points[: 1 + max(map(max, triangles))]
+        method: Method = "surface" if body.hollow else "exact"
+        made = Body.from_mesh(drawn, triangles, decomposition=method, seed=body.seed, name=body.name)
+    out, short = body.deviation
+    errors = body.facet_errors if made.faces == body.faces else None
+    told = {"notes": body.notes, "rounding": body.rounding, "facet_errors": errors}
+    return replace(made, deviation=(out + moved, short + moved), **told)
