@@ -84,7 +84,8 @@ class RefinedMesh(SizeMesh):
         for first in range(0, len(searches), TOGETHER):
             asked = {k: next(searches[k], None) for k in range(first, min(first + TOGETHER, len(searches)))}
             while asked and (last or not self.sampler.late):
-                samples = iter(self.sampler.samples([place for places in asked.values() for place in places or ()]))
+                samples = iter(self.sampler.samples([place for places in asked.values() for place in places or ()],
+                                                    last=last))  # fmt: skip
                 for k, places in list(asked.items()):
                     found = [next(samples) for _ in places or ()]
                     del asked[k]
@@ -102,11 +103,17 @@ class RefinedMesh(SizeMesh):
     def _look(self, waiting: Sequence[Triangle]) -> None:
         """Look at the edges that have not been looked at, as far as the time does."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
-        new = [ends for ends in new if all(self.vertices[k].values for k in ends)]
+        new = sorted([ends for ends in new if all(self.vertices[k].values for k in ends)], key=self._dear)
         self.edges.update({ends: MeshEdge() for ends in new})
         for ends, ended in zip(new, self._run([self._edge(ends) for ends in new]), strict=True):
             if not ended:
                 self.edges.pop(ends, None)
+
+    def _dear(self, ends: Ends) -> int:
+        """Return how dear an edge is to look at: motions are found soon, that there is none later, changes last."""
+        p, q = (self.vertices[k].values for k in ends)
+        amounts = [p[one][0] for one in p if one in q]
+        return 0 if np.isfinite(amounts).any() else 1 if amounts else 2
 
     def _edge(self, ends: Ends) -> Asking[None]:
         p, q = (self.vertices[k] for k in ends)
@@ -227,6 +234,7 @@ class RefinedMesh(SizeMesh):
                 edge.must = False
         looked = [(one, [self.edges.get(ends) for ends in one.edges]) for one in waiting]
         ready = [one for one, edges in looked if all(edge and (last or not edge.must) for edge in edges)]
+        ready.sort(key=lambda one: sum(map(self._dear, one.edges)))
         self._run([self._settle(one, last) for one in ready], last=last)
 
     def _leave(self, triangle: Triangle) -> None:

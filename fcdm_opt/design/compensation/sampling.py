@@ -150,21 +150,30 @@ class Sampler:
         place = np.asarray(place, dtype=float)
         return np.asarray(self.box[:, 0] * (1.0 - place) + self.box[:, 1] * place)
 
-    def samples(self, places: Sequence[Array]) -> list[Sample | None]:
-        """Return the samples at some places; None for those that the time given is too short for."""
+    def samples(self, places: Sequence[Array], *, last: bool = False) -> list[Sample | None]:
+        """Return the samples at some places; None for those that the time is too short for that refining may take.
+
+        With `last` all the time given counts.
+        """
         pairs = [(float(x), float(y)) for x, y in self.pair(np.reshape(places, (-1, 2)))]
         missing = [pair for pair in dict.fromkeys(pairs) if pair not in self.known]
-        solved = zip(missing, self._solved(missing), strict=True)
+        solved = zip(missing, self._solved(missing, last), strict=True)
         self.known.update({pair: sample for pair, sample in solved if sample is not None})
         return [self.known.get(pair) for pair in pairs]
 
-    def _solved(self, pairs: list[Pair]) -> list[Sample | None]:
+    def _solved(self, pairs: list[Pair], last: bool) -> list[Sample | None]:
+        left = pacing.left()
+        if not last and left < math.inf:
+            left -= (1.0 - pacing.SEARCHED) * self._given
+        if left <= 0.0:
+            return [None] * len(pairs)
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
-            return [sample_within(self.problem, pair, self.over) for pair in pairs]
+            with pacing.within(left if left < math.inf else None, share=1.0):
+                return [sample_within(self.problem, pair, self.over) for pair in pairs]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
-        end = time() + pacing.left()  # the wall clock is that of the other processes too
+        end = time() + left  # the wall clock is that of the other processes too
         found: list[Sample | None] = run(delayed(sample_of)(self._plain, pair, self.over, end) for pair in pairs)
         return found
 
