@@ -204,8 +204,9 @@ def rims(triangles: Iterable[Rows]) -> list[list[int]]:
 def _outline(triangles: Iterable[Rows], corners: Rows) -> Rows:
     """Return corners in the order in which the rim of triangles passes them; as they are where it is not one loop."""
     loops, kept = rims(triangles), set(corners)
-    loop = tuple(v for v in loops[0] if v in kept)
-    return loop if len(loops) == 1 and len(set(loop)) == len(loop) else corners
+    loop = [v for v in loops[0] if v in kept]
+    first = loop.index(corners[0]) if corners[0] in loop else 0
+    return (*loop[first:], *loop[:first]) if len(loops) == 1 and len(set(loop)) == len(loop) else corners
 
 
 def label(rows: Iterable[int]) -> tuple[int, ...]:
