@@ -185,8 +185,9 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
-                brief = situation.large and motion == ANY_SHIFT or len(motion.names) > 1 and misfit(problem) is not None
-                limit = SHORT if brief else math.inf  # what does not fit is found elsewhere, if at all
+                tight = len(motion.names) > 1 and misfit(problem) is not None
+                # what does not fit is found far away, if at all
+                limit = SHORT if tight or (situation.large and motion == ANY_SHIFT) else math.inf
                 answer = solutions[letter] = solve(problem, effort="quick", time=limit)
             if contacts == "all" and not answer.usable:
                 break  # all four cases are to be solved
