@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from manifold3d import Manifold, OpType
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.judge.passing import passes
 from fcdm_opt.judge.placed_parts import verify_assembly
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.solution import Solution, Status
 
 CASES = Path(__file__).parent / "cases"
@@ -219,3 +222,35 @@ def test_a_part_that_goes_through_one_it_has_no_contact_with_is_told() -> None:
     solution = fo.solve_assembly(asked)
     assert solution.status is Status.OUTSIDE_FIT
     assert solution.advice.startswith("peg leaves the place in which it is drawn in plate. ")
+
+
+def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_did_not_end(tmp_path: Path) -> None:
+    """64 corners in a bore of 48 of the same radius: across flats 20 in 20 cos(pi / 48)."""
+    plate = Manifold.cube([50.0, 50.0, 25.0]).translate([-25.0, -25.0, 0.0]) - cylinder(10.0, -1.0, 26.0, 48)
+    for name, solid in (("shaft", cylinder(10.0, -5.0, 25.0)), ("plate", plate)):
+        points, rows = triangles(solid)
+        lines = [f"OFF\n{len(points)} {len(rows)} 0", *(" ".join(map(repr, own)) for own in points.tolist())]
+        lines += [f"3 {a} {b} {c}" for a, b, c in rows.tolist()]
+        (tmp_path / f"{name}.off").write_text("\n".join(lines) + "\n")
+    args = [str(tmp_path / "shaft.off"), str(tmp_path / "plate.off"), "--out", str(tmp_path / "fit.toml")]
+    found = CliRunner().invoke(app, ["init", *args, "--unit", "mm"])
+    words = " ".join(found.output.split())
+    assert "does not fit: shaft 20.000 mm in plate 19.957 mm, across its bore of radius 10" in words
+    assert "move the movable part in the drawing" not in words
+    assert "1 of 4 cases solved and verified" in words
+    assert words.count("Does not fit: shaft") == 3
+
+
+def test_a_box_drawn_a_hair_into_a_floor_of_tiles_may_be_lifted_by_that() -> None:
+    """Tiles side by side look as if they held the box between them."""
+    edges = (-5.0, -0.99, 0.99, 5.0)
+    tiles = [box((a, -5.0, -1.0), (b, 5.0, 0.0)) for a, b in pairwise(edges)]
+    floor = fo.Body.from_parts(tiles, seed=(0.0, 0.0, -0.5), name="floor")
+    block = fo.Body.convex(box((-1.0, -1.0, -0.01), (1.0, 1.0, 2.0)), name="block")
+    for goal in ("touch", "clear"):
+        solution = fo.solve(fo.Problem(block, floor, target=(1.0, 1.0), goal=goal, motion=UP))
+        assert solution.parameters["TZ"] == pytest.approx(0.01, abs=1e-9)
+        assert solution.usable
+        far = fo.solve(fo.Problem(block, floor, target=(1.0, 1.0), goal="clear", clearance=3.0, motion=UP))
+        assert far.usable
+        assert not verdict(far.problem)

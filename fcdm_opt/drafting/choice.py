@@ -14,6 +14,7 @@ from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import Free, Motion, Translation
+from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
@@ -23,7 +24,7 @@ TOLERANCE = 0.02
 MOST_SIDES = 6  # ways that contacts face which are tried
 MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
-SHORT = 2.5  # seconds for one case of large meshes
+SHORT = 2.5  # seconds for one case of large meshes, or of parts whose widths do not go together
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
 Contacts = str | tuple[str, ...] | None
@@ -119,8 +120,7 @@ def chosen(situation: Situation) -> Choice:
             if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
             pacing.at(f'trying goal "{goal}" with the motion {", ".join(motion.names)}')
-            with pacing.within(None if best is None else max(SECONDS - perf_counter() + start, SHORT)):
-                tried = _tried(situation, goal, motion)
+            tried = _tried(situation, goal, motion)
             if tried is None:
                 break
             if best is None or (len(tried.usable), tried.settled) > (len(best.usable), best.settled):
@@ -185,7 +185,9 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
-                limit = SHORT if situation.large and motion == ANY_SHIFT else math.inf
+                tight = len(motion.names) > 1 and misfit(problem) is not None
+                # what does not fit is found far away, if at all
+                limit = SHORT if tight or (situation.large and motion == ANY_SHIFT) else math.inf
                 answer = solutions[letter] = solve(problem, effort="quick", time=limit)
             if contacts == "all" and not answer.usable:
                 break  # all four cases are to be solved

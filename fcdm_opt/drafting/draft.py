@@ -31,7 +31,7 @@ from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.entries import plain_step
-from fcdm_opt.problem.fit import FAR
+from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
@@ -283,15 +283,17 @@ def _remedy(situation: Situation, unit: str) -> str:
 
     Of large meshes that are apart how far alone: which way takes long to tell.
     """
-    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
-    solution = None if situation.large else solve(problem, effort="quick", time=math.inf)
+    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT, unit=unit)
+    tight = verdict(problem)
+    solution = None if situation.large or tight else solve(problem, effort="quick", time=math.inf)
     if situation.large and situation.gap > 0.0:
         return f"If they are meant to touch, move the movable part by {situation.gap:.6g} {unit} in the drawing"
     shift = np.full(3, np.inf)
     if solution is not None and solution.usable and solution.transform is not None:
         shift = solution.transform[:3, 3]
     if not float(np.linalg.norm(shift)) <= MEANT * situation.size:  # as of a pin that is tight all round
-        return "If they are meant to touch as drawn, mend the sizes in the drawing (CAD): no small shift is known to do"
+        why = tight or "no small shift is known to do"
+        return f"If they are meant to touch as drawn, mend the sizes in the drawing (CAD): {why}"
     by = point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
     return (
         f"If they are meant to touch as drawn, move the movable part in the drawing (CAD) by {by} {unit}: "

@@ -9,9 +9,10 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.solids import contains
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -46,8 +47,27 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     placed = relative_pose(movable, static, REST), problem.nominal_pair
     pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
     rows = kernels.widest_rows(*both, *placed, pairs)
-    apart = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair >= -HAIR * min(movable.size, static.size)
-    return rows[apart, :3], pairs[apart]
+    gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
+    walls = gaps >= -slack
+    hair = np.flatnonzero(~walls & (gaps >= -HAIR * min(movable.size, static.size)))
+    walls[hair] = True
+    for body, side, own in ((movable, 1.0, pairs[:, 0]), (static, -1.0, pairs[:, 1])):
+        walls[hair] &= ~_cut([body.parts[k] for k in own[hair].tolist()], side * rows[hair, :3], body)
+    return rows[walls, :3], pairs[walls]
+
+
+def _cut(parts: list[ConvexPart], normals: Array, body: Body) -> Flags:
+    """Tell which parts have a facet along a direction with more of their body behind it: one that only a cut made."""
+    found, places, rows = np.zeros(len(parts), np.bool_), list[Array](), list[int]()
+    for k, (part, normal) in enumerate(zip(parts, normals, strict=True)):
+        towards = part.normals @ normal
+        best = int(towards.argmax())
+        if len(body.parts) > 1 and towards[best] >= 1.0 - DEFAULT.side:
+            places.append(part.vertices[list(part.loops[best])].mean(axis=0) + DEFAULT.side * body.size * normal)
+            rows.append(k)
+    if rows:
+        found[rows] = contains(body, np.array(places))
+    return found
 
 
 def _change(problem: Problem) -> float:

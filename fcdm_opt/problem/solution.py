@@ -360,7 +360,7 @@ class Solution(Bounded, Shown):
             told = UNTIMED
         if self.stopped:
             told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
-        if self.usable or self.stopped or self.status is Status.NOT_VERIFIED:
+        if self.usable or self.status is Status.NOT_VERIFIED:
             return told
         words = verdict(self.problem)
         return f"{words[:1].upper()}{words[1:]}. {told}" if words else told
