@@ -65,7 +65,8 @@ def test_a_taper_from_step_files_is_not_proved_of_its_mesh(tmp_path: Path) -> No
     assert solution.amount_high - solution.amount_low > 0.01 * solution.amount
     words = verdict_text(solution)
     assert "smallest possible" not in words
-    assert f"between {solution.amount_low:.4g} and {solution.amount_high:.4g} mm: the mesh leaves that open" in words
+    assert f"between {solution.amount_low:.4g} and" in words or f"{solution.amount_low:.4g} mm or more" in words
+    assert "the mesh leaves that open" in words
     assert "the mesh leaves that open" in repr(solution)
 
 
