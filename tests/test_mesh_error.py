@@ -19,7 +19,7 @@ from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
 from fcdm_opt.show.verdict import verdict_text
 
 TAPER, WIDE, LONG, LARGER = 1.0 / 20.0, 9.0, 40.0, 1.001
-STICKS_OUT = WIDE * (LARGER - 1.0) / TAPER  # of cones of one taper about an apex side: radii 9 s + z / 20 and 9 + z / 20
+STICKS_OUT = WIDE * (LARGER - 1.0) / TAPER  # of cones with radii 9 s + z / 20 and 9 + z / 20
 Z = fo.Translation("z")
 
 
@@ -65,7 +65,8 @@ def test_a_taper_from_step_files_is_not_proved_of_its_mesh(tmp_path: Path) -> No
     assert solution.amount_high - solution.amount_low > 0.01 * solution.amount
     words = verdict_text(solution)
     assert "smallest possible" not in words
-    assert f"between {solution.amount_low:.4g} and {solution.amount_high:.4g} mm: the mesh leaves that open" in words
+    assert f"between {solution.amount_low:.4g} and" in words or f"{solution.amount_low:.4g} mm or more" in words
+    assert "the mesh leaves that open" in words
     assert "the mesh leaves that open" in repr(solution)
 
 
@@ -84,7 +85,7 @@ def test_a_taper_of_facets_is_not_proved_of_them(count: int, phase: float) -> No
 def test_balls_apart_touch_between_what_larger_and_smaller_ones_do(turn: float) -> None:
     ball = trimesh.creation.icosphere(3, 5.0)
     vertices = np.array(ball.vertices) @ about_z(turn).T @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
-    body = fo.Body.convex(vertices + [0.0, 0.0, 6.0], seed=[0, 0, 6], name="ball")
+    body = fo.Body.convex(vertices + np.array([0.0, 0.0, 6.0]), seed=[0, 0, 6], name="ball")
     plate = fo.Body.convex(PLATE - [0.0, 0.0, 10.0], name="plate")
     solution = fo.solve(fo.Problem(body, plate, target=(1.0, 1.0), motion=Z, goal="touch"))
     assert holds(solution, 1.0)
@@ -147,7 +148,7 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
         if own.skin or len(own.parts) == 1:
             return float(np.linalg.det(corners).sum()) / 6.0
         volumes = [part.volume_and_centroid[0] for part in own.parts]
-        return max(volumes) if "overlap" in body.notes[0] else sum(volumes)  # those of the dome are all nearly the whole
+        return max(volumes) if "overlap" in body.notes[0] else sum(volumes)  # each nearly the whole
 
     low, mesh, high = map(held, (inner, body, outer))
     assert low <= mesh <= high
@@ -184,9 +185,9 @@ def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
 
 
 def test_errors_of_facets_come_back_with_a_stored_body(tmp_path: Path) -> None:
-    profile = [(0, 0), (10, 0), (10, 5, 7, 5), (7, 8), (0, 8)]
-    for decomposition in ("auto", "surface"):
-        body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.1, decomposition=decomposition)
+    cap = [(0, 0), (10, 0, 0, 0), (0, 10)]
+    for text, decomposition in ((cylinder(6.0, 9.0, np.eye(3)), "auto"), (revolved(cap, np.eye(3)), "surface")):
+        body = read(tmp_path, text, deviation=0.2, decomposition=decomposition)
         plate = fo.Body.convex(PLATE - [0.0, 0.0, 30.0])
         problem = fo.Problem(body, plate, target=(1.0, 1.0), motion=Z, goal="touch")
         again = fo.Problem.from_dict(json.loads(json.dumps(problem.to_dict()))).movable

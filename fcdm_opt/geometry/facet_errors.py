@@ -72,7 +72,7 @@ def _recognised(body: Body) -> Array | None:
         place[rows] = np.arange(len(rows))
         its = place[owners]
         found = np.zeros((len(rows), 2))
-        np.maximum.at(found, its[its >= 0], own.surface.left_by_each(corners[its >= 0]))
+        np.maximum.at(found, its[its >= 0], own.surface.offsets(corners[its >= 0]))
         for group in _groups(pairs[gentle], len(rows)):
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & (most <= ALIKE * np.median(most))]

@@ -132,6 +132,22 @@ class Swept(NamedTuple):
         return np.stack([np.where(turned, -low, high), np.where(turned, high, -low)], axis=1)
 
 
+    def offsets(self, corners: Array) -> Array:
+        """Return by how much planes of such triangles are to be moved, inward and outward, to clear the face, (m, 2).
+
+        A facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
+        the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
+        what is left where the rim is cut off at more than 27 degrees.
+        """
+        left = self.left_by_each(corners)
+        if self.line is None:
+            return left
+        one, two, three = corners.transpose(1, 0, 2)
+        normals = cross(two - one, three - one)
+        tilt = np.abs(normals @ self.axis) / np.maximum(norms(normals), _TINY) - abs(self.line[1])
+        return np.asarray(left * (1.0 + 2.0 * np.abs(tilt))[:, None])
+
+
 class Surfaces(NamedTuple):
     """The surfaces of a STEP file that its triangles stand for.
 
@@ -173,7 +189,7 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
         on = on[np.abs((surface.misses(corners[on].mean(axis=1))[1] * normals[on]).sum(axis=1)) > ALONG]
         known[on] = True
         if not surface.flat:
-            errors[on] = np.maximum(errors[on], np.maximum(surface.left_by_each(corners[on]), _TINY))
+            errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
     errors[~known] = surfaces.other
     found = np.zeros((count, 2))
     np.maximum.at(found, owners, errors)

@@ -23,7 +23,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import SURE, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
-SHORTEST = 1.0
+SHORTEST = 5.0
 """Seconds that either of the other searches may take at least; else as long as the one about the bodies as given."""
 
 REFUSED = (Status.OUTSIDE_FIT, Status.INFEASIBLE, Status.NOT_FOUND)
