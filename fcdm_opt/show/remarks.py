@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import known_to
+from fcdm_opt.geometry.bodies import known_to, told_solids
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -46,7 +46,8 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    told += known_to(problem.movable, [problem.static, *(each.body for each in problem.keep_out)], unit)
+    others = [problem.static, *(each.body for each in problem.keep_out)]
+    told += [*told_solids((problem.movable, *others)), *known_to(problem.movable, others, unit)]
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
