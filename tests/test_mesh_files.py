@@ -377,7 +377,7 @@ def test_solids_face_on_face_in_one_file_are_one_body_or_each_by_name(tmp_path, 
     assert told in [f"2 solids in the file, taken as one body: {order}" for order in orders]
     for name, points in zip(names, ENDS, strict=True):
         body = fo.Body.from_file(f"{path}#{name}", unit=unit)
-        assert body.name == name
+        assert body.name == (f"two-{name}" if name.isdecimal() else name)
         assert {tuple(x) for x in body.vertices.tolist()} == {tuple(x) for x in points.tolist()}
     with pytest.raises(InputError, match=f"no such solid in the file; found 'lid'; allowed: .*{names[0]}"):
         fo.Body.from_file(f"{path}#lid", unit=unit)

@@ -40,9 +40,9 @@ def init_command(
     Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
     """
     from fcdm_opt.design.moved_files import write
-    from fcdm_opt.drafting.draft import called, draft, quoted
+    from fcdm_opt.drafting.draft import draft, own_name, quoted
 
-    path = Path(f"{called(movable)}-{called(static)}{SUFFIX}") if out is None else out
+    path = Path(own_name(movable, static, SUFFIX)) if out is None else out
     _check_place(path, (movable, static), force)
     made = draft(movable, static, file=path, unit=unit, deviation=deviation)
     with suppress(OSError):  # what is wrong with it is said when the file is written

@@ -22,9 +22,9 @@ from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, 
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import known_to
-from fcdm_opt.geometry.files import NANOMETRES, STEP, chosen_solid
+from fcdm_opt.geometry.files import NANOMETRES, STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
@@ -187,10 +187,9 @@ def draft(
     return Draft(text, summary)
 
 
-def called(mesh: Path) -> str:
-    """Return what the part in a mesh file is called: as the solid picked of it, or the file."""
-    file, solid = chosen_solid(mesh)
-    return solid or file.stem
+def own_name(movable: Path, static: Path, suffix: str) -> str:
+    """Return the name of the problem file of two parts, where none is given."""
+    return f"{called(movable)}-{called(static)}{suffix}"
 
 
 def _template(filters: dict[str, Callable[..., str]]) -> Any:
@@ -225,7 +224,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
         found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
-    return [*found, *known_to(one, [two], unit)]
+    return [*found, *told_solids((one, two)), *known_to(one, [two], unit)]
 
 
 def nearly(situation: Situation) -> bool:

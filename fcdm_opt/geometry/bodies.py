@@ -25,7 +25,7 @@ from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
-from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
@@ -365,16 +365,15 @@ class Body(_Sealed, Shown):
         InputError
             For a file that cannot be read and a surface that bounds no solid; names the file.
         """
-        from fcdm_opt.geometry.files import chosen_solid, drawn_mesh
+        from fcdm_opt.geometry.files import called, drawn_mesh
 
         read = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
-        file, solid = chosen_solid(path)
-        own = (solid or file.stem) if name is None else name
+        own = called(path) if name is None else name
         pacing.at(f"making a solid of {own}: {len(read.faces)} faces")
         try:
             body = cls.from_mesh(read.vertices, read.faces, decomposition=decomposition, seed=seed, name=own)
         except InputError as reason:
-            several = next((f"; {told}" for told in read.remarks if "solids in the file" in told), "")
+            several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
             told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
             raise told.within(file=path) from reason.__cause__
         out, short = body.deviation
@@ -680,6 +679,11 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
         raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
     return float(pair[0]), float(pair[1])
+
+
+def told_solids(bodies: Iterable[Body]) -> list[str]:
+    """Return for each body from a file of several solids how many these are, and how to have one alone."""
+    return [f"{body.name}: {note}" for body in bodies for note in body.notes if SEVERAL in note]
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

@@ -26,7 +26,7 @@ from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.mesh import solids
+from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
 from fcdm_opt.tolerances import DEFAULT
@@ -96,6 +96,12 @@ def chosen_solid(path: str | Path) -> tuple[Path, str]:
     if not solid or Path(name).suffix.lower() not in _READERS or whole.exists():
         return whole, ""
     return whole.with_name(name), solid
+
+
+def called(path: str | Path) -> str:
+    """Return what the part in a file is called: as the solid chosen of it, with the file's name before a number."""
+    file, solid = chosen_solid(path)
+    return f"{file.stem}-{solid}" if solid.isdecimal() else solid or file.stem
 
 
 def drawn_mesh(
@@ -218,7 +224,7 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     if len(found) < 2:
         return drawn, ()
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
-    return drawn, (f"{len(found)} solids in the file, taken as one body: {known}; one alone is '{path.name}#{first}'",)
+    return drawn, (f"{len(found)} {SEVERAL}, taken as one body: {known}; one alone is '{path.name}#{first}'",)
 
 
 def _has_rows(drawn: Drawn) -> bool:

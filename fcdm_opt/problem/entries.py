@@ -93,7 +93,10 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
     )
     file: str | None = declared(
-        None, "mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file", "peg.stl"
+        None,
+        'mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file; "drive.step#key" is one '
+        "solid of several",
+        "peg.stl",
     )
     unit: Unit | None = declared(
         None,

@@ -11,6 +11,7 @@ import re
 
 import numpy as np
 
+from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.fit import FAR
@@ -46,7 +47,7 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    told += known_gaps(problem)
+    told += [*told_solids(problem.bodies), *known_gaps(problem)]
     low, high = solution.amount_low, solution.amount_high
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.naming import names_of_rows
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
@@ -66,6 +66,8 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
 def print_faces(body: Body, role: str) -> None:
     """Print the faces of a body, as sizes name them; the facets of a cylinder as one."""
     print_text(f"{role}: body '{body.name}'")
+    for told in told_solids((body,)):
+        print_text(told)
     rows = []
     for name, own in groupby(sorted(listed_faces(body), key=_place), key=lambda face: face["name"]):
         face, *others = own
