@@ -152,7 +152,8 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
     """
     partner = (KeepOut(problem.static, float(problem.target[1])),)
     others = (*(partner if {"clear", "touch"} & {problem.goal, problem.pair} else ()), *problem.keep_out)
-    movable, rho, found, parts = problem.movable.whole or problem.movable, problem.target[0], list[KeepOut](), list[ConvexPart]()
+    movable, rho = problem.movable.whole or problem.movable, problem.target[0]
+    found, parts = list[KeepOut](), list[ConvexPart]()
     for other in others:
         for end in dict.fromkeys(other.ends) if kept_as_surface(movable, other.body) else ():
             placed = PlacedSolids(movable, other.body, np.array([rho, end]), transform)
