@@ -121,10 +121,17 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
 
 
 def _like(problem: Problem, other: Problem) -> Problem:
-    """Return a problem with the same parts of large bodies modelled as in another."""
-    if problem.movable.whole is None:
+    """Return a problem with those parts of large bodies modelled, too, that are in another about the same bodies."""
+    if problem.movable.whole is None or problem.static.whole is None:
         return problem
-    return problem.with_parts((np.array(other.movable.rows), np.array(other.static.rows)))
+    rows = []
+    for body, whole, more in (
+        (problem.movable, problem.movable.whole, other.movable.rows),
+        (problem.static, problem.static.whole, other.static.rows),
+    ):
+        new = np.setdiff1d(more, body.rows)
+        rows.append(np.append(body.rows, new[new < len(whole.parts)]))
+    return problem.with_parts((rows[0], rows[1]))
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:

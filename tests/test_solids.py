@@ -134,16 +134,25 @@ def test_the_gap_of_a_cube_in_the_middle_of_a_surface_body_was_positive():
 
 
 @pytest.mark.parametrize("subdivisions", [2, 3])
-@pytest.mark.parametrize(("goal", "up"), [("clear", 0), ("touch", 0), ("clear", 3)])
-def test_a_cube_in_the_middle_of_a_surface_body_was_clear_of_it(subdivisions, goal, up):
+@pytest.mark.parametrize(("goal", "up", "turned"), [("clear", 0, False), ("touch", 0, True), ("clear", 3, True)])
+def test_a_cube_in_the_middle_of_a_surface_body_was_clear_of_it(subdivisions, goal, up, turned):
     """Out along z: 10 and half of the cube less what it is up already; the vertex at the pole is one of the mesh."""
-    asked = fo.Problem(
-        box(1, (0, 0, up)), ball(10, subdivisions), target=(1, 1), goal=goal, motion=fo.Translation("z")
-    )
+    bodies = box(1, (0, 0, up)), ball(10, subdivisions)
+    asked = fo.Problem(*bodies[:: -1 if turned else 1], target=(1, 1), goal=goal, motion=fo.Translation("z"))
     solution = fo.solve(asked)
     assert solution.certificate.passed
     assert solution.amount == pytest.approx(11 - up, rel=1e-9)
     assert solution.problem.keep_out == ()
+    assert solution.problem.movable.whole is asked.movable.whole
+
+
+def test_a_surface_body_was_moved_over_a_keep_out_into_its_middle():
+    """A ball of 10 onto a plate at -29 would hold a cube at -20; below it goes its top is at -31."""
+    about = fo.KeepOut(box(1, (0, 0, -20)), name="cube")
+    asked = {"target": (1, 1), "motion": fo.Translation("z"), "keep_out": [about]}
+    found = fo.solve(fo.Problem(ball(10, 3), box((5, 5, 1), (0, 0, -30)), goal="touch", **asked))
+    assert found.certificate.passed
+    assert found.parameters["TZ"] == pytest.approx(-41, rel=1e-9)
 
 
 def test_a_keep_out_kept_as_a_surface_was_clear_of_a_part_in_its_middle():

@@ -289,19 +289,21 @@ class PlacedSolids:
             where = self._located(which, self._corners[other][own].mean(axis=1))
         return bool(where.inside.any()) and not ((where.winding <= 0) & ~where.on).any()
 
-    def within_static(self) -> Array | None:
-        """Return a point of a closed surface of body 1 that lies inside body 2, deep in it; None where none does.
+    def within(self, which: int) -> Array | None:
+        """Return a point of a closed surface of the other solid that lies inside solid 0 or 1, deep in it; or None.
 
-        The middle of its box, or that of its corners which is the furthest from the surface of body 2.
+        The middle of its box, or that of its corners which is the furthest from the surface around.
         """
-        found = [self._points[0][rows] for rows in self._own[0].shells if self._holds(1, 0, rows)]
-        if not found:
+        other = 1 - which
+        found = (self._points[other][rows] for rows in self._own[other].shells if self._holds(which, other, rows))
+        points = next(found, None)
+        if points is None:
             return None
-        points = found[0][:: max(1, len(found[0]) // FEW)]
+        points = points[:: max(1, len(points) // FEW)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        if self.inside(1, middle[None])[0]:
-            return middle
-        return np.asarray(points[np.argmax([self._near(1, own, 0.0)[1].min() for own in points])])
+        if self.inside(which, middle[None])[0]:
+            return np.asarray(middle)
+        return np.asarray(points[np.argmax([self._near(which, own, 0.0)[1].min() for own in points])])
 
     def gap(self, of_parts: float, slack: float = 0.0) -> float:
         """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets, surface_distance
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.solids import PlacedSolids, convex_inside, kept_as_surface
@@ -148,24 +149,36 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
 
 
 def with_insides(problem: Problem, transform: Array) -> Problem | None:
-    """Return the problem with what is inside of solids, where body 1 lies at a pose; None where it lies in none.
+    """Return the problem with what is inside of solids, where one lies in another at a pose; None where none does.
 
     Parts that are a solid's surface alone bar the way into it, not a place in the middle of it: a convex body there
-    does, as a further keep-out.
+    does, as a further keep-out, or as a further part of body 1.
     """
     partner = (KeepOut(problem.static, float(problem.target[1])),)
     others = (*(partner if {"clear", "touch"} & {problem.goal, problem.pair} else ()), *problem.keep_out)
-    found = list[KeepOut]()
+    movable, rho = problem.movable.whole or problem.movable, problem.target[0]
+    found, parts = list[KeepOut](), list[ConvexPart]()
     for other in others:
-        for end in dict.fromkeys(other.ends) if kept_as_surface(problem.movable, other.body) else ():
-            placed = PlacedSolids(problem.movable, other.body, np.array([problem.target[0], end]), transform)
-            point = placed.within_static()
+        for end in dict.fromkeys(other.ends) if kept_as_surface(movable, other.body) else ():
+            placed = PlacedSolids(movable, other.body, np.array([rho, end]), transform)
+            point, held = placed.within(1), placed.within(0)
             if point is not None:
                 inside = convex_inside(other.body, other.body.seed + point / end)
                 name = f"{inside.name} {len(problem.keep_out) + len(found) + 1}"
                 found.append(KeepOut(inside, other.scale, clearance=other.clearance, name=name))
+            elif held is not None and problem.movable.whole is not None:
+                own = (held + other.body.seed - transform[:3, 3]) @ transform[:3, :3]  # where it is on body 1 as made
+                parts += convex_inside(movable, movable.seed + (own - movable.seed) / rho).parts
+            if point is not None or held is not None:
                 break
-    return problem.changed(keep_out=(*problem.keep_out, *found)) if found else None
+    if not (found or parts):
+        return None
+    if not parts:
+        return problem.changed(keep_out=(*problem.keep_out, *found))
+    more = replace(movable, parts=(*movable.parts, *parts))
+    rows = np.append(problem.movable.rows, np.arange(len(movable.parts), len(more.parts)))
+    fuller = problem.changed(movable=more, keep_out=(*problem.keep_out, *found))
+    return fuller.with_parts((rows, np.array(problem.static.rows)))
 
 
 def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> Reason:
