@@ -335,7 +335,7 @@ class Solution(Bounded, Shown):
 
     @cached_property
     def left_by_mesh(self) -> str:
-        """As in `Bounded`: "between .33 and 2.84 mm: the mesh leaves that open"."""
+        """As in `Bounded`: "between .32 and 2.85 mm: the mesh leaves that open"."""
         low, high, unit = self.amount_low, self.amount_high, self.problem.amount_unit
         if not self.usable:
             needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
