@@ -398,9 +398,9 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     from scipy.optimize import nnls
 
     places = _nearest(one, two, frame)
-    edges = tuple(_edges_at(hull.part, rows) for hull, rows in zip((one, two), places, strict=True))
-    faces = tuple(np.unique(hull.part.edges[own, 2:]) for hull, own in zip((one, two), edges, strict=True))
-    n = _directions(one, two, frame.R, faces, edges)
+    first, second = (_edges_at(hull.part, rows) for hull, rows in zip((one, two), places, strict=True))
+    faces = np.unique(one.part.edges[first, 2:]), np.unique(two.part.edges[second, 2:])
+    n = _directions(one, two, frame.R, faces, (first, second))
     gaps = _gaps_along(n, one, two, frame)
     apart = np.flatnonzero(gaps > 0)
     if not apart.size:
