@@ -20,7 +20,7 @@ from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import AT_ONCE, more_parts
-from fcdm_opt.problem.solution import EFFORTS, Solution, Status
+from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, left, settled
@@ -35,7 +35,7 @@ def solve(
     *,
     model: str = "auto",
     certify: bool = False,
-    effort: str = "proved",
+    effort: Effort = "proved",
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
@@ -119,7 +119,7 @@ class _How(NamedTuple):
 
     model: str
     certify: bool
-    effort: str
+    effort: Effort
     seconds: float | None
 
 

@@ -15,7 +15,7 @@ from fcdm_opt.judge.certificate import verify
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 
 FITTED = 3.0
@@ -45,7 +45,9 @@ class SolvedCase:
     fits_up_to: float | None = None
 
 
-def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None) -> SolvedCase:
+def solved_case(
+    problem: Problem, *, certify: bool, effort: Effort = "proved", seconds: float | None = None
+) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
     What the enclosing time limit leaves no time for is left out, see `Solution.stopped`.

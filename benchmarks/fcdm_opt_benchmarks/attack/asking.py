@@ -46,16 +46,14 @@ def problem(scene: FitScene) -> Any:
     sizes: dict[str, Any] = {"target": tuple(scene.target.tolist())}
     if scene.requirement is not None:
         sizes = {"requirement": scene.requirement, "tolerance": scene.tolerance}
+    words: dict[str, Any] = {name: getattr(scene, name) for name in ("goal", "pair", "path", "amount")}
     return fo.Problem(
         _body(scene.fit.movable, scene.s1, "movable"),
         _body(scene.fit.static, scene.s2, "static"),
         nominal=scene.nominal,
         motion=motion,
-        goal=scene.goal,
-        pair=scene.pair,
         clearance=scene.clearance,
-        path=scene.path,
-        amount=scene.amount,
+        **words,
         length=scene.length,
         weights={names[k]: weight for k, weight in scene.heavier.items()} or None,
         limits={names[k]: limit for k, limit in scene.limits.items()} or None,
