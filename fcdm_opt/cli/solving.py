@@ -88,6 +88,8 @@ def solve_command(
         solution = solve_assembly(assembly, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         entry |= solution.to_dict()
         inquiry.codes.append(code_of(solution.usable, solution.status.name))
+        if certify:
+            inquiry.wrote(f"{assembly.name}: the bound is the solver's word, no evidence is kept of assemblies")
         if inquiry.pictures:
             with pacing.unlimited():
                 figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")

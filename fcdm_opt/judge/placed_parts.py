@@ -11,7 +11,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.judge.certificate import judged_gaps, verify
 from fcdm_opt.problem.assembled import AssemblySolution, kept_apart
-from fcdm_opt.problem.solution import Certificate, Check
+from fcdm_opt.problem.solution import Certificate, Check, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
@@ -81,8 +81,12 @@ def _motions(
             excess = max(excess, w * (low - x), w * (x - high))
     total = hypot(*(assembly.weights[part] * amount for part, amount in amounts.items()))
     told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
+    told = told if solution.amounts.keys() == amounts.keys() else float("nan")
     slack = tolerances.requirement * total + tolerances.line * assembly.size
+    satisfied = solution.status is Status.ALREADY_SATISFIED
+    wrong = solution.status is Status.NOT_VERIFIED or (satisfied and total > 0.0) or solution.lower_bound < 0.0
     named: list[tuple[str, float, float, str]] = [
+        ("status", float(wrong), 0.0, f"{solution.status.name}, and the bound is none below 0"),
         ("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
         ("amounts", told, slack, "of the parts"),
         ("amount", abs(total - solution.amount), slack, "of all parts, weighted"),

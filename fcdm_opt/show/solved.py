@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.fitting import fits_up_to
-from fcdm_opt.judge.certificate import verify
+from fcdm_opt.judge.certificate import verify, without_evidence
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
@@ -37,12 +37,15 @@ class SolvedCase:
         Where the parts made do not go together, the tolerance up to which they do (the largest, where there are
         several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, of large meshes, and where no tolerances are
         asked for.
+    unproved : str
+        Why a bound that was to be certified carries no evidence, in words; "" where it does, or was not to be.
     """
 
     solution: Solution
     published_amount: float | None
     touch_amount: float | None
     fits_up_to: float | None = None
+    unproved: str = ""
 
 
 def solved_case(
@@ -75,4 +78,5 @@ def solved_case(
     fits = None
     with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
         fits = fits_up_to(problem) if misfits and problem.movable.whole is None else None
-    return SolvedCase(solution, published, touch, fits)
+    unproved = without_evidence(solution) if certify and solution.status.found else ""
+    return SolvedCase(solution, published, touch, fits, unproved)
