@@ -23,7 +23,7 @@ from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.solution import EFFORTS, Solution, Status
+from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.stages.together import all_at_once
 from fcdm_opt.tolerances import DEFAULT
@@ -33,7 +33,7 @@ def solve_assembly(
     assembly: Assembly,
     *,
     certify: bool = False,
-    effort: str = "proved",
+    effort: Effort = "proved",
     seconds: float | None = None,
     throw: bool = False,
 ) -> AssemblySolution:
@@ -87,7 +87,7 @@ class _Met(NamedTuple):
 class _Solving:
     """One assembly under way."""
 
-    def __init__(self, assembly: Assembly, certify: bool, effort: str, seconds: float | None) -> None:
+    def __init__(self, assembly: Assembly, certify: bool, effort: Effort, seconds: float | None) -> None:
         self._assembly, self._how = assembly, {"certify": certify, "effort": effort, "seconds": seconds}
         self._proving = effort == "proved"
         self._known: dict[tuple[str, str], Solution] = {}

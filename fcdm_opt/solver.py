@@ -23,7 +23,7 @@ from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
-from fcdm_opt.problem.solution import EFFORTS, Solution, Status
+from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, left, settled
@@ -39,7 +39,7 @@ def solve(
     *,
     model: str = "auto",
     certify: bool = False,
-    effort: str = "proved",
+    effort: Effort = "proved",
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
@@ -89,7 +89,7 @@ def solve(
     return solution
 
 
-def _solved_again(how: _How, problem: Problem, effort: str) -> Solution:
+def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
     """Return the solution about other bodies."""
     return _solved_all(problem, how._replace(model="auto", certify=False, effort=effort))
 
@@ -163,7 +163,7 @@ class _How(NamedTuple):
 
     model: str
     certify: bool
-    effort: str
+    effort: Effort
     seconds: float | None
 
 

@@ -285,3 +285,68 @@ def test_a_bound_is_no_more_than_what_its_evidence_shows():
     assert [check.name for check in fo.verify(replace(found, evidence=None), proof=True).failed] == [
         "proof: lower bound"
     ]
+
+
+# ------------------------------------------------------------------------------------------------------- assemblies
+
+
+@cache
+def assembled() -> fo.AssemblySolution:
+    (assembly, *_) = fo.load_assemblies("problems/assemblies/loop_of_four.toml")
+    return fo.solve_assembly(assembly)
+
+
+def of_parts(factor):
+    return lambda own: {part: scaled(factor)(value) for part, value in own.items()}
+
+
+def first_moved(transforms):
+    part = next(iter(transforms))
+    T = np.array(transforms[part])
+    T[0, 3] += 0.01
+    return {**transforms, part: T}
+
+
+def contact_changed(**change):
+    return lambda contacts: (replace(contacts[0], **change), *contacts[1:])
+
+
+ASSEMBLY_CHANGES: dict[str, list[Any]] = {
+    "status": [of(fo.Status.ALREADY_SATISFIED), of(fo.Status.NOT_VERIFIED), of(fo.Status.INFEASIBLE)],
+    "parameters": [of({}), of_parts(1.01), lambda own: dict(list(own.items())[1:])],
+    "transforms": [of({}), first_moved, lambda own: dict(list(own.items())[1:])],
+    "amounts": [of({}), of_parts(1.01), lambda own: {**own, "another": 1.0}],
+    "amount": [scaled(1.01), scaled(0.99), of(float("nan"))],
+    # no evidence is kept of assemblies: a bound that is no more than the amount is the solver's word
+    "lower_bound": [scaled(1.01), of(float("inf")), of(float("nan")), of(-1.0)],
+    "contacts": [
+        of(()),
+        lambda own: own[1:],
+        lambda own: (*own[1:], own[0]),
+        contact_changed(pair_gap=0.1),
+        contact_changed(pair_state="overlapping"),
+        contact_changed(transform=np.eye(4)),
+        contact_changed(features=()),
+        contact_changed(status=fo.Status.PAIR_OVERLAPS),
+        contact_changed(rho=np.array([1.1, 1.0])),
+    ],
+}
+TOLD = {"stages", "active", "certificate", "seconds"}  # words, times, and what `verify_assembly` itself makes
+ASSEMBLY_ROWS = [(key, number) for key, own in ASSEMBLY_CHANGES.items() for number in range(len(own))]
+
+
+def test_every_field_of_an_assembly_is_changed_below():
+    assert {item.name for item in fields(fo.AssemblySolution)} == set(ASSEMBLY_CHANGES) | TOLD | {"assembly"}
+
+
+@pytest.mark.parametrize(("key", "number"), ASSEMBLY_ROWS)
+def test_a_changed_field_of_an_assembly_is_refused(key, number):
+    found = assembled()
+    assert fo.verify_assembly(found).passed
+    forged = replace(found, **{key: ASSEMBLY_CHANGES[key][number](getattr(found, key))})
+    assert fo.verify_assembly(forged).failed
+
+
+def test_another_assembly_is_refused():
+    found, (_, other) = assembled(), fo.load_assemblies("problems/assemblies/loop_of_four.toml")
+    assert fo.verify_assembly(replace(found, assembly=other)).failed

@@ -30,7 +30,7 @@ PACKAGES = {
     "drafting": {"solver", "problem", "motion", "curve", "geometry"},
     "design": {"solver", "judge", "along", "stages", "proof", "model", "problem", "motion", "curve", "geometry"},
     "show": {"design", "assembling", "solver", "judge", "along", "model", "problem", "curve", "geometry"},
-    "cli": {"show", "design", "drafting", "assembling", "solver", "along", "problem"},
+    "cli": {"show", "design", "drafting", "assembling", "solver", "judge", "along", "problem"},
     "__main__": {"cli"},
 }
 """What each package may import, from the ground up: a package stands on those above it in this table."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import (
@@ -29,6 +29,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
+    from fcdm_opt.design.study.running import Engine
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
@@ -76,7 +77,7 @@ def study_command(
     from fcdm_opt.show.printing import console
     from fcdm_opt.show.studies import study_figure
 
-    result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
+    result = run_study(file, out, engine=cast("Engine", engine), jobs=jobs, scheduler=scheduler, progress=True, say=say)
     if not as_json:
         console().print(f"{result}\n")
     result.to_csv(out / "study.csv")

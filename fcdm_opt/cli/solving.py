@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.solution import Effort, Solution
 
 DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
@@ -92,10 +92,12 @@ def solve_command(
         from fcdm_opt.assembling import solve_assembly
         from fcdm_opt.show.assemblies import assembly_figure
 
-        solution = solve_assembly(assembly, certify=certify, effort=effort, seconds=seconds)
+        solution = solve_assembly(assembly, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         entry |= solution.to_dict()
         tabled(file, assembly.name, solution)
         inquiry.codes.append(code_of(solution.usable, solution.status.name))
+        if certify:
+            inquiry.wrote(f"{assembly.name}: the bound is the solver's word, no evidence is kept of assemblies")
         if inquiry.pictures:
             with pacing.unlimited():
                 figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")
@@ -105,7 +107,7 @@ def solve_command(
     def answered(file: OpenedFile, problem: Problem | Assembly, entry: dict[str, Any]) -> SolvedCase | AssemblySolution:
         if isinstance(problem, Assembly):
             return assembled(file, problem, entry)
-        row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
+        row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))

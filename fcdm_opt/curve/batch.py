@@ -15,7 +15,7 @@ from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, checked_bo
 from fcdm_opt.curve.segments import Box, Segment
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
-from fcdm_opt.geometry.bodies import Body, rigid_transform
+from fcdm_opt.geometry.bodies import Body, in_full, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
 STATUSES = ("apart", "contact", "overlapping")
@@ -147,7 +147,7 @@ def decision_curves(
 
 
 def _poses(transforms: ArrayLike) -> Array:
-    poses = np.ascontiguousarray(numbers(transforms, "transforms"))
+    poses = np.ascontiguousarray(in_full(transforms, numbers(transforms, "transforms")))
     if not poses.size:
         poses = poses.reshape(0, 4, 4)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):

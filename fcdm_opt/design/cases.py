@@ -11,6 +11,7 @@ from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -54,7 +55,9 @@ class SolvedCases(Mapping[str, Solution]):
         write_cases(path, self.items())
 
 
-def solve_all(problem: Problem | Iterable[Problem], *, requirement: str | None = None, **how: Any) -> SolvedCases:
+def solve_all(
+    problem: Problem | Iterable[Problem], *, requirement: Requirement | None = None, **how: Any
+) -> SolvedCases:
     """Solve several questions, each by itself.
 
     Parameters

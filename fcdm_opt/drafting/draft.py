@@ -277,7 +277,7 @@ def _because(situation: Situation, choice: Choice) -> str:
     return why
 
 
-def _remedy(situation: Situation, unit: str) -> str:
+def _remedy(situation: Situation, unit: Any) -> str:
     """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way, where one does.
 
     Of large meshes that are apart how far alone: which way takes long to tell.

@@ -34,6 +34,7 @@ from fcdm_opt.geometry.tessellation import errors_of_faces
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
+SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
 MOST_PRODUCTS = 1_000_000  # of normals and corners worked out at a time
@@ -607,12 +608,26 @@ def as_body(
 IDENTITY = frozen(np.eye(4))
 
 
+def in_full(given: Any, poses: Array) -> Array:
+    """Return poses, (..., 4, 4), that were given in single precision with the nearest rotations in full; others as is.
+
+    What is no rotation to within single precision stays as it is.
+    """
+    if getattr(given, "dtype", None) != np.float32 or poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
+        return poses
+    left, _, right = np.linalg.svd(poses[..., :3, :3])
+    nearest, made = left @ right, poses.copy()
+    off = np.abs(nearest - poses[..., :3, :3]).max(axis=(-1, -2), keepdims=True)
+    made[..., :3, :3] = np.where((off > DEFAULT.rigid / 8.0) & (off <= SINGLE), nearest, poses[..., :3, :3])
+    return made
+
+
 def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> Array:
     """Return a checked rigid 4x4 transform (identity for None); raise `InputError` otherwise."""
     if transform is None:
         return IDENTITY
     plain = type(transform) is np.ndarray and transform.dtype == np.float64
-    T = np.array(transform, order="C") if plain else numbers(transform, key)
+    T = np.array(transform, order="C") if plain else in_full(transform, numbers(transform, key))
     if T.shape != (4, 4):
         raise InputError("a transform is a 4x4 matrix", key=key, found=f"shape {T.shape}")
     # plain floats: numpy takes longer for sixteen numbers

@@ -408,7 +408,7 @@ class Rotation(Straight):
     """
 
     axis: str | tuple[float, float, float]
-    centre: str | tuple[float, float, float] = "seed"
+    centre: Literal["seed", "origin"] | tuple[float, float, float] = "seed"
     direction: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -469,8 +469,8 @@ class Screw(Straight):
         translation and angle two parameters.
     """
 
-    axis: str | tuple[tuple[float, float, float], tuple[float, float, float]] = "seeds"
-    pitch: float | str = "free"
+    axis: Literal["seeds"] | tuple[tuple[float, float, float], tuple[float, float, float]] = "seeds"
+    pitch: float | Literal["free"] = "free"
 
     def __post_init__(self) -> None:
         if isinstance(self.axis, str):

@@ -27,7 +27,7 @@ from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
+from fcdm_opt.problem.schema import Entry, Length, Unit, checked, closest, declared, known_sizes
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -138,12 +138,12 @@ class Assembly:
         *,
         follows: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
-        made: Mapping[str, float] | str | None = None,
+        made: Mapping[str, float] | Literal["low", "high", "middle"] | None = None,
         weights: Mapping[str, float] | None = None,
         lengths: Mapping[str, float] | None = None,
         limits: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
         name: str = "",
-        unit: str = "",
+        unit: Literal["", Unit] = "",
     ) -> None:
         bodies = {
             part: fit_for_sizes(body, tuple(size for size in sizes if size.body == part))

@@ -41,7 +41,7 @@ from fcdm_opt.problem.schema import (
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
-_PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
+_PITCHES: dict[str, float | Literal["free"]] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
 # ---------------------------------------------------------------------------------------------------------- bodies
 

@@ -52,6 +52,8 @@ Made = TypeVar("Made")
 MOST_BITS = 10_000  # of a whole number that Python writes in decimals
 Requirement = Literal["A", "B", "C", "D"]
 Goal = Literal["beyond", "at", "seat", "touch", "clear", "fit"]
+PairState = Literal["any", "clear", "touch"]
+PathWord = Literal["coherent", "free"]
 Corner = Literal["worst", "loosest", "low", "high", "middle"]
 
 
@@ -123,11 +125,11 @@ class Defaults(SizeKeys, title="Defaults of all cases"):
         'at a switching point with a requirement, "seat" where the contact is flush, else "touch"',
         "touch",
     )
-    pair: Literal["any", "clear", "touch"] = declared(
+    pair: PairState = declared(
         "any", '"any", "clear" or "touch": required state of the target pair, besides the goal', "clear"
     )
     clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal or pair "clear"', 0.1)
-    path: Literal["coherent", "free"] | None = declared(
+    path: PathWord | None = declared(
         None,
         '"coherent" (the tracked features stay the real contact all along the motion) or "free"; without it "coherent" '
         "where one contact is tracked, as several are restored at the end of the motion alone",

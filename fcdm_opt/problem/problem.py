@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Screw
 from fcdm_opt.plain import plain
-from fcdm_opt.problem.amounts import OwnAmount, amount
+from fcdm_opt.problem.amounts import AmountWord, OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
 from fcdm_opt.problem.entries import plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
@@ -37,15 +37,22 @@ from fcdm_opt.problem.keys import (
     BY_PARAMETER,
     Arguments,
     Case,
+    Corner,
     Goal,
+    PairState,
+    PathWord,
     ProblemFile,
+    Requirement,
     SizeKeys,
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
 from fcdm_opt.problem.reach import AROUND, Rows, modelled_parts
-from fcdm_opt.problem.schema import checked, known_sizes
+from fcdm_opt.problem.schema import Unit, checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from casadi import SX, Function
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
@@ -181,31 +188,31 @@ class Problem(NominalContact, Shown):
         movable: Body,
         static: Body,
         *,
-        nominal: int | str | Sequence[float] | Array = "drawn",
+        nominal: int | Literal["drawn"] | Sequence[float] | Array = "drawn",
         tolerance: float | Sequence[Any] | Array | None = None,
-        requirement: str | None = None,
+        requirement: Requirement | None = None,
         target: Sequence[float] | Array | None = None,
         box: Sequence[Sequence[float]] | Array = ((0.8, 3.0), (0.8, 3.0)),
         motion: Motion,
-        goal: str | None = None,
-        pair: str = "any",
+        goal: Goal | None = None,
+        pair: PairState = "any",
         clearance: float = 0.0,
-        path: str | None = None,
-        amount: Any = "weighted",
+        path: PathWord | None = None,
+        amount: AmountWord | OwnAmount | SX | Function = "weighted",
         length: float | None = None,
         weights: Mapping[str, float] | None = None,
         limits: Mapping[str, Sequence[float]] | None = None,
         keep_out: Sequence[KeepOut] = (),
         resolution: float | Mapping[str, float] | None = None,
         features: Sequence[Any] | None = None,
-        contacts: str | Sequence[Any] | None = None,
+        contacts: Literal["all"] | list[Any] | tuple[Any, ...] | None = None,
         snap: float = DEFAULT.snap,
         sizes: Sequence[Size] = (),
-        made: Mapping[str, float] | str | None = None,
+        made: Mapping[str, float] | Corner | None = None,
         name: str = "",
         published: Sequence[float] | Array | None = None,
         published_text: str = "",
-        unit: str = "",
+        unit: Literal["", Unit] = "",
         **unknown: Any,
     ) -> None:
         given = {key: value for key, value in locals().items() if key in ARGUMENTS}

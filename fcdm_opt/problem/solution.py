@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
@@ -23,7 +23,8 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
-EFFORTS = ("proved", "quick")
+Effort = Literal["proved", "quick"]
+EFFORTS = get_args(Effort)
 """What `solve` may spend."""
 
 LOOSE = 0.1

@@ -11,11 +11,11 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.fitting import fits_up_to
-from fcdm_opt.judge.certificate import verify
+from fcdm_opt.judge.certificate import verify, without_evidence
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 
 FITTED = 3.0
@@ -37,15 +37,20 @@ class SolvedCase:
         Where the parts made do not go together, the tolerance up to which they do (the largest, where there are
         several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, of large meshes, and where no tolerances are
         asked for.
+    unproved : str
+        Why a bound that was to be certified carries no evidence, in words; "" where it does, or was not to be.
     """
 
     solution: Solution
     published_amount: float | None
     touch_amount: float | None
     fits_up_to: float | None = None
+    unproved: str = ""
 
 
-def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None) -> SolvedCase:
+def solved_case(
+    problem: Problem, *, certify: bool, effort: Effort = "proved", seconds: float | None = None
+) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
     What the enclosing time limit leaves no time for is left out, see `Solution.stopped`.
@@ -73,4 +78,5 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
     fits = None
     with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
         fits = fits_up_to(problem) if misfits and problem.movable.whole is None else None
-    return SolvedCase(solution, published, touch, fits)
+    unproved = without_evidence(solution) if certify and solution.status.found else ""
+    return SolvedCase(solution, published, touch, fits, unproved)

@@ -118,6 +118,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     for row in rows:
         solution = row.solution
         notes = remarks(solution)
+        if row.unproved:
+            notes = [*notes, f"the bound is the solver's word, no evidence of it is kept: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""

@@ -59,16 +59,14 @@ def problem(scene: FitScene) -> Any:
     sizes: dict[str, Any] = {"target": tuple(scene.target.tolist())}
     if scene.requirement is not None:
         sizes = {"requirement": scene.requirement, "tolerance": scene.tolerance}
+    words: dict[str, Any] = {name: getattr(scene, name) for name in ("goal", "pair", "path", "amount")}
     return fo.Problem(
         _body(scene.fit.movable, scene.s1, "movable"),
         _body(scene.fit.static, scene.s2, "static"),
         nominal=scene.nominal,
         motion=motion,
-        goal=scene.goal,
-        pair=scene.pair,
         clearance=scene.clearance,
-        path=scene.path,
-        amount=scene.amount,
+        **words,
         length=scene.length,
         weights={names[k]: weight for k, weight in scene.heavier.items()} or None,
         limits={names[k]: limit for k, limit in scene.limits.items()} or None,
@@ -140,15 +138,15 @@ def _raw_question(scene: RawScene) -> Any:
         for own in scene.sizes
     ]
     kept = tuple(fo.KeepOut(_raw_body(own, f"block {k}", scene)) for k, own in enumerate(scene.keep_out))
-    more: dict[str, Any] = {"sizes": sizes, "made": {own.name: own.made for own in scene.sizes}} if sizes else {}
+    more: dict[str, Any] = {"goal": scene.goal, "contacts": scene.contacts}
+    if sizes:
+        more |= {"sizes": sizes, "made": {own.name: own.made for own in scene.sizes}}
     if not sizes:
         more["target"] = scene.scales["movable"], scene.scales["static"]
     return fo.Problem(
         bodies["movable"],
         bodies["static"],
         motion=motions["movable"],
-        goal=scene.goal,
-        contacts=scene.contacts,
         limits=limits["movable"] if limits else None,
         keep_out=kept,
         unit="mm",

@@ -408,10 +408,8 @@ def _chart_problem(rng: np.random.Generator, drawn: Drawn) -> fo.Problem:
         else:
             segment = curve.segments[k]
             nominal = tuple(segment.start + rng.uniform(0.1, 0.9) * (segment.end - segment.start))
-    letter = str(rng.choice(list(LETTERS[drawn.goal])))
-    return fo.Problem(
-        one, two, nominal=nominal, motion=motion, goal=drawn.goal, box=pair.box, tolerance=CLOSE, requirement=letter
-    )
+    words: dict[str, Any] = {"goal": drawn.goal, "requirement": str(rng.choice(list(LETTERS[drawn.goal])))}
+    return fo.Problem(one, two, nominal=nominal, motion=motion, box=pair.box, tolerance=CLOSE, **words)
 
 
 def _about(rng: np.random.Generator, way: Array) -> tuple[float, float, float]:

@@ -86,7 +86,7 @@ def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Ro
     }
 
 
-def _solved(problem: Problem, certify: bool, effort: str) -> tuple[Solution, dict[str, float]]:
+def _solved(problem: Problem, certify: bool, effort: Any) -> tuple[Solution, dict[str, float]]:
     """Return the judged solution, and what it took; what a proof says is checked too."""
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.solver import solve

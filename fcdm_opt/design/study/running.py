@@ -11,7 +11,7 @@ from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Literal, get_args
 
 from fcdm_opt import pacing
 from fcdm_opt.design.study.point import BAD_INPUT, Asked, Row, evaluate, load, row
@@ -22,7 +22,8 @@ from fcdm_opt.design.study.study import Study, StudyPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.version import __version__
 
-ENGINES = ("joblib", "dask")
+Engine = Literal["joblib", "dask"]
+ENGINES = get_args(Engine)
 PAUSE = 10.0
 """Seconds between two lines."""
 
@@ -42,7 +43,7 @@ def run_study(
     study: Study | str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
-    engine: str = "joblib",
+    engine: Engine = "joblib",
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: bool = False,
