@@ -198,6 +198,8 @@ CHANGES: dict[str, list[tuple[tuple[str, ...], Any]]] = {
     ],
     "open_contacts": [(CASES, of(["x"]))],
     "keep_out_gaps": [(CASES, of({"x": 1.0})), (("clear",), of({})), (("clear",), scaled(2.0))],
+    "amount_low": [(CASES, of(1e6)), (CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
+    "amount_high": [(CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
     # told, and not claimed: of their form alone
     "active": [(CASES, of(5)), (CASES, of("one")), (CASES, of([5])), (CASES, of(None))],
     "modelled": [(CASES, of({"variables": -1})), (CASES, of({"variables": "a"})), (CASES, of([5])), (CASES, of(None))],

@@ -75,7 +75,7 @@ def solved(asked: Problem, amount: float, *, rel: float = 1e-9, certify: bool = 
     assert solution.amount == pytest.approx(amount, rel=rel, abs=ROOM)
     assert solution.lower_bound <= amount * (1 + 1e-9) + 1e-15
     if certify and len(asked.weights) <= 2:
-        assert solution.gap <= GAP
+        assert solution.gap <= GAP or solution.amount - solution.lower_bound <= ROOM
     for name, value in q.items():
         assert solution.parameters[name] == pytest.approx(value, rel=1e-6, abs=1e-7 * max(1.0, amount))
     return solution
@@ -704,7 +704,7 @@ def test_degenerate_problems_get_an_answer_that_stands(number):
     solution = consistent(solve(asked, certify=few))
     stays_flush = asked.goal == "at" and any(feature.is_flush for feature in asked.nominal_features)
     if few and solution.status.found and not stays_flush:  # that a contact stays flush is not in the bound yet
-        assert solution.gap <= GAP
+        assert solution.gap <= GAP or solution.amount - solution.lower_bound <= ROOM
 
 
 def test_most_degenerate_problems_are_questions_of_every_kind():

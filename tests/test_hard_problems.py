@@ -50,10 +50,11 @@ def case(file: str, name: str, **changes: Any) -> Problem:
 def moved(solution: Solution, q: Any, **changes: Any) -> Solution:
     """The same claim at other parameters, with their transform and amount."""
     asked, names = solution.problem, [parameter.name for parameter in solution.problem.motion.parameters]
+    amount = float(np.linalg.norm(asked.weights * q))
     return replace(
         solution, parameters=dict(zip(names, map(float, q), strict=True)), lower_bound=0.0,
         transform=asked.motion.transform(q, asked.movable.seed, asked.static.seed),
-        amount=float(np.linalg.norm(asked.weights * q)), **changes,
+        amount=amount, amount_low=amount, amount_high=amount, **changes,
     )  # fmt: skip
 
 

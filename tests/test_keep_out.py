@@ -198,9 +198,9 @@ def test_turning_passes_by_a_contact_that_a_keep_out_forbids():
     assert blocked.lower_bound == pytest.approx(0.6 * blocked.problem.length, rel=1e-6)
     # a post on the way does not matter: the contact itself is asked for, not a path
     solved(asked.changed(keep_out=(post_at(0.2),)), 0.4, abs=1e-12)
-    # both pins barred: the other end of the bar meets them from their far side
+    # both pins barred: the other end of the bar meets them from their far side, on a way through them
     both_barred = solve(asked.changed(keep_out=(post_at(0.4), post_at(-0.6))))
-    assert both_barred.usable
+    assert both_barred.status is Status.OUTSIDE_FIT
     assert both_barred.amount > 0.6 * both_barred.problem.length
 
 

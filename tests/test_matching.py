@@ -12,7 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
-from fcdm_opt.geometry.bodies import known_to
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.polygons import coplanar, normals_of
 

@@ -17,7 +17,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.judge.passing import passes
 from fcdm_opt.judge.placed_parts import verify_assembly
 from fcdm_opt.problem.fit import verdict
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import Status
 
 CASES = Path(__file__).parent / "cases"
 UP = fo.Translation("z")
@@ -179,7 +179,7 @@ def test_a_status_outside_the_fit_was_relabelled_and_passed(axis: str) -> None:
         assert solution.status.name == status
         assert fo.verify(solution).passed
         for name in {"SOLVED", "OUTSIDE_FIT", "PAIR_OVERLAPS", "ALREADY_SATISFIED"} - {status}:
-            forged = Solution.from_dict({**solution.to_dict(), "status": name})
+            forged = replace(solution, status=Status[name])
             certificate = fo.verify(forged)
             assert [check.name for check in certificate.failed] == ["status"]
             assert not forged.with_certificate(certificate, {}).usable

@@ -542,12 +542,13 @@ def claimed(asked: Problem, q: dict[str, float], rho: Any = None) -> Solution:
         asked.movable, asked.static, asked.motion.transform(values, asked.movable.seed, asked.static.seed), asked.box
     ).gap(asked.target)
     state = "touching" if abs(gap) <= asked.contact_slack else "apart" if gap > 0 else "overlapping"
+    amount = float(np.linalg.norm(asked.weights * values))
     return replace(
         good,
         status=Status.PAIR_OVERLAPS if state == "overlapping" else Status.SOLVED,
         parameters=dict(zip(names, values.tolist(), strict=True)),
         transform=asked.motion.transform(values, asked.movable.seed, asked.static.seed),
-        amount=float(np.linalg.norm(asked.weights * values)), lower_bound=0.0, pair_gap=gap, pair_state=state,
+        amount=amount, amount_low=amount, amount_high=amount, lower_bound=0.0, pair_gap=gap, pair_state=state,
         rho=asked.target if rho is None else np.array(rho),
     )  # fmt: skip
 

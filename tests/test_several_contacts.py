@@ -488,7 +488,8 @@ def test_the_judge_refuses_planted_errors(ball, corner, lid) -> None:
     T = np.array(fit.transform)
     T[2, 3] += 1e-3
     higher = {**fit.parameters, "TZ": fit.parameters["TZ"] + 1e-3}
-    worse = replace(fit, transform=T, parameters=higher, amount=fit.amount + 1e-3, pair_gap=1e-3, pair_state="apart")
+    amount = dict.fromkeys(("amount", "amount_low", "amount_high"), fit.amount + 1e-3)
+    worse = replace(fit, transform=T, parameters=higher, pair_gap=1e-3, pair_state="apart", **amount)
     assert {check.name for check in fo.verify(replace(worse, features=())).failed} == {"largest gap least"}
     T[2, 3] -= 2e-3
     lower = {**fit.parameters, "TZ": fit.parameters["TZ"] - 1e-3}

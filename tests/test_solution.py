@@ -84,7 +84,8 @@ def test_a_solution_survives_json_bit_for_bit(question):
 @EVERY_QUESTION
 def test_a_solution_read_back_is_judged_the_same(question):
     original, again = solution(question), Solution.from_dict(through_json(solution(question).to_dict()))
-    for one, two in zip(verify(original).checks, verify(again).checks, strict=True):
+    read = [check for check in verify(again).checks if check.name != "certificate"]  # which only what is read has
+    for one, two in zip(verify(original).checks, read, strict=True):
         assert one[:2] == two[:2]
         np.testing.assert_array_equal(one[2:4], two[2:4])
 

@@ -35,6 +35,7 @@ from fcdm_opt.tolerances import DEFAULT, Tolerances
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 MOST_CHECKED = 3  # parameters up to which evidence is kept
+MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
 
@@ -320,17 +321,17 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *self._left_by_mesh(),
+            *self._left_by_mesh(slack),
             *self._whole_steps(),
         ]
 
-    def _left_by_mesh(self) -> list[Check]:
+    def _left_by_mesh(self, slack: float) -> list[Check]:
         """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
         low, amount, high = self.solution.amount_low, self.solution.amount, self.solution.amount_high
         if low == amount == high or (isnan(low) and isnan(high)):
             return []
         note = f"left open by the mesh: {low:.6g} to {high:.6g}"
-        return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), 0.0, note)]
+        return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), slack, note)]
 
     def _amount(self) -> float:
         """Return the amount of the claimed motion, by the problem's own measure."""
@@ -582,13 +583,9 @@ class _Judge:
         gap = self.pair_gap
         state = self._state(gap)
         claimed = solution.pair_gap
-        if gap < 0:
-            wrong = abs(claimed - gap)
-        elif self._state(claimed) == state:  # a separation over faces and pairs of edges: no more than the distance
-            least = self.scaled.least_separations(problem.target[None], self.transform[None])[0]
-            wrong = max(claimed - gap, min(gap, gap if isnan(least) else least) - claimed, 0.0)
-        else:
-            wrong = abs(claimed - gap)
+        wrong = abs(claimed - gap)
+        if gap > 0 and claimed < gap and self._state(claimed) == state:  # a separation, no more than the distance
+            wrong = max(0.0, self._parted_by_faces() - claimed)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
@@ -725,6 +722,24 @@ class _Judge:
         if np.isnan(gap):
             return "unknown"
         return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
+
+    def _parted_by_faces(self) -> float:
+        """Return the least over part pairs of how far a face's plane of either keeps them apart, as made and moved."""
+        placed = []
+        for body, scale, pose in zip(self.bodies, self.problem.target, (self.transform, np.eye(4)), strict=True):
+            turn, shift = pose[:3, :3], pose[:3, 3]
+            made = (body.seed + scale * (part.vertices - body.seed) for part in body.parts)
+            both = zip(made, body.parts, strict=True)
+            placed.append([(own @ turn.T + shift, part.normals @ turn.T) for own, part in both])
+        if len(placed[0]) * len(placed[1]) > MOST_PARTED:
+            return 0.0
+        least = np.inf
+        for points, normals in placed[0]:
+            for others, other_normals in placed[1]:
+                by_one = (others @ normals.T).min(axis=0) - (points @ normals.T).max(axis=0)
+                by_other = (points @ other_normals.T).min(axis=0) - (others @ other_normals.T).max(axis=0)
+                least = min(least, max(by_one.max(), by_other.max()))
+        return float(least)
 
     def _status(self, state: str) -> Check:
         """Check that the status says what was found: how the pair is, and whether the motion leaves the fit."""

@@ -164,7 +164,8 @@ def _ways(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns
     (start, end), (others, moved) = one, two
     both = np.concatenate([start, end]).reshape(-1, 3)
     low, high = both.min(axis=0), both.max(axis=0)
-    near = ((others.min(axis=1) <= high) & (others.max(axis=1) >= low)).all(axis=1)
+    passed = np.concatenate([others, moved], axis=1)  # sizes move them too
+    near = ((passed.min(axis=1) <= high) & (passed.max(axis=1) >= low)).all(axis=1)
     if not near.any():
         return []
     places, own = start.reshape(-1, 3), (end - start).reshape(-1, 3)

@@ -330,10 +330,25 @@ class Problem(NominalContact, Shown):
         InputError
             Names the key, what was found and what is allowed.
         """
-        problems = checked(ProblemFile, data).problems(cls)
+        problems = checked(ProblemFile, _without_path(data)).problems(cls)
         if len(problems) > 1:
             raise InputError("more than one case", key="case", found=len(problems), allowed="one")
         return problems[0]
+
+
+def _without_path(data: Any) -> Any:
+    """Return plain data without the path "coherent" where several contacts may be meant: earlier versions wrote it."""
+    cases = data.get("case") if isinstance(data, Mapping) else None
+    if not isinstance(cases, Sequence) or not all(isinstance(table, Mapping) for table in cases):
+        return data
+    several = [bool(table.get("contacts")) or table.get("goal") in ("at", "seat") for table in cases]
+    return {
+        **data,
+        "case": [
+            {key: own for key, own in table.items() if not (some and (key, own) == ("path", "coherent"))}
+            for table, some in zip(cases, several, strict=True)
+        ],
+    }
 
 
 def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:

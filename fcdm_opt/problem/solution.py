@@ -421,11 +421,7 @@ class Solution(Bounded, Shown):
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            asked = data["problem"]
-            path = "path", "coherent"  # the default of one contact; earlier versions wrote it of several too
-            case = [{key: own for key, own in table.items() if (key, own) != path} for table in asked["case"]]
-            given = {**data, "derivatives": data["sensitivity"], "problem": {**asked, "case": case}}
-            read = super().from_dict(given)
+            read = super().from_dict({**data, "derivatives": data["sensitivity"]})
         except (KeyError, TypeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
         for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
