@@ -525,9 +525,18 @@ class _Judge:
         found, near = [], self.limit / 2.0 * (self.tolerances.tight if tight else 1.0)
         for parts in self.scaled.touching(self.rho, self.transform, near):
             if parts not in proved:
-                gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), self.scaled.between(*parts)), nan=-np.inf)
-                found.append((float(gaps.max()), steps[int(gaps.argmax())]))
+                found.append(self._opened(self.scaled.between(*parts), steps))
         return found
+
+    def _opened(self, own: ScaledPair, steps: list[Array]) -> tuple[float, Array]:
+        """Return how far a part pair opens at the first step that does, or else at best, and that step."""
+        here = self.transform[None]
+        for step in steps:
+            gap = own.lower_bounds((self.rho - step)[None], here)[0]
+            if gap > -self.limit:  # a face's normal shows it: nearly always the first
+                return float(gap), step
+        gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), own), nan=-np.inf)
+        return float(gaps.max()), steps[int(gaps.argmax())]
 
     def path(self) -> list[Check]:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
