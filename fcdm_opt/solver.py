@@ -13,8 +13,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError, expected
-from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.judge.certificate import judged
 from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
@@ -116,8 +115,8 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
         return solution
-    solution = inside_fit(replace(solution, problem=_like(asked, solution.problem), evidence=None))
-    return solution.with_certificate(verify(solution), solution.seconds)
+    solution, certificate = judged(replace(solution, problem=_like(asked, solution.problem), evidence=None))
+    return solution.with_certificate(certificate, solution.seconds)
 
 
 def _like(problem: Problem, other: Problem) -> Problem:
@@ -193,14 +192,12 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
-    with pacing.unlimited():  # whatever was found is judged
-        pacing.at("judging the motion found")
+    with pacing.unlimited():  # whatever was found is told
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
-        watch.lap("prove")
-        solution = inside_fit(solution)
-        certificate = verify(solution)
-        watch.lap("verify")
-        return solution.with_certificate(certificate, watch.seconds)
+    watch.lap("prove")
+    solution, certificate = judged(solution)
+    watch.lap("verify")
+    return solution.with_certificate(certificate, watch.seconds)
 
 
 def _least_motion(task: Task, model: str) -> Answer:

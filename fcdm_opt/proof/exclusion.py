@@ -197,6 +197,12 @@ class Exclusion:
         return made
 
     @cached_property
+    def tested_vertices(self) -> int:
+        """As of the task, but for opponents that are larger."""
+        one, two = (sum(len(own.vertices) for own in solids) for solids in (self.movable, self.opponents))
+        return one * len(self.opponents) + len(self.movable) * two
+
+    @cached_property
     def drawn(self) -> tuple[Array, Array, Array, Array]:
         """Vertices of both bodies about their seeds, and where each part's begin."""
         found = []

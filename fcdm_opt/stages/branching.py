@@ -141,7 +141,7 @@ def proved(
         answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
     if len(task.weights) <= MOST_PARAMETERS:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
-        aims = [*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)]
+        aims = [*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING if gap < SHOWN_GAP else CONFIRMING)]
         return bounded(task, answer, aims=aims, until=until, checked=checked)
     answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
