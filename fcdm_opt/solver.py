@@ -55,7 +55,8 @@ def solve(
         proves it as `Solution.evidence`.
     effort : "proved" or "quick"
         "proved": without `certify` too the least motion is looked for everywhere, and bounded: of one and two
-        parameters within 1 % of the amount, of more as near as some seconds of work bring it, see `Solution.gap`.
+        parameters within 1 % of the amount, of more and of large parts as near as some seconds of work bring it, see
+        `Solution.gap`.
         "quick": the first motion that the stages find, for thousands of questions; its bound is what they know.
         A forced `model` is quick.
     seconds : float, optional
@@ -63,7 +64,7 @@ def solve(
         `certify` about a minute's.
     time : float, optional
         Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
-        was found is judged as ever. An enclosing `pacing.within` limits several calls together; it raises
+        was found is judged in what is left, or NOT_VERIFIED. An enclosing `pacing.within` limits several calls together; it raises
         `TimeOverError`, unless there is a `time` here too, which may be infinite.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.

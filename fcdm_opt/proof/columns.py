@@ -165,7 +165,7 @@ def prove(
         Amount of a motion that is known to do; infinite if none is.
     aims : sequence of (gap, most)
         Relative gaps between the bound and `upper` that are enough, the finest first, each while no more than so many
-        cells have been tested; one of swollen parts counts as many times as these have more vertices.
+        cells have been tested.
     until : float
         `perf_counter` at which to stop besides.
     search : callable, optional
@@ -175,10 +175,9 @@ def prove(
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
-    price = scene.tested_vertices / task.tested_vertices  # of a cell where parts are swollen
     columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
     for _ in range(TURNS):
-        looked = 0.0
+        looked = 0
         for gap, most in aims:
             while looked < most and perf_counter() < until and not pacing.over():
                 enough = search_.enough(gap)
@@ -187,11 +186,11 @@ def prove(
                 if not len(waiting):
                     break
                 rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
-                tested = _advance(scene, columns, record, rows, enough)
-                looked, total = looked + price * tested, total + tested
+                looked += _advance(scene, columns, record, rows, enough)
                 if pacing.heard():
                     pacing.at(f"proving: at least {bounds.min():.4g}, found {search_.upper:.4g}")
                 search_.beside(columns)
+        total += looked
         closed = columns.bounds.min() >= search_.enough(aims[-1][0])
         if closed or perf_counter() > until or pacing.over() or not search_.ahead(columns):
             break

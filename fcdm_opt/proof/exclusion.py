@@ -115,6 +115,15 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
 
 
+def tested_vertices(task: Task, *, swollen: bool = False) -> int:
+    """Return how many vertices are looked at in a cell where all part pairs are; of swollen parts all their points."""
+    one = sum(len(part.vertices) for part in task.movable.parts)
+    others = [len(own.part.vertices) for own in task.opponents]
+    if swollen:
+        others += [2 * (1 + len(BETWEEN)) * len(own.part.edges) for own in task.opponents if own.need > 0.0]
+    return one * len(task.opponents) + len(task.movable.parts) * sum(others)
+
+
 class Exclusion:
     """A task in the terms of the tests: everything about the seeds, body 1 moving.
 
@@ -195,12 +204,6 @@ class Exclusion:
                 placed = part.vertices
             made.append(_solid(part, placed))
         return made
-
-    @cached_property
-    def tested_vertices(self) -> int:
-        """As of the task, but for opponents that are larger."""
-        one, two = (sum(len(own.vertices) for own in solids) for solids in (self.movable, self.opponents))
-        return one * len(self.opponents) + len(self.movable) * two
 
     @cached_property
     def drawn(self) -> tuple[Array, Array, Array, Array]:
