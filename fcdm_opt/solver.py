@@ -64,8 +64,8 @@ def solve(
         `certify` about a minute's.
     time : float, optional
         Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
-        was found is judged in what is left, or NOT_VERIFIED. An enclosing `pacing.within` limits several calls together; it raises
-        `TimeOverError`, unless there is a `time` here too, which may be infinite.
+        was found is judged in what is left and a tenth more, or NOT_VERIFIED. An enclosing `pacing.within` limits
+        several calls together; it raises `TimeOverError`, unless there is a `time` here too, which may be infinite.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.
 

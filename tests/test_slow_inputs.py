@@ -139,7 +139,8 @@ def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: p
     assert len(solution.features) > 10
     assert asked[0] < 8 * len(solution.features)
     rise = solution.parameters["TZ"]
-    made = [mesh.translate(-seed).scale([1.005] * 3).translate(seed) for mesh, seed in ((ball, movable.seed), (cup, static.seed))]
+    drawn = (ball, movable.seed), (cup, static.seed)
+    made = [mesh.translate(-seed).scale([1.005] * 3).translate(seed) for mesh, seed in drawn]
     assert (made[0].translate([0.0, 0.0, rise]) ^ made[1]).volume() <= 1e-9
     assert (made[0].translate([0.0, 0.0, rise - 1e-4]) ^ made[1]).volume() > 1e-6
 

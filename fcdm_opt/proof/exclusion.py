@@ -115,7 +115,7 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
 
 
-def tested_vertices(task: Task, *, swollen: bool = False) -> int:
+def tested_vertices(task: Task, *, swollen: bool) -> int:
     """Return how many vertices are looked at in a cell where all part pairs are; of swollen parts all their points."""
     one = sum(len(part.vertices) for part in task.movable.parts)
     others = [len(own.part.vertices) for own in task.opponents]

@@ -126,7 +126,8 @@ def proved(
     if answer.q is not None and not answer.q.any():
         return answer, None
     if answer.q is not None and _closed(task, answer, FINE_GAP):
-        few = len(task.weights) <= MOST_PARAMETERS or tested_vertices(task) * CELLS[MOST_CHECKED] <= CONFIRMING
+        few = len(task.weights) <= MOST_PARAMETERS
+        few = few or tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
             return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
