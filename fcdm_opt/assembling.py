@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed, verify_assembly
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
@@ -103,10 +103,12 @@ class _Solving:
                 break
             pairs += more
         took = {"solve": perf_counter() - start}
-        found = placed(self._reported(groups, q))
         start = perf_counter()
-        judged = found.with_certificate(verify_assembly(found))
-        return replace(judged, seconds={**took, "verify": perf_counter() - start})
+        pacing.at("judging the motions found")
+        with pacing.judging():
+            found = placed(self._reported(groups, q))
+            found = found.with_certificate(verify_assembly(found))
+        return replace(found, seconds={**took, "verify": perf_counter() - start})
 
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""
@@ -145,8 +147,8 @@ class _Solving:
         contacts = {}
         for pair, problem in zip(group, problems, strict=True):
             if pair in assembly.contacts:
-                own = inside_fit(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
-                contacts[pair[:2]] = own.with_certificate(verify(own), {})
+                own, certificate = judged(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
+                contacts[pair[:2]] = own.with_certificate(certificate, {})
         return _Met(answer.status, q, answer.lower_bound, told, answer.active, contacts)
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:

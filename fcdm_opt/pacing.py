@@ -31,6 +31,8 @@ def spare(seconds: float) -> None:
 
 SEARCHED = 0.85
 """Share of the time given that searching may take: what was found is still to be judged and shown."""
+JUDGED = 1.1
+"""The same of searching and judging."""
 
 
 class TimeOverError(FcdmError):
@@ -43,14 +45,17 @@ class TimeOverError(FcdmError):
 
 
 class _Given(NamedTuple):
+    """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged."""
+
     end: float
     seconds: float
+    last: float
 
 
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
-_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf))  # noqa: B039 (immutable)
+_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(*[math.inf] * 3))  # noqa: B039 (immutable)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -117,21 +122,32 @@ def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") 
     """Set such a limit from here to the end of the enclosing one."""
     check_time(seconds, key)
     if seconds is not None:
-        _limit.set(min(_limit.get(), _Given(clock() + share * seconds, seconds)))
+        now, known = clock(), _limit.get()
+        last = min(known.last, now + max(share, JUDGED) * seconds)
+        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last))
 
 
 @contextmanager
 def sharing(share: float) -> Iterator[None]:
     """Let what is done meanwhile take this share of the time that is left."""
+    now, known = clock(), _limit.get()
+    ends = (now + share * (end - now) for end in (known.end, known.last))
+    with _set(_limit, _Given(next(ends), known.seconds, next(ends))):
+        yield
+
+
+@contextmanager
+def judging() -> Iterator[None]:
+    """Let what is done meanwhile take what is left of the time given and a little more: what was found is judged."""
     known = _limit.get()
-    with _set(_limit, known if known.end == math.inf else _Given(clock() + share * left(), known.seconds)):
+    with _set(_limit, known._replace(end=known.last)):
         yield
 
 
 @contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_limit, _Given(math.inf, math.inf)):
+    with _set(_limit, _Given(*[math.inf] * 3)):
         yield
 
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError, expected
-from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.judge.certificate import judged
 from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
@@ -56,7 +55,8 @@ def solve(
         proves it as `Solution.evidence`.
     effort : "proved" or "quick"
         "proved": without `certify` too the least motion is looked for everywhere, and bounded: of one and two
-        parameters within 1 % of the amount, of more as near as some seconds of work bring it, see `Solution.gap`.
+        parameters within 1 % of the amount, of more and of large parts as near as some seconds of work bring it, see
+        `Solution.gap`.
         "quick": the first motion that the stages find, for thousands of questions; its bound is what they know.
         A forced `model` is quick.
     seconds : float, optional
@@ -64,8 +64,8 @@ def solve(
         `certify` about a minute's.
     time : float, optional
         Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
-        was found is judged as ever. An enclosing `pacing.within` limits several calls together; it raises
-        `TimeOverError`, unless there is a `time` here too, which may be infinite.
+        was found is judged in what is left and a tenth more, or NOT_VERIFIED. An enclosing `pacing.within` limits
+        several calls together; it raises `TimeOverError`, unless there is a `time` here too, which may be infinite.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.
 
@@ -116,8 +116,8 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
         return solution
-    solution = inside_fit(replace(solution, problem=_like(asked, solution.problem), evidence=None))
-    return solution.with_certificate(verify(solution), solution.seconds)
+    solution, certificate = judged(replace(solution, problem=_like(asked, solution.problem), evidence=None))
+    return solution.with_certificate(certificate, solution.seconds)
 
 
 def _like(problem: Problem, other: Problem) -> Problem:
@@ -193,14 +193,12 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
-    with pacing.unlimited():  # whatever was found is judged
-        pacing.at("judging the motion found")
+    with pacing.unlimited():  # whatever was found is told
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
-        watch.lap("prove")
-        solution = inside_fit(solution)
-        certificate = verify(solution)
-        watch.lap("verify")
-        return solution.with_certificate(certificate, watch.seconds)
+    watch.lap("prove")
+    solution, certificate = judged(solution)
+    watch.lap("verify")
+    return solution.with_certificate(certificate, watch.seconds)
 
 
 def _least_motion(task: Task, model: str) -> Answer:

@@ -7,6 +7,8 @@ import itertools
 import json
 import math
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fcdm_opt import Body, Free, Problem, Translation, load_problems, pacing, solve
+from fcdm_opt import (
+    Assembly,
+    Body,
+    Free,
+    Problem,
+    Solution,
+    Translation,
+    load_problems,
+    pacing,
+    solve,
+    solve_assembly,
+    verify,
+)
 from fcdm_opt.cli import app, showing
 from fcdm_opt.design.whatif.budget import budget
 from fcdm_opt.errors import InputError
@@ -61,7 +75,8 @@ def test_what_time_leaves_is_a_motion_that_is_judged_and_a_bound_that_holds(
     found = solve(in_the_corner(motion), time=looks / pacing.SEARCHED)
     assert found.lower_bound <= least * (1.0 + 1e-9)
     if found.status.found:
-        assert found.usable
+        assert found.usable is (found.status is not Status.NOT_VERIFIED)
+        assert found.usable or "not judged in the time given" in found.certificate.failed[0].note
         assert found.amount >= least * (1.0 - 1e-9)
     else:
         assert (found.status, math.isfinite(found.lower_bound)) == (Status.NOT_FOUND, True)
@@ -100,12 +115,64 @@ def test_half_an_answer_was_taken_for_all_that_can_be_had(counted: None) -> None
         assert solve(problem, time=math.inf).stopped
 
 
+def slow_to_judge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search takes no time, and each look at the clock while something is judged a second."""
+    now, judging = itertools.count(), pacing.judging
+    state = [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: state[0])
+
+    @contextmanager
+    def slow() -> Iterator[None]:
+        with monkeypatch.context() as own, judging():
+            own.setattr(pacing, "clock", lambda: float(next(now)))
+            try:
+                yield
+            finally:
+                state[0] = float(next(now))
+
+    monkeypatch.setattr(pacing, "judging", slow)
+
+
+def test_the_judge_looked_at_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large parts were judged for minutes after the time given: what is not judged by then is told, and not used."""
+    slow_to_judge(monkeypatch)
+    problem = in_the_corner(ALL)
+    late = solve(problem, time=3.0)
+    assert (late.status, late.usable) == (Status.NOT_VERIFIED, False)
+    (failed,) = late.certificate.checks
+    assert (failed.passed, failed.limit, failed.note) == (False, 3.0, "not judged in the time given, seconds")
+    assert late.stopped.startswith("the time limit of 3 s was met while judging")
+    assert "was not judged in the time given: allow more time" in late.advice
+    assert math.isnan(late.amount_low)
+    assert not verify(Solution.from_dict(late.to_dict())).passed
+    assert solve(problem, time=1e6).usable
+    assert solve(problem).usable
+    with pacing.within(3.0), pytest.raises(pacing.TimeOverError, match="while judging"):
+        solve(problem)
+
+
+def test_assemblies_looked_at_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = [Body.from_parts(corner(), seed=np.zeros(3), name="walls"), Body.convex(CUBE, seed="centroid", name="cube")]
+    contacts = [("cube", "walls")]
+    assembly = Assembly(parts, contacts, scales={"cube": 1.1}, motions={"cube": ALL})
+    assert solve_assembly(assembly).usable
+    slow_to_judge(monkeypatch)
+    with pacing.within(20.0), pytest.raises(pacing.TimeOverError, match="while judging the motion"):
+        solve_assembly(assembly)
+
+
 def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(pacing, "clock", lambda: now[0])
     with pacing.within(10.0, share=1.0):
         with pacing.within(100.0, share=1.0):
             assert pacing.left() == 10.0
+        with pacing.sharing(0.25), pacing.judging():
+            assert pacing.left() == pytest.approx(2.5 * pacing.JUDGED)
+        with pacing.within(1.0, share=1.0), pacing.judging():
+            assert pacing.left() == pytest.approx(pacing.JUDGED)
+        with pacing.within(100.0, share=1.0), pacing.judging():
+            assert pacing.left() == pytest.approx(10.0 * pacing.JUDGED)
         with pacing.sharing(0.25):
             assert pacing.left() == 2.5
             now[0] = 2.5

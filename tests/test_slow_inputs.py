@@ -1,6 +1,7 @@
 """Inputs of which some took minutes, and motions on them that were refused: each is solved, and right."""
 
 from pathlib import Path
+from typing import Any
 
 import manifold3d
 import numpy as np
@@ -10,7 +11,9 @@ import trimesh
 from fcdm_opt import Body, Problem, Rotation, Status, Translation, solve
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.geometry.facets import surface_distance
+from fcdm_opt.judge.certificate import _Judge
 from fcdm_opt.proof.cells import best_site
+from fcdm_opt.proof.exclusion import Exclusion
 
 CASES = Path(__file__).parent / "cases"
 
@@ -94,6 +97,52 @@ def test_thin_parts_that_slip_past_each_other_touch_as_drawn(number: int) -> Non
     solution = solve(Problem(movable, static, target=(1.0, 1.0), goal="touch", motion=Translation("z")))
     assert solution.status is Status.ALREADY_SATISFIED, solution.certificate.failed
     assert {"apart below", "overlapping above"} <= {check.name for check in solution.certificate.checks}
+
+
+def test_a_clearance_nobody_had_proved_took_a_quarter_of_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts swollen by their clearance have many times the vertices, and as many cells were looked at as without."""
+    rng = np.random.default_rng(0)
+    balls = rng.normal(size=(2, 100, 3))
+    balls *= 5.0 / np.linalg.norm(balls, axis=2)[..., None]
+    movable, static = Body.convex(balls[0]), Body.convex(balls[1] + np.array([9.99, 0.2, 0.1]))
+    vertices, reasons = [0], Exclusion.reasons
+
+    def counted(scene: Exclusion, cells: Any, *rest: Any) -> Any:
+        each = sum(len(solid[0]) for solid in (*scene.movable, *scene.opponents))
+        vertices[0] += len(cells.faces) * each
+        return reasons(scene, cells, *rest)
+
+    monkeypatch.setattr(Exclusion, "reasons", counted)
+    motion = Translation("x") >> Rotation("z")
+    solution = solve(Problem(movable, static, target=(1.01, 1.01), goal="clear", clearance=6.0, motion=motion))
+    assert solution.usable
+    assert solution.gap <= 1e-2
+    assert vertices[0] < 1e7
+
+
+def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of hundreds of pairs that touch was looked at where each of as many contacts opens, all pairs of edges."""
+    sphere = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
+    ball = solid(np.array(sphere.vertices), np.array(sphere.faces))
+    cup = manifold3d.Manifold.cube([30.0, 30.0, 13.0]).translate([-15.0, -15.0, -13.0]) - ball
+    movable, static = (Body.from_mesh(*revolved(mesh)) for mesh in (ball, cup))
+    asked, gaps = [0], _Judge._gaps
+
+    def counted(judge: _Judge, pairs: np.ndarray, *rest: Any) -> list[float]:
+        asked[0] += len(pairs)
+        return gaps(judge, pairs, *rest)
+
+    monkeypatch.setattr(_Judge, "_gaps", counted)
+    motion = Translation("z")
+    solution = solve(Problem(movable, static, tolerance=0.005, requirement="A", goal="clear", motion=motion))
+    assert solution.status is Status.SOLVED, solution.certificate.failed
+    assert len(solution.features) > 10
+    assert asked[0] < 8 * len(solution.features)
+    rise = solution.parameters["TZ"]
+    drawn = (ball, movable.seed), (cup, static.seed)
+    made = [mesh.translate(-seed).scale([1.005] * 3).translate(seed) for mesh, seed in drawn]
+    assert (made[0].translate([0.0, 0.0, rise]) ^ made[1]).volume() <= 1e-9
+    assert (made[0].translate([0.0, 0.0, rise - 1e-4]) ^ made[1]).volume() > 1e-6
 
 
 def revolved(mesh: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:

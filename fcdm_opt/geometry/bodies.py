@@ -147,10 +147,12 @@ class ConvexPart(_Sealed):
     def carriers(self, element: Element) -> list[tuple[int, ...]]:
         """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""
         kind, labels = element.kind, set(element.vertices)
-        found = {k for k, own in enumerate(self.elements[kind]) if set(own.vertices) == labels and own.kind == kind}
-        for (where, k), span in self.elements.spans.items():
-            if where == kind and any(set(own.vertices) == labels and own.kind == kind for own in span.elements):
-                found.add(k)
+
+        def same(own: Element) -> bool:
+            return own.vertices[0] in labels and set(own.vertices) == labels and own.kind == kind
+
+        found = {k for k, own in enumerate(self.elements[kind]) if same(own)}
+        found |= {k for (at, k), span in self.elements.spans.items() if at == kind and any(map(same, span.elements))}
         if kind == "V":
             return [(k,) for k in sorted(found)]
         return [self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist()) for k in sorted(found)]

@@ -18,6 +18,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -206,6 +207,7 @@ class ScaledPair:
 
     def _asked(self, one: _Hull, two: _Hull, frames: Array) -> Array:
         """Return coal's signed distance of two hulls, asked again with a hint where it cannot be believed; units."""
+        pacing.check()
         if one.shape is None or two.shape is None:
             return np.array([_explicit(one, two, _Frame.of(frame)) for frame in frames])
         found, believed = self._distances(one, two, frames, self._request)
@@ -263,6 +265,7 @@ class ScaledPair:
         frame = self._frame(rho, transform)
         found = [np.empty((0, 2))]
         for one, two in product(*self._hulls):
+            pacing.check()
             gaps, n = _gaps(one, two, frame)
             if abs(np.fmax.reduce(gaps)) * frame.unit <= slack:
                 tight = n[gaps * frame.unit >= -slack]

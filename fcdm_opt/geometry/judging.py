@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -205,6 +206,7 @@ def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> A
 
 def _widest(one: Solid, two: Solid, frames: Array, edged: bool) -> Array:
     """Return the largest gap of two parts over their face normals, and pairs of edges if asked, in each frame, (k,)."""
+    pacing.check()
     return np.asarray(widest_gaps(*one[:4], *two[:4], frames, edged)[:, 0])
 
 
@@ -271,13 +273,16 @@ def _wider(best, i, j, n, x, y, way):
     A direction that is better is put into `way`. Two points of either part, those of the last direction first, rule
     most directions out.
     """
-    if _dot(n, y[j]) - _dot(n, x[i]) <= best:
+    most = _dot(n, y[j])
+    if most - _dot(n, x[i]) <= best:
         return best, i, j
     high, low = -np.inf, np.inf
     for m in range(len(x)):
         level = _dot(n, x[m])
         if level > high:
             high, i = level, m
+            if most - high <= best:  # of a ball beside what it touches, nearly all normals soon are out
+                return best, i, j
     for m in range(len(y)):
         level = _dot(n, y[m])
         if level < low:

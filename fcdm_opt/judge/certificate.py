@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Flags
@@ -22,14 +23,14 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
-from fcdm_opt.judge.engagement import outside_fit
+from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
-from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept_clear
+from fcdm_opt.problem.solution import IN_TIME, Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 SWEPT = 64  # keep-outs of which what they sweep is kept
@@ -64,6 +65,21 @@ def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = Fal
         return Certificate(solution.claims(proof=proof).checks())
     expected(solution, Solution, "solution")
     return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
+
+
+def judged(solution: Solution) -> tuple[Solution, Certificate]:
+    """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict.
+
+    Where the time given is over before, that is the one check, which fails.
+    """
+    pacing.at("judging the motion found")
+    try:
+        with pacing.judging():
+            solution = inside_fit(solution)
+            return solution, verify(solution)
+    except pacing.TimeOverError as over:
+        untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
+        return replace(solution, stopped=solution.stopped or str(over)), Certificate((untold,))
 
 
 def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
@@ -523,12 +539,19 @@ class _Judge:
         errors = {parts: error[0] for claim in self.claims for parts, error in claim.proofs(*here)}
         proved = {parts for parts, error in errors.items() if error <= self.limit}
         tight = min(errors.values(), default=np.inf) <= self.limit * self.tolerances.tight
-        found, near = [], self.limit / 2.0 * (self.tolerances.tight if tight else 1.0)
-        for parts in self.scaled.touching(self.rho, self.transform, near):
-            if parts not in proved:
-                gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), self.scaled.between(*parts)), nan=-np.inf)
-                found.append((float(gaps.max()), steps[int(gaps.argmax())]))
-        return found
+        near = self.limit / 2.0 * (self.tolerances.tight if tight else 1.0)
+        touching = self.scaled.touching(self.rho, self.transform, near)
+        return [self._opened(self.scaled.between(*parts), steps) for parts in touching if parts not in proved]
+
+    def _opened(self, own: ScaledPair, steps: list[Array]) -> tuple[float, Array]:
+        """Return how far a part pair opens at the first step that does, or else at best, and that step."""
+        here = self.transform[None]
+        for step in steps:
+            gap = own.lower_bounds((self.rho - step)[None], here)[0]
+            if gap > -self.limit:  # a face's normal shows it: nearly always the first
+                return float(gap), step
+        gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), own), nan=-np.inf)
+        return float(gaps.max()), steps[int(gaps.argmax())]
 
     def path(self) -> list[Check]:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""

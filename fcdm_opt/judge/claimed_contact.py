@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Ints
@@ -64,6 +65,7 @@ class Carriers:
         """Return the part pairs; their directions have no sign where that takes a pose."""
         found = self._found.get(feature)
         if found is None:
+            pacing.check()
             found = self._found[feature] = tuple(self._hosts(feature))
         return found
 
@@ -171,4 +173,5 @@ class Claim:
         return judging.contact_rows(*host[:-1], self._seeds, poses)
 
     def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
+        pacing.check()
         return judging.contact_errors(*host[:-1], self._seeds, pairs, poses)

@@ -19,6 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.errors import InputError
@@ -106,6 +107,7 @@ def _goes_through(problem: Problem, q: Array) -> bool:
         return False
     before = _corners(problem, 0.0, REST)
     for share in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
+        pacing.check()
         after = _corners(problem, share, motion.transform(share * q, *seeds))
         one, two = zip(before, after, strict=True)
         if any(passes(one, two, way, DEFAULT.snap * size) for way in _ways(one, two, size, turned > 0.0)):

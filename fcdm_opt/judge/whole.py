@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of, near_facets, surface_distance
@@ -52,6 +53,7 @@ class WholeSurfaces:
         """Return the bodies with only the parts whose surfaces are near each other, and what is known of the rest."""
         band = self._distance(slice(None), slice(None)) + FIRST * self._size
         while True:
+            pacing.check()
             found = near_facets(self._own[0], self._points[0], self._own[1], self._points[1], band)
             pairs = found.parts[found.furthest(np.empty((0, 3)), 1.0, 0.0, 2.0 * band) <= band]
             near = [np.zeros(len(body.parts), bool) for body in self._bodies]
@@ -87,6 +89,7 @@ class WholeSurfaces:
         found, near = 0, FIRST * self._size
         low, high = solid.min(axis=1) - near, solid.max(axis=1) + near
         for rows in self._own[one].shells:
+            pacing.check()
             points = self._points[one][rows]
             boxes = [solid[((low <= point) & (point <= high)).all(axis=1)] for point in points]
             on = [(distances(point[None, None], own) <= near).any() for point, own in zip(points, boxes, strict=True)]

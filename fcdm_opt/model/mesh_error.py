@@ -65,7 +65,9 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
             with pacing.within(seconds, share=1.0):
                 return _of_smaller(solution, solve(_about(problem, inner), "quick"))
         if _comparable(problem):
-            return _bracketed(solution, *(_least_of(_about(problem, own), solve, seconds) for own in (inner, outer)))
+            ends = [_least_of(_about(problem, own), solve, seconds) for own in (inner, outer)]
+            pacing.check()  # what was cut short would be told as open
+            return _bracketed(solution, *ends)
         if _stays_clear(solution, outer):
             return _between(solution, solution.amount, solution.amount)
     return solution

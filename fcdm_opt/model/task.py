@@ -278,13 +278,6 @@ class Task:
         """Number of pairs of convex parts."""
         return len(self.movable.parts) * len(self.opponents)
 
-    @property
-    def tested_vertices(self) -> int:
-        """Vertices that are looked at where all part pairs are, one after the other."""
-        one = sum(len(part.vertices) for part in self.movable.parts)
-        others = [len(opponent.part.vertices) for opponent in self.opponents]
-        return one * len(others) + len(self.movable.parts) * sum(others)
-
     def named(self, parts: Parts) -> str:
         """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
         keep_out = self.opponents[parts[1]].keep_out

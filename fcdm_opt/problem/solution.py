@@ -72,6 +72,9 @@ class Status(Enum):
 
 
 UNTIMED = "No motion found by then, and none proved impossible: allow more time."
+UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
+IN_TIME = "judged in time"
+"""Name of the one check of what the time given did not do for judging."""
 
 UNLIMITED = {
     Status.INFEASIBLE: "Proved impossible with this motion: choose another motion, a smaller tolerance or other sizes.",
@@ -359,6 +362,8 @@ class Solution(Bounded, Shown):
             told = UNLIMITED.get(self.status, told)
         if self.stopped and self.status is Status.NOT_FOUND:
             told = UNTIMED
+        if self.certificate and any(check.name == IN_TIME for check in self.certificate.checks):
+            told = UNJUDGED
         if self.stopped:
             told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
         if self.usable or self.status is Status.NOT_VERIFIED:

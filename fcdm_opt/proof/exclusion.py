@@ -115,6 +115,15 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
 
 
+def tested_vertices(task: Task, *, swollen: bool) -> int:
+    """Return how many vertices are looked at in a cell where all part pairs are; of swollen parts all their points."""
+    one = sum(len(part.vertices) for part in task.movable.parts)
+    others = [len(own.part.vertices) for own in task.opponents]
+    if swollen:
+        others += [2 * (1 + len(BETWEEN)) * len(own.part.edges) for own in task.opponents if own.need > 0.0]
+    return one * len(task.opponents) + len(task.movable.parts) * sum(others)
+
+
 class Exclusion:
     """A task in the terms of the tests: everything about the seeds, body 1 moving.
 

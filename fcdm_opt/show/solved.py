@@ -64,8 +64,9 @@ def solved_case(
     if solution.evidence is not None and not pacing.over():
         pacing.at(f"checking the proof for {problem.name}")
         start = perf_counter()
-        certificate = verify(solution, proof=True)
-        solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
+        with suppress(pacing.TimeOverError), pacing.judging():
+            certificate = verify(solution, proof=True)
+            solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
     published = None
     if problem.published is not None:
         published = Task.of(problem).amount(np.array(problem.published))

@@ -22,6 +22,7 @@ from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
+from fcdm_opt.proof.exclusion import tested_vertices
 from fcdm_opt.stages import direction_search, ways_apart
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
@@ -44,7 +45,7 @@ CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
 CELLS_MORE = 60_000  # the same, for more parameters
 FEWEST = 100  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
-DENYING = 2e6  # the same, of three parameters within limits: about a second, less than the program takes to give up
+SOON = 2e6  # the same: about a second; of three parameters within limits less than the program takes to give up
 SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
@@ -81,7 +82,7 @@ def _denied(task: Task) -> Answer | None:
     if len(task.weights) > MOST_CHECKED or task.tracked or task.keep_out or not (task.weighted and limited):
         return None
     try:
-        proof = prove(task, np.inf, aims=[(GAP, _most(task, DENYING))])
+        proof = prove(task, np.inf, aims=[(GAP, _most(task, SOON))])
     except NotImplementedError:  # as in `bounded`
         return None
     return None if np.isfinite(proof.lower_bound) else Answer(Status.INFEASIBLE, None, STAGE, np.inf)
@@ -125,7 +126,8 @@ def proved(
     if answer.q is not None and not answer.q.any():
         return answer, None
     if answer.q is not None and _closed(task, answer, FINE_GAP):
-        few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
+        few = len(task.weights) <= MOST_PARAMETERS
+        few = few or tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
             return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
@@ -141,7 +143,8 @@ def proved(
         answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
     if len(task.weights) <= MOST_PARAMETERS:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
-        aims = [*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)]
+        close, most = (CONFIRMING, PROVING) if gap < SHOWN_GAP else (SOON, CONFIRMING)
+        aims = [*([(CONFIRMED_GAP, close)] if fine else []), (gap, most)]
         return bounded(task, answer, aims=aims, until=until, checked=checked)
     answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
@@ -298,7 +301,7 @@ def bounded(
 
     try:
         timed = np.isfinite(until)
-        cells = [(gap, sys.maxsize if timed else _most(task, effort, share)) for gap, effort in aims]
+        cells = [(gap, sys.maxsize if timed else _most(task, effort, share, not checked)) for gap, effort in aims]
         aimed = cells[-1:] if timed else cells
         proof = prove(task, upper, aims=aimed, until=until, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
@@ -319,10 +322,10 @@ def bounded(
     return replace(answer, lower_bound=bound), kept
 
 
-def _most(task: Task, effort: float, share: float = 1.0) -> int:
-    """Return how many cells an effort allows, or a share of it."""
+def _most(task: Task, effort: float, share: float = 1.0, swollen: bool = False) -> int:
+    """Return how many cells an effort allows, or a share of it; of parts that are swollen by their clearance fewer."""
     most = CELLS.get(len(task.weights), CELLS_MORE)
-    return int(np.clip(share * effort / task.tested_vertices, FEWEST, share * most))
+    return int(np.clip(share * effort / tested_vertices(task, swollen=swollen), FEWEST, share * most))
 
 
 def near(task: Task, q: Array) -> Answer | None:

@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.model.bounds import displacement_bound
@@ -380,6 +381,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     touching = [own for own in systems if own.task.must_touch and not own.features]
     moving, share, last = systems[0].moving, 1.0, np.zeros(len(z))
     for _ in range(STEPS):
+        pacing.check()
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
         sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
