@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from step_files import cylinder, polyhedron, revolved
 from test_tessellation import PLATE, SIDES, read, run
 
 import fcdm_opt as fo
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.show.assemblies import assembly_verdict
 from fcdm_opt.show.verdict import verdict_text
+from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 
 TAPER, WIDE, LONG, LARGER = 1.0 / 20.0, 9.0, 40.0, 1.001
 STICKS_OUT = WIDE * (LARGER - 1.0) / TAPER  # of cones with radii 9 s + z / 20 and 9 + z / 20
@@ -168,6 +169,31 @@ def test_line_to_line_is_left_open() -> None:
     assert "leaves open" in words or "leaves that open" in words
 
 
+def shaft_in_a_bush(radius: float, bore: float) -> fo.Problem:
+    """Return how a shaft of facets is to be cleared across its axis of a bush of facets out of phase."""
+    shaft = fo.Body.convex(np.vstack([ring(radius, 32, z, 0.5) for z in (-5.0, 45.0)]), name="shaft")
+    bush, x = bored(bore, bore, 20.0, 32), fo.Translation("x")
+    return fo.Problem(shaft, bush, target=(1.0, 1.0), motion=x, goal="clear", limits={"TX": (-1.0, 1.0)})
+
+
+def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
+    """The cylinders have .02 of play, their facets overlap by up to .048 - .02; it was "impossible (proved)"."""
+    problem = shaft_in_a_bush(9.98, 10.0)
+    for effort in ("proved", "quick"):
+        solution = fo.solve(problem, effort=effort)
+        assert solution.status in (fo.Status.INFEASIBLE, fo.Status.OUTSIDE_FIT)
+        words = verdict_text(solution)
+        assert "proved" not in words
+        assert "the mesh leaves open" in words
+        assert "Proved" not in solution.advice
+        assert math.isnan(solution.amount_low) == (effort == "quick")
+    tight = fo.solve(shaft_in_a_bush(10.2, 10.0))  # no cylinders either
+    assert not tight.usable
+    assert tight.amount_low == tight.amount_high == math.inf
+    assert "mesh" not in verdict_text(tight)
+    assert fo.Solution.from_dict(json.loads(json.dumps(tight.to_dict()))).amount_low == math.inf
+
+
 def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))
@@ -182,6 +208,31 @@ def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     ]
     for ends in wrong:
         assert [check.name for check in fo.verify(replace(again, **ends)).failed] == ["amount the mesh allows"]
+
+
+def test_what_meshes_leave_open_of_an_assembly_is_told() -> None:
+    """A peg stands out of its socket by the closed form, a block lies on the socket's rim; it was "(proved)"."""
+    plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
+    block = fo.Body.convex(np.array([100.0, 0.0, 1.0]) + PLATE, name="block")
+    slab = fo.Body.convex(np.array([100.0, 0.0, -10.0]) + PLATE * [1, 1, 0.5], name="slab")
+    parts = {"socket": socket, "plug": plug, "slab": slab, "block": block}
+    down = float(block.vertices[:, 2].min() - slab.vertices[:, 2].max())
+    contacts = [{"parts": ("plug", "socket"), "goal": "clear"}, {"parts": ("block", "slab"), "goal": "touch"}]
+    assembly = fo.Assembly(parts, contacts, motions={"plug": Z, "block": Z}, scales={"plug": LARGER}, unit="mm")
+    solution = fo.solve_assembly(assembly)
+    assert solution.usable
+    assert solution.amount_low <= math.hypot(STICKS_OUT, down) <= solution.amount_high
+    assert solution.amount_low < solution.amount_high
+    told = json.loads(json.dumps(solution.to_dict()))
+    assert (told["amount_low"], told["amount_high"]) == (solution.amount_low, solution.amount_high)
+    assert "proved" not in assembly_verdict(solution)
+    assert "the mesh leaves that open" in assembly_verdict(solution)
+    wrong = replace(solution, amount_low=1.01 * solution.amount)
+    assert "amount the mesh allows" in [check.name for check in fo.verify_assembly(wrong).failed]
+    plain = fo.Assembly({"slab": slab, "block": block}, contacts[1:], motions={"block": Z})
+    exact = fo.solve_assembly(plain)
+    assert exact.amount_low == exact.amount == exact.amount_high == pytest.approx(down)
+    assert "smallest possible together (proved)" in assembly_verdict(exact)
 
 
 def test_errors_of_facets_come_back_with_a_stored_body(tmp_path: Path) -> None:
