@@ -271,3 +271,32 @@ def test_stack_and_map_repeat_how_well_gaps_are_known(tmp_path: Path) -> None:
     assert known in " ".join(printed.output.split())
     (entry,) = json.loads(run("stack", path, "--json").stdout)[0]["cases"]
     assert any(known in text for text in entry["known_to"])
+
+
+def test_stack_yield_and_map_state_what_the_mesh_leaves_open() -> None:
+    """A peg of radius 9.9 .1 above a plane, on its side: its cylinder reaches .085 further down than its facets."""
+    peg = fo.Body.convex(np.vstack([ring(9.9, 24, z, 0.5) for z in (0.0, 10.0)])[:, [0, 2, 1]], name="peg")
+    low = float(peg.vertices[:, 2].min())
+    plate = fo.Body.convex(PLATE + np.array([0.0, 0.0, low - 10.1]), name="plate")
+    size = fo.Size("plate", body="static", faces="top", tolerance=0.05)
+    sagitta = 9.9 * (1 - math.cos(math.pi / 24))
+    problem = fo.Problem(peg, plate, target=(1.0, 1.0), motion=Z, goal="clear", unit="mm", sizes=[size])
+    stack = fo.stack_up(problem, limits=(0.03, 1.0))
+    worst = stack.worst()
+    assert 9.9 + low == pytest.approx(sagitta)
+    assert worst.least_low == pytest.approx(0.05 - sagitta)
+    assert worst.largest_high == pytest.approx(worst.largest) == pytest.approx(0.15)
+    drawn = stack.yield_(100_000)
+    assert drawn.share == drawn.share_high > 0.9999
+    true = stack.gap(np.linspace(-0.05, 0.05, 9)[:, None]) - sagitta  # of the cylinder
+    assert (true < 0.03).any()
+    exact = fo.stack_up(problem, limits=(0.03 + sagitta, 1.0)).yield_(100_000)
+    assert drawn.share_low == pytest.approx(exact.share, abs=1e-9)
+    assert drawn.share_low < drawn.share
+    told = json.loads(json.dumps(stack.to_dict()))
+    assert "gaps are known to" in told["known_to"][0]
+    scales = fo.compensation_map(problem.changed(sizes=()), box=((1.0, 1.02), (1.0, 1.01)), budget=60)
+    assert "gaps are known to" in str(scales)
+    assert fo.CompensationMap.from_dict(json.loads(json.dumps(scales.to_dict()))).known_to == scales.known_to
+    spread = (fo.Uniform(1.0, 1.02), fo.Uniform(1.0, 1.01))
+    assert scales.known_to[0] in str(fo.assembly_yield(scales, sizes=spread, budget=0.1, count=1000))

@@ -252,19 +252,29 @@ def _least_move(normals: Array, least: Array) -> Array | None:
 # ------------------------------------------------------------------------------------------------------- in words
 
 
+def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
+    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most.
+
+    (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`.
+    """
+    if not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in (movable, *others)):
+        return 0.0, 0.0
+    own, *further = [deviation_of(body) for body in (movable, *others)]
+    return own[0] + max(other[0] for other in further), own[1] + max(other[1] for other in further)
+
+
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
 
-    None where they are off by no more than the digits of files, `Tolerances.drawn`.
+    None where they are not, see `gaps_off`.
     """
+    out, short = gaps_off(movable, others)
+    if not max(out, short) > 0.0:
+        return []
     reasons: dict[str, list[str]] = {}
     for body in (movable, *others):
         if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
             reasons.setdefault("approximation" if approximated else "tessellation", []).append(body.name)
-    if not reasons:
-        return []
-    own, *further = [deviation_of(body) for body in (movable, *others)]
-    out, short = (own[k] + max(other[k] for other in further) for k in (0, 1))
     told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
     return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
