@@ -160,6 +160,56 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
     assert (outer.vertices.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
 
 
+def arc(u: float, h: float, radius: float, start: float, end: float, count: int) -> list[tuple[float, float]]:
+    return [(u + radius * math.cos(t), h + radius * math.sin(t)) for t in np.linspace(start, end, count)]
+
+
+TORI = {
+    "ring": (arc(10, 0, 3, 0, 2 * np.pi, 25), 2 * math.pi**2 * 10 * 9),
+    # pi times (20^2 5 + 10^2 15) and what the fillet of 3 leaves of a square turned about its centre, by Pappus
+    "collar": (
+        [(0, 0), (20, 0), (20, 5), *arc(13, 8, 3, -np.pi / 2, -np.pi, 7), (10, 20), (0, 20)],
+        math.pi * (2000 + 1500) + 2 * math.pi * (9 * 11.5 - 9 * math.pi / 4 * (13 - 4 * 3 / (3 * math.pi))),
+    ),
+    "rounded": (
+        [(0, 0), (10, 0), *arc(8, 8, 2, 0, np.pi / 2, 6), (0, 10)],
+        math.pi * 100 * 10 - 2 * math.pi * (4 * 9 - math.pi * (8 + 4 * 2 / (3 * math.pi))),
+    ),
+}
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("kind", TORI)
+def test_fillets_of_plain_meshes_count_as_tori(tmp_path: Path, kind: str, single: bool) -> None:
+    """They counted as exact, so that what the mesh leaves open was told too narrow."""
+    profile, volume = TORI[kind]
+    mesh = trimesh.creation.revolve(np.array(profile), sections=24)
+    mesh.apply_transform(trimesh.transformations.random_rotation_matrix(np.array([0.3, 0.5, 0.8])))
+    if single:
+        mesh.export(tmp_path / "part.stl")
+        body = fo.Body.from_file(tmp_path / "part.stl", unit="mm", decomposition="surface")
+    else:
+        body = fo.Body.from_mesh(mesh.vertices, mesh.faces, decomposition="surface")
+    errors = facet_errors(body)
+    fillet = 24 * (sum(math.isclose(math.hypot(u - 13, h - 8), 3.0) for u, h in profile) - 1)
+    assert errors.any(axis=1).sum() == {"ring": 24 * 24, "collar": fillet + 48, "rounded": 24 * 6}[kind]
+    inner, outer = (np.linalg.det(own.face_triangles[0]).sum() / 6.0 for own in bounding_bodies(body))
+    assert inner < volume < outer
+    assert inner < mesh.volume < outer
+
+
+def test_a_ring_on_its_side_touches_where_its_torus_may() -> None:
+    mesh = trimesh.creation.revolve(np.array(arc(10, 0, 3, 0, 2 * np.pi, 13)), sections=16)
+    turned = np.array(mesh.vertices) @ about_z(math.pi / 16).T
+    body = fo.Body.from_mesh(turned[:, [0, 2, 1]], np.array(mesh.faces)[:, ::-1], seed=[0, 0, 0], name="ring")
+    plate = fo.Body.convex(PLATE - np.array([0.0, 0.0, 24.0]), name="plate")
+    solution = fo.solve(fo.Problem(body, plate, target=(1.0, 1.0), motion=Z, goal="touch"))
+    assert solution.amount == pytest.approx(14.0 - 13.0 * math.cos(math.pi / 16))
+    assert holds(solution, 1.0)
+    assert solution.amount_low < 1.0 + 1e-9
+    assert "smallest possible" not in verdict_text(solution)
+
+
 def test_line_to_line_is_left_open() -> None:
     """A shaft in a bore of its diameter, out of phase: the facets overlap, the cylinders touch all round."""
     shaft = fo.Body.convex(np.vstack([ring(10.0, 32, z, 0.5) for z in (-5.0, 45.0)]), name="shaft")
