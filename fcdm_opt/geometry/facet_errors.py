@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import unit_normals
+from fcdm_opt.geometry.measures import norms, unit_normals
 from fcdm_opt.geometry.naming import FEWEST, MANY, ROUND, Label, Round, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
@@ -30,6 +30,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
 GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # of the angle between facets of a round face, at most
+SOME, MOST_STEPS = 300, 20  # corners that a torus is fitted to, and steps of it
 TOO_LARGE = 100.0  # times what is seen of a torus: its radii are not told by that
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
@@ -115,26 +116,25 @@ def _torus(corners: Array, middles: Array, normals: Array) -> Swept | None:
 
     origin, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
     points, places = (corners - origin) / size, (middles - origin) / size
-    axis, moment = np.split(np.linalg.svd(np.column_stack([np.cross(places, normals), normals]))[2][-1], 2)
+    lines = np.column_stack([np.cross(places, normals), normals])
+    axis, moment = np.split(np.linalg.svd(lines, full_matrices=False)[2][-1], 2)
     if not np.linalg.norm(axis) > ROUND:
         return None
     base = np.cross(axis, moment) / (axis @ axis)
 
-    def profile(line: Array) -> tuple[Array, Array]:
+    def circle(line: Array, points: Array) -> tuple[Array, Array]:
         way = line[3:] / np.linalg.norm(line[3:])
         along = (points - line[:3]) @ way
-        return along, np.linalg.norm(points - line[:3] - along[:, None] * way, axis=1)
-
-    def circle(line: Array) -> tuple[Array, Array]:
-        along, far = profile(line)
+        far = norms(points - line[:3] - along[:, None] * way)
         a, b, c = np.linalg.lstsq(np.column_stack([2.0 * far, 2.0 * along, np.ones(len(far))]), far**2 + along**2)[0]
         radius = np.sqrt(max(c + a * a + b * b, 0.0))
         return np.array([a, b, radius]), np.hypot(far - a, along - b) - radius
 
     line = np.concatenate([base, axis / np.linalg.norm(axis)])
-    if np.abs(circle(line)[1]).max() > ROUND**2:
-        line = least_squares(lambda own: circle(own)[1], line, xtol=DEFAULT.nominal).x
-    (ring, height, radius), off = circle(line)
+    if np.abs(circle(line, points)[1]).max() > ROUND**2:
+        some = points[:: max(1, len(points) // SOME)]
+        line = least_squares(lambda own: circle(own, some)[1], line, xtol=DEFAULT.nominal, max_nfev=MOST_STEPS).x
+    (ring, height, radius), off = circle(line, points)
     way = line[3:] / np.linalg.norm(line[3:])
     if np.abs(off).max() > ROUND * radius or not 0.0 <= ring <= TOO_LARGE or radius > TOO_LARGE:
         return None
