@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import hypot
+from math import hypot, nan
 from time import perf_counter
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed, verify_assembly
 from fcdm_opt.model.reported import reported
@@ -73,7 +74,8 @@ def solve_assembly(
 class _Met(NamedTuple):
     """How a group of contacts that share motions is met: parameters by part, none without a motion.
 
-    `bound` is of the weighted amount of the group's parts; `contacts` are the solutions by their pairs.
+    `bound` is of the weighted amount of the group's parts, `open_` what meshes leave open of it; `contacts` are the
+    solutions by their pairs.
     """
 
     status: Status
@@ -82,6 +84,7 @@ class _Met(NamedTuple):
     stage: str
     active: tuple[str, ...]
     contacts: dict[tuple[str, str], Solution]
+    open_: tuple[float, float] = (nan, nan)
 
 
 class _Solving:
@@ -122,7 +125,8 @@ class _Solving:
         q = {part: np.array([*found.parameters.values()])} if found.status.found else {}
         weight = self._assembly.weights[part]
         active = tuple(f"{pair}: {told}" for told in found.active)
-        return _Met(found.status, q, weight * found.lower_bound, f"{pair}: {found.stage}", active, {pair[:2]: found})
+        ends, told = (weight * found.amount_low, weight * found.amount_high), f"{pair}: {found.stage}"
+        return _Met(found.status, q, weight * found.lower_bound, told, active, {pair[:2]: found}, ends)
 
     def _solved(self, pair: JoinedPair) -> Solution:
         """Return the solution of a contact by one part's own motion, worked out once."""
@@ -198,6 +202,10 @@ class _Solving:
         amount = hypot(*(assembly.weights[part] * own for part, own in amounts.items()))
         poses = assembly.poses(every)
         contacts = {pair: own for group in groups for pair, own in group.contacts.items()}
+        low, high = np.linalg.norm([group.open_ for group in groups], axis=0).tolist() if groups else (amount, amount)
+        bodies = [*assembly.bodies_made.values()]
+        if not known_to(bodies[0], bodies[1:], assembly.unit):
+            low = high = amount
         rest = not any(own.any() for own in every.values())
         return AssemblySolution(
             status=Status.ALREADY_SATISFIED if rest else Status.SOLVED,
@@ -206,6 +214,8 @@ class _Solving:
             amounts=amounts,
             amount=amount,
             lower_bound=min(bound, amount),
+            amount_low=min(low, amount),
+            amount_high=max(high, amount),
             contacts=tuple(contacts[pair[:2]] for pair in assembly.contacts),
             **told,  # type: ignore[arg-type]
         )

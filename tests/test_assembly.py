@@ -449,6 +449,7 @@ def test_parts_that_overlap_elsewhere_are_refused() -> None:
     wrong = replace(
         good, parameters=q, contacts=tuple(alone), amount=hypot(*(own.amount for own in alone)), lower_bound=0.0,
         amounts={part: own.amount for part, own in zip(q, alone, strict=True)},
+        amount_low=hypot(*(own.amount_low for own in alone)), amount_high=hypot(*(own.amount_high for own in alone)),
         transforms=near.poses({part: list(own.values()) for part, own in q.items()}),
     )  # fmt: skip
     failed = fo.verify_assembly(wrong).failed

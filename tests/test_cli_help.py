@@ -247,7 +247,8 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     done = process("schema", stdout=writer)
     os.close(writer)
     _, errors = done.communicate(timeout=60)
-    assert (done.returncode, errors) == (BROKEN_PIPE, "")
+    told = [line for line in errors.splitlines() if not line.startswith("still ")]  # what a slow machine says meanwhile
+    assert (done.returncode, told) == (BROKEN_PIPE, [])
 
 
 # ---------------------------------------------------------------------------------------------------------------- range

@@ -321,6 +321,8 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
     "amount": [scaled(1.01), scaled(0.99), of(float("nan"))],
     # no evidence is kept of assemblies: a bound that is no more than the amount is the solver's word
     "lower_bound": [scaled(1.01), of(float("inf")), of(float("nan")), of(-1.0)],
+    "amount_low": [scaled(1.01), of(float("nan")), of(-1.0)],
+    "amount_high": [scaled(0.99), of(float("nan"))],
     "contacts": [
         of(()),
         lambda own: own[1:],

@@ -15,6 +15,7 @@ from test_tessellation import PLATE, SIDES, read, run
 
 import fcdm_opt as fo
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.show.assemblies import assembly_verdict
 from fcdm_opt.show.verdict import verdict_text
 from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 
@@ -159,6 +160,56 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
     assert (outer.vertices.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
 
 
+def arc(u: float, h: float, radius: float, start: float, end: float, count: int) -> list[tuple[float, float]]:
+    return [(u + radius * math.cos(t), h + radius * math.sin(t)) for t in np.linspace(start, end, count)]
+
+
+TORI = {
+    "ring": (arc(10, 0, 3, 0, 2 * np.pi, 25), 2 * math.pi**2 * 10 * 9),
+    # pi times (20^2 5 + 10^2 15) and what the fillet of 3 leaves of a square turned about its centre, by Pappus
+    "collar": (
+        [(0, 0), (20, 0), (20, 5), *arc(13, 8, 3, -np.pi / 2, -np.pi, 7), (10, 20), (0, 20)],
+        math.pi * (2000 + 1500) + 2 * math.pi * (9 * 11.5 - 9 * math.pi / 4 * (13 - 4 * 3 / (3 * math.pi))),
+    ),
+    "rounded": (
+        [(0, 0), (10, 0), *arc(8, 8, 2, 0, np.pi / 2, 6), (0, 10)],
+        math.pi * 100 * 10 - 2 * math.pi * (4 * 9 - math.pi * (8 + 4 * 2 / (3 * math.pi))),
+    ),
+}
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("kind", TORI)
+def test_fillets_of_plain_meshes_count_as_tori(tmp_path: Path, kind: str, single: bool) -> None:
+    """They counted as exact, so that what the mesh leaves open was told too narrow."""
+    profile, volume = TORI[kind]
+    mesh = trimesh.creation.revolve(np.array(profile), sections=24)
+    mesh.apply_transform(trimesh.transformations.random_rotation_matrix(np.array([0.3, 0.5, 0.8])))
+    if single:
+        mesh.export(tmp_path / "part.stl")
+        body = fo.Body.from_file(tmp_path / "part.stl", unit="mm", decomposition="surface")
+    else:
+        body = fo.Body.from_mesh(mesh.vertices, mesh.faces, decomposition="surface")
+    errors = facet_errors(body)
+    fillet = 24 * (sum(math.isclose(math.hypot(u - 13, h - 8), 3.0) for u, h in profile) - 1)
+    assert errors.any(axis=1).sum() == {"ring": 24 * 24, "collar": fillet + 48, "rounded": 24 * 6}[kind]
+    inner, outer = (np.linalg.det(own.face_triangles[0]).sum() / 6.0 for own in bounding_bodies(body))
+    assert inner < volume < outer
+    assert inner < mesh.volume < outer
+
+
+def test_a_ring_on_its_side_touches_where_its_torus_may() -> None:
+    mesh = trimesh.creation.revolve(np.array(arc(10, 0, 3, 0, 2 * np.pi, 13)), sections=16)
+    turned = np.array(mesh.vertices) @ about_z(math.pi / 16).T
+    body = fo.Body.from_mesh(turned[:, [0, 2, 1]], np.array(mesh.faces)[:, ::-1], seed=[0, 0, 0], name="ring")
+    plate = fo.Body.convex(PLATE - np.array([0.0, 0.0, 24.0]), name="plate")
+    solution = fo.solve(fo.Problem(body, plate, target=(1.0, 1.0), motion=Z, goal="touch"))
+    assert solution.amount == pytest.approx(14.0 - 13.0 * math.cos(math.pi / 16))
+    assert holds(solution, 1.0)
+    assert solution.amount_low < 1.0 + 1e-9
+    assert "smallest possible" not in verdict_text(solution)
+
+
 def test_line_to_line_is_left_open() -> None:
     """A shaft in a bore of its diameter, out of phase: the facets overlap, the cylinders touch all round."""
     shaft = fo.Body.convex(np.vstack([ring(10.0, 32, z, 0.5) for z in (-5.0, 45.0)]), name="shaft")
@@ -166,6 +217,31 @@ def test_line_to_line_is_left_open() -> None:
     words = verdict_text(solution)
     assert solution.amount_low == 0.0
     assert "leaves open" in words or "leaves that open" in words
+
+
+def shaft_in_a_bush(radius: float, bore: float) -> fo.Problem:
+    """Return how a shaft of facets is to be cleared across its axis of a bush of facets out of phase."""
+    shaft = fo.Body.convex(np.vstack([ring(radius, 32, z, 0.5) for z in (-5.0, 45.0)]), name="shaft")
+    bush, x = bored(bore, bore, 20.0, 32), fo.Translation("x")
+    return fo.Problem(shaft, bush, target=(1.0, 1.0), motion=x, goal="clear", limits={"TX": (-1.0, 1.0)})
+
+
+def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
+    """The cylinders have .02 of play, their facets overlap by up to .048 - .02; it was "impossible (proved)"."""
+    problem = shaft_in_a_bush(9.98, 10.0)
+    for effort in ("proved", "quick"):
+        solution = fo.solve(problem, effort=effort)
+        assert solution.status in (fo.Status.INFEASIBLE, fo.Status.OUTSIDE_FIT)
+        words = verdict_text(solution)
+        assert "proved" not in words
+        assert "the mesh leaves open" in words
+        assert "Proved" not in solution.advice
+        assert math.isnan(solution.amount_low) == (effort == "quick")
+    tight = fo.solve(shaft_in_a_bush(10.2, 10.0))  # no cylinders either
+    assert not tight.usable
+    assert tight.amount_low == tight.amount_high == math.inf
+    assert "mesh" not in verdict_text(tight)
+    assert fo.Solution.from_dict(json.loads(json.dumps(tight.to_dict()))).amount_low == math.inf
 
 
 def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
@@ -182,6 +258,31 @@ def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     ]
     for ends in wrong:
         assert [check.name for check in fo.verify(replace(again, **ends)).failed] == ["amount the mesh allows"]
+
+
+def test_what_meshes_leave_open_of_an_assembly_is_told() -> None:
+    """A peg stands out of its socket by the closed form, a block lies on the socket's rim; it was "(proved)"."""
+    plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
+    block = fo.Body.convex(np.array([100.0, 0.0, 1.0]) + PLATE, name="block")
+    slab = fo.Body.convex(np.array([100.0, 0.0, -10.0]) + PLATE * [1, 1, 0.5], name="slab")
+    parts = {"socket": socket, "plug": plug, "slab": slab, "block": block}
+    down = float(block.vertices[:, 2].min() - slab.vertices[:, 2].max())
+    contacts = [{"parts": ("plug", "socket"), "goal": "clear"}, {"parts": ("block", "slab"), "goal": "touch"}]
+    assembly = fo.Assembly(parts, contacts, motions={"plug": Z, "block": Z}, scales={"plug": LARGER}, unit="mm")
+    solution = fo.solve_assembly(assembly)
+    assert solution.usable
+    assert solution.amount_low <= math.hypot(STICKS_OUT, down) <= solution.amount_high
+    assert solution.amount_low < solution.amount_high
+    told = json.loads(json.dumps(solution.to_dict()))
+    assert (told["amount_low"], told["amount_high"]) == (solution.amount_low, solution.amount_high)
+    assert "proved" not in assembly_verdict(solution)
+    assert "the mesh leaves that open" in assembly_verdict(solution)
+    wrong = replace(solution, amount_low=1.01 * solution.amount)
+    assert "amount the mesh allows" in [check.name for check in fo.verify_assembly(wrong).failed]
+    plain = fo.Assembly({"slab": slab, "block": block}, contacts[1:], motions={"block": Z})
+    exact = fo.solve_assembly(plain)
+    assert exact.amount_low == exact.amount == exact.amount_high == pytest.approx(down)
+    assert "smallest possible together (proved)" in assembly_verdict(exact)
 
 
 def test_errors_of_facets_come_back_with_a_stored_body(tmp_path: Path) -> None:
@@ -220,3 +321,32 @@ def test_stack_and_map_repeat_how_well_gaps_are_known(tmp_path: Path) -> None:
     assert known in " ".join(printed.output.split())
     (entry,) = json.loads(run("stack", path, "--json").stdout)[0]["cases"]
     assert any(known in text for text in entry["known_to"])
+
+
+def test_stack_yield_and_map_state_what_the_mesh_leaves_open() -> None:
+    """A peg of radius 9.9 .1 above a plane, on its side: its cylinder reaches .085 further down than its facets."""
+    peg = fo.Body.convex(np.vstack([ring(9.9, 24, z, 0.5) for z in (0.0, 10.0)])[:, [0, 2, 1]], name="peg")
+    low = float(peg.vertices[:, 2].min())
+    plate = fo.Body.convex(PLATE + np.array([0.0, 0.0, low - 10.1]), name="plate")
+    size = fo.Size("plate", body="static", faces="top", tolerance=0.05)
+    sagitta = 9.9 * (1 - math.cos(math.pi / 24))
+    problem = fo.Problem(peg, plate, target=(1.0, 1.0), motion=Z, goal="clear", unit="mm", sizes=[size])
+    stack = fo.stack_up(problem, limits=(0.03, 1.0))
+    worst = stack.worst()
+    assert 9.9 + low == pytest.approx(sagitta)
+    assert worst.least_low == pytest.approx(0.05 - sagitta)
+    assert worst.largest_high == pytest.approx(worst.largest) == pytest.approx(0.15)
+    drawn = stack.yield_(100_000)
+    assert drawn.share == drawn.share_high > 0.9999
+    true = stack.gap(np.linspace(-0.05, 0.05, 9)[:, None]) - sagitta  # of the cylinder
+    assert (true < 0.03).any()
+    exact = fo.stack_up(problem, limits=(0.03 + sagitta, 1.0)).yield_(100_000)
+    assert drawn.share_low == pytest.approx(exact.share, abs=1e-9)
+    assert drawn.share_low < drawn.share
+    told = json.loads(json.dumps(stack.to_dict()))
+    assert "gaps are known to" in told["known_to"][0]
+    scales = fo.compensation_map(problem.changed(sizes=()), box=((1.0, 1.02), (1.0, 1.01)), budget=60)
+    assert "gaps are known to" in str(scales)
+    assert fo.CompensationMap.from_dict(json.loads(json.dumps(scales.to_dict()))).known_to == scales.known_to
+    spread = (fo.Uniform(1.0, 1.02), fo.Uniform(1.0, 1.01))
+    assert scales.known_to[0] in str(fo.assembly_yield(scales, sizes=spread, budget=0.1, count=1000))

@@ -17,9 +17,11 @@ from solids import FAMILIES, random_solid
 from strategies import random_rotation
 
 import fcdm_opt as fo
+from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.solids import contains
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt_benchmarks.step_files import cylinder, polyhedron
 
@@ -381,6 +383,35 @@ def test_solids_face_on_face_in_one_file_are_one_body_or_each_by_name(tmp_path, 
         assert {tuple(x) for x in body.vertices.tolist()} == {tuple(x) for x in points.tolist()}
     with pytest.raises(InputError, match=f"no such solid in the file; found 'lid'; allowed: .*{names[0]}"):
         fo.Body.from_file(f"{path}#lid", unit=unit)
+
+
+def _drive(phase: float) -> bytes:
+    """Return a shaft, its hub and a collar beside it, turned in space, in single precision: walls are a digit apart."""
+    turn = Rotation.random(random_state=3).as_matrix()
+    hub, collar = trimesh.creation.annulus(10, 20, 20, sections=16), trimesh.creation.annulus(10, 14, 5, sections=16)
+    hub.apply_transform(trimesh.transformations.rotation_matrix(phase, (0, 0, 1)))
+    collar.apply_translation((0, 0, 12.5))
+    named = {"shaft": trimesh.creation.cylinder(10, 40, sections=12), "hub": hub, "collar": collar}
+    for own in named.values():
+        own.vertices = own.vertices @ turn.T
+    return trimesh.Scene(named).export(file_type="glb")
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.1])
+def test_parts_of_an_assembly_whose_facets_cross_are_one_body(tmp_path, phase):
+    """They were refused: "faces 259 and 1043 cross", of a shaft with its key and hub as a STEP file has them."""
+    path = written(tmp_path, "drive.glb", _drive(phase))
+    alone = [fo.Body.from_file(f"{path}#{name}", unit="m") for name in ("shaft", "hub", "collar")]
+    whole = fo.Body.from_file(path, unit="m")
+    assert "closed surfaces made one solid" in whole.notes[0]
+    assert any("3 solids in the file, taken as one body" in note for note in whole.notes)
+    points = np.random.default_rng(5).uniform(-25, 25, (400, 3))
+    held = [contains(own, points) for own in alone]
+    assert 40 < np.any(held, axis=0).sum() < 360
+    assert (contains(whole, points) == np.any(held, axis=0)).all()
+    cube = fo.Body.convex(BOX + np.array([15.0, 17.0, 14.0]))
+    gaps = [float(decision_curve(cube, own).gap((1, 1))) for own in alone]
+    assert float(decision_curve(cube, whole).gap((1, 1))) == pytest.approx(min(gaps), abs=1e-6)
 
 
 def test_a_cavity_is_no_solid_of_its_own(tmp_path):

@@ -20,7 +20,17 @@ from numpy.typing import ArrayLike
 from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
+from fcdm_opt.geometry.arrays import (
+    LARGEST,
+    SMALLEST,
+    Array,
+    Ints,
+    checked_corners,
+    distinct_rows,
+    frozen,
+    numbers,
+    row_lists,
+)
 from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
@@ -29,6 +39,7 @@ from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
+from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import errors_of_faces
 from fcdm_opt.tolerances import DEFAULT
@@ -371,14 +382,22 @@ class Body(_Sealed, Shown):
         from fcdm_opt.geometry.files import called, drawn_mesh
 
         read = drawn_mesh(path, unit=unit, file_unit=file_unit, deviation=deviation)
-        own = called(path) if name is None else name
-        pacing.at(f"making a solid of {own}: {len(read.faces)} faces")
+        own_name = called(path) if name is None else name
+        pacing.at(f"making a solid of {own_name}: {len(read.faces)} faces")
         try:
-            body = cls.from_mesh(read.vertices, read.faces, decomposition=decomposition, seed=seed, name=own)
+            body = cls.from_mesh(read.vertices, read.faces, decomposition=decomposition, seed=seed, name=own_name)
         except InputError as reason:
-            several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
-            told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
-            raise told.within(file=path) from reason.__cause__
+            try:  # each may be a solid by itself
+                alone = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]
+                made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in alone]
+            except InputError:
+                made = []
+            if not made or any(own.hollow for own in made):
+                several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
+                told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
+                raise told.within(file=path) from reason.__cause__
+            body = cls._side_by_side(made, seed, own_name)
+            return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks))
         out, short = body.deviation
         errors = None
         if read.surfaces is not None:
@@ -386,6 +405,25 @@ class Body(_Sealed, Shown):
         own_deviation = out + read.off[0], short + read.off[1]
         notes = (*body.notes, *read.remarks)
         return replace(body, deviation=own_deviation, facet_errors=errors, notes=notes, rounding=read.rounding)
+
+    @classmethod
+    def _side_by_side(cls, solids: Sequence[Body], seed: SeedRule | ArrayLike, name: str) -> Body:
+        """Return solids whose surfaces cross or touch as one body: the parts of all of them."""
+        drawn = [body.face_triangles[0] for body in solids]
+        first, same = distinct_rows(np.concatenate(drawn).reshape(-1, 3))
+        points, triangles = np.concatenate(drawn).reshape(-1, 3)[first], same.reshape(-1, 3)
+        joined = union_of_shells(points, triangles, np.repeat(np.arange(len(drawn)), list(map(len, drawn))))
+        note = "side by side: their surfaces cross or touch"
+        if joined is not None and joined.triangles is not None:
+            points, triangles, note = joined.points, joined.triangles, joined.remark
+        if isinstance(seed, str) and seed == "centroid":
+            seed = volume_and_centroid(points[triangles])[1]
+        parts = [part.vertices for body in solids for part in body.parts]
+        pacing.at(f"joining {len(parts)} convex parts of the solids in {name}")
+        body = cls.from_parts(parts, seed=seed, name=name)
+        off = np.max([own.deviation for own in solids], axis=0)
+        told = f"{len(parts)} parts of {', '.join(own.name for own in solids)}: {note}"
+        return replace(body, deviation=_deviation(off, name), notes=(told,))
 
     @classmethod
     def _made(

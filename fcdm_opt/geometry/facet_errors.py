@@ -1,14 +1,14 @@
 """How far facets leave the round faces that they stand for, and bodies that the true one lies between.
 
-STEP files say what their faces are. Of a mesh, facets side by side whose corners all lie on one cylinder, cone or
-sphere are taken for that surface, see `naming.round_faces`. With each facet moved by its own error, inward where it
+STEP files say what their faces are. Of a mesh, facets side by side whose corners all lie on one cylinder, cone, sphere
+(`naming.round_faces`) or torus are taken for that surface. With each facet moved by its own error, inward where it
 sticks out and outward where it falls short, a body becomes one that the true body holds, and one that holds it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -18,17 +18,20 @@ from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import unit_normals
-from fcdm_opt.geometry.naming import FEWEST, neighbours, normals_of_faces, round_faces
+from fcdm_opt.geometry.measures import norms, unit_normals
+from fcdm_opt.geometry.naming import FEWEST, MANY, ROUND, Label, Round, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.resizing import largest_ball
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED
+from fcdm_opt.geometry.tessellation import TESSELLATED, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
+GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # of the angle between facets of a round face, at most
+SOME, MOST_STEPS = 300, 20  # corners that a torus is fitted to, and steps of it
+TOO_LARGE = 100.0  # times what is seen of a torus: its radii are not told by that
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
@@ -63,11 +66,12 @@ def _recognised(body: Body) -> Array | None:
     if len(body.faces) < ROUNDED:
         return frozen(errors)
     normals, (corners, owners) = normals_of_faces(body), body.face_triangles
-    for own in round_faces(body):
+    rounds = round_faces(body)
+    for own in [*rounds, *_tori(body, normals, {face for each in rounds for face in each.faces})]:
         rows = np.array([body.face_rows[face] for face in own.faces])
         looks = np.array([normals[face] for face in own.faces])
         pairs = neighbours(own.faces)[0]
-        gentle = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1) > math.cos(2.0 * math.pi / (ROUNDED - 0.5))
+        gentle = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1) > GENTLE
         place = np.full(len(errors), -1)
         place[rows] = np.arange(len(rows))
         its = place[owners]
@@ -84,6 +88,57 @@ def _groups(pairs: Ints, count: int) -> list[Ints]:
     """Return the groups of `FEWEST` facets at least that pairs join."""
     group = components(pairs, count)
     return [own for k in np.unique(group) if len(own := np.flatnonzero(group == k)) >= FEWEST]
+
+
+def _tori(body: Body, normals: dict[Label, Array], known: Set[Label]) -> list[Round]:
+    """Return the tori that facets side by side stand for which no other round face has: fillets round a shaft, say."""
+    facets = sorted(face for face in normals if len(face) < MANY and face not in known)
+    looks, pairs = np.array([normals[face] for face in facets]).reshape(-1, 3), neighbours(facets)[0]
+    turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
+    found = []
+    for group in _groups(pairs[(turn > GENTLE) & (turn < 1.0 - ROUND)], len(facets)):
+        faces = [facets[k] for k in group.tolist()]
+        corners = body.vertices[np.unique([v - 1 for face in faces for v in face])]
+        middles = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces])
+        surface = _torus(corners, middles, looks[group]) if len(corners) >= 2 * MANY else None
+        if surface is not None:
+            found.append(Round(f"torus radius {surface.radius:.4g}", surface, faces))
+    return found
+
+
+def _torus(corners: Array, middles: Array, normals: Array) -> Swept | None:
+    """Return the torus that corners lie on, None where they lie on none.
+
+    Its axis is the line that all normals meet, whose Pluecker coordinates are linear least squares. Normals of facets
+    do so where these are alike on both sides of a meridian; else they tell where Newton's method begins.
+    """
+    from scipy.optimize import least_squares
+
+    origin, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
+    points, places = (corners - origin) / size, (middles - origin) / size
+    lines = np.column_stack([np.cross(places, normals), normals])
+    axis, moment = np.split(np.linalg.svd(lines, full_matrices=False)[2][-1], 2)
+    if not np.linalg.norm(axis) > ROUND:
+        return None
+    base = np.cross(axis, moment) / (axis @ axis)
+
+    def circle(line: Array, points: Array) -> tuple[Array, Array]:
+        way = line[3:] / np.linalg.norm(line[3:])
+        along = (points - line[:3]) @ way
+        far = norms(points - line[:3] - along[:, None] * way)
+        a, b, c = np.linalg.lstsq(np.column_stack([2.0 * far, 2.0 * along, np.ones(len(far))]), far**2 + along**2)[0]
+        radius = np.sqrt(max(c + a * a + b * b, 0.0))
+        return np.array([a, b, radius]), np.hypot(far - a, along - b) - radius
+
+    line = np.concatenate([base, axis / np.linalg.norm(axis)])
+    if np.abs(circle(line, points)[1]).max() > ROUND**2:
+        some = points[:: max(1, len(points) // SOME)]
+        line = least_squares(lambda own: circle(own, some)[1], line, xtol=DEFAULT.nominal, max_nfev=MOST_STEPS).x
+    (ring, height, radius), off = circle(line, points)
+    way = line[3:] / np.linalg.norm(line[3:])
+    if np.abs(off).max() > ROUND * radius or not 0.0 <= ring <= TOO_LARGE or radius > TOO_LARGE:
+        return None
+    return Swept(origin + size * (line[:3] + height * way), way, None, float(size * ring), float(size * radius))
 
 
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
@@ -252,19 +307,29 @@ def _least_move(normals: Array, least: Array) -> Array | None:
 # ------------------------------------------------------------------------------------------------------- in words
 
 
+def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
+    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most.
+
+    (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`.
+    """
+    if not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in (movable, *others)):
+        return 0.0, 0.0
+    own, *further = [deviation_of(body) for body in (movable, *others)]
+    return own[0] + max(other[0] for other in further), own[1] + max(other[1] for other in further)
+
+
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
 
-    None where they are off by no more than the digits of files, `Tolerances.drawn`.
+    None where they are not, see `gaps_off`.
     """
+    out, short = gaps_off(movable, others)
+    if not max(out, short) > 0.0:
+        return []
     reasons: dict[str, list[str]] = {}
     for body in (movable, *others):
         if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
             reasons.setdefault("approximation" if approximated else "tessellation", []).append(body.name)
-    if not reasons:
-        return []
-    own, *further = [deviation_of(body) for body in (movable, *others)]
-    out, short = (own[k] + max(other[k] for other in further) for k in (0, 1))
     told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
     return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]

@@ -87,6 +87,7 @@ class ReadMesh(NamedTuple):
     off: tuple[float, float]
     rounding: float
     surfaces: Surfaces | None
+    solids: tuple[str, ...]
 
 
 def chosen_solid(path: str | Path) -> tuple[Path, str]:
@@ -139,6 +140,8 @@ def drawn_mesh(
         Length by which the file's digits leave each vertex open; 0.0 where nothing tells that they do.
     surfaces : Surfaces or None
         Those of a STEP file, in `unit`.
+    solids : tuple of str
+        Names of the file's solids, where there are several and all are returned.
 
     Raises
     ------
@@ -188,7 +191,7 @@ def drawn_mesh(
         raise InputError(f"not a complete {kind} file: {str(reason) or type(reason).__name__}", file=path) from reason
     if not len(drawn.faces):
         raise InputError("no faces in the file", file=path)
-    drawn, several = _picked(drawn, solid, path)
+    drawn, names, several = _picked(drawn, solid, path)
     vertices, faces, off, surfaces, _ = drawn
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
     joined = suffix == ".stl" and _few_digits(vertices)
@@ -211,20 +214,21 @@ def drawn_mesh(
         known = tuple(own.placed(np.eye(4), float(scale)) for own in surfaces.known)
         surfaces = Surfaces(known, *(float(scale) * length for length in surfaces[1:]))
     remarks, vertices = (*remarks, *several), vertices * scale.numerator / scale.denominator
-    return ReadMesh(vertices, faces, remarks, (out, short), rounding * float(scale), surfaces)
+    return ReadMesh(vertices, faces, remarks, (out, short), rounding * float(scale), surfaces, names)
 
 
-def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...]]:
-    """Return the solid asked for of what was read, or all with a remark on how many they are and how to have one."""
+def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...], tuple[str, ...]]:
+    """Return the solid asked for of what was read, or all with their names and a remark on how to have one."""
     found = drawn.by_name() if _has_rows(drawn) else {}
     if solid and solid not in found:
         raise InputError("no such solid in the file", file=path, found=solid, allowed=", ".join(found) or "none: open")
     if solid:
-        return drawn.only(found[solid]), ()
+        return drawn.only(found[solid]), (), ()
     if len(found) < 2:
-        return drawn, ()
+        return drawn, (), ()
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
-    return drawn, (f"{len(found)} {SEVERAL}, taken as one body: {known}; one alone is '{path.name}#{first}'",)
+    told = f"{len(found)} {SEVERAL}, taken as one body: {known}; one alone is '{path.name}#{first}'"
+    return drawn, tuple(found), (told,)
 
 
 def _has_rows(drawn: Drawn) -> bool:

@@ -30,7 +30,7 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
-from fcdm_opt.problem.solution import IN_TIME, Certificate, Check, Solution, Status, kept_clear
+from fcdm_opt.problem.solution import IN_TIME, Bounded, Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 SWEPT = 64  # keep-outs of which what they sweep is kept
@@ -194,6 +194,15 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
+def left_by_mesh(solution: Bounded, slack: float) -> list[Check]:
+    """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
+    low, amount, high = solution.amount_low, solution.amount, solution.amount_high
+    if low == amount == high or (isnan(low) and isnan(high)):
+        return []
+    note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+    return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), slack, note)]
+
+
 def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:
     """Return a check that passes where value <= limit; nan never does."""
     return Check(name, bool(value <= limit), float(value), float(limit), note)
@@ -337,17 +346,9 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *self._left_by_mesh(slack),
+            *left_by_mesh(solution, slack),
             *self._whole_steps(),
         ]
-
-    def _left_by_mesh(self, slack: float) -> list[Check]:
-        """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
-        low, amount, high = self.solution.amount_low, self.solution.amount, self.solution.amount_high
-        if low == amount == high or (isnan(low) and isnan(high)):
-            return []
-        note = f"left open by the mesh: {low:.6g} to {high:.6g}"
-        return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), slack, note)]
 
     def _amount(self) -> float:
         """Return the amount of the claimed motion, by the problem's own measure."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import hypot, isfinite
+from math import hypot, isfinite, nan
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.solids import kept_as_surface
-from fcdm_opt.judge.certificate import judged_gaps, solids_gap, verify
+from fcdm_opt.judge.certificate import judged_gaps, left_by_mesh, solids_gap, verify
 from fcdm_opt.judge.engagement import leaves_fit
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
@@ -72,7 +72,7 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
 def placed(solution: AssemblySolution) -> AssemblySolution:
     """Return a solution with status OUTSIDE_FIT where a part leaves its fit in another one; others as they are."""
     left = solution.status.found and out_of_place(solution, solution.transforms)
-    return replace(solution, status=Status.OUTSIDE_FIT) if left else solution
+    return replace(solution, status=Status.OUTSIDE_FIT, amount_low=nan, amount_high=nan) if left else solution
 
 
 def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list[tuple[str, str]]:
@@ -128,7 +128,8 @@ def _motions(
         ("lower bound", max(solution.lower_bound - total, -solution.lower_bound), slack, "from 0 to the amount"),
         ("limits", excess, tolerances.requirement * assembly.size, ""),
     ]
-    return [Check(name, value <= most, value, most, note) for name, value, most, note in named]
+    checks = [Check(name, value <= most, value, most, note) for name, value, most, note in named]
+    return [*checks, *left_by_mesh(solution, slack)]
 
 
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:

@@ -20,13 +20,14 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import SURE, Solution, Status
+from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
-SHORTEST = 5.0
-"""Seconds that either of the other searches may take at least; else as long as the one about the bodies as given."""
+SHORTEST = 20.0
+"""Seconds that either of the other searches may take at least; else as long as the one about the bodies as given. Of a
+search that this ends nothing is told: it would depend on the machine."""
 
-REFUSED = (Status.OUTSIDE_FIT, Status.INFEASIBLE, Status.NOT_FOUND)
+REFUSED = (*IMPOSSIBLE, Status.NOT_FOUND)
 """What may be said of bodies only because their facets stick out of round faces."""
 
 
@@ -112,18 +113,28 @@ def _least_of(problem: Problem, solve: Callable[[Problem, str], Solution], secon
     with pacing.within(seconds, share=1.0):
         first = solve(problem, "quick")
         sure = first.gap <= SURE if first.usable else first.status is not Status.NOT_FOUND
-        return first if sure or pacing.over() else solve(problem, "proved")
+        if sure or pacing.over():
+            return first
+        second = solve(problem, "proved")
+        return first if second.stopped and first.usable else second
 
 
 def _of_smaller(solution: Solution, inner: Solution) -> Solution:
-    """Return a refused solution with what bodies within the true ones need: the true ones need that at least."""
-    if not inner.usable or (solution.problem.goal == "touch" and _gap_at_rest(inner.problem) > 0.0):
+    """Return a refused solution with what bodies within the true ones need: the true ones need that at least.
+
+    Infinitely much where these are refused alike.
+    """
+    if solution.problem.goal == "touch" and _gap_at_rest(inner.problem) > 0.0:
         return solution
-    return replace(solution, amount_low=inner.lower_bound, amount_high=math.inf)
+    if not inner.usable and inner.status is not solution.status:
+        return solution
+    return replace(solution, amount_low=inner.lower_bound if inner.usable else math.inf, amount_high=math.inf)
 
 
 def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution:
     """Return a solution between those of bodies within and about the true ones."""
+    if any(own.stopped and not own.usable for own in (inner, outer)):
+        return solution
     states = [_gap_at_rest(own.problem) for own in (inner, outer)]
     slack = solution.problem.contact_slack
     if solution.problem.goal == "clear" or states[0] <= slack:  # the larger, the farther

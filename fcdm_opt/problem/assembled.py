@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from fcdm_opt.geometry.arrays import Array
@@ -39,6 +40,9 @@ class AssemblySolution(Bounded):
         Root of the sum of (weight times amount)^2 (nan where no motion was found).
     lower_bound : float
         No motions smaller than this together can do; 0 where nothing is proved.
+    amount_low, amount_high : float
+        Between these the least amount is as far as facets of round faces leave it open, see `Solution.amount_low`: of
+        contacts that are problems of their own, from theirs; nan, not known, where several share motions.
     contacts : tuple of Solution
         Of each contact, with a problem in the parameters that it depends on.
     stages : tuple of str
@@ -52,7 +56,8 @@ class AssemblySolution(Bounded):
 
     plain_names = (
         "name", "unit", "status", "advice", "usable", "parameters", "motions", "transforms", "amounts", "amount",
-        "lower_bound", "gap", "contacts", "gaps", "stages", "active", "certificate", "seconds",
+        "lower_bound", "amount_low", "amount_high", "gap", "contacts", "gaps", "stages", "active", "certificate",
+        "seconds",
     )  # fmt: skip
 
     assembly: Assembly = field(repr=False)
@@ -62,19 +67,26 @@ class AssemblySolution(Bounded):
     amounts: Mapping[str, float] = field(default_factory=dict)
     amount: float = float("nan")
     lower_bound: float = 0.0
+    amount_low: float = float("nan")
+    amount_high: float = float("nan")
     contacts: tuple[Solution, ...] = field(default=(), repr=False)
     stages: tuple[str, ...] = ()
     active: tuple[str, ...] = ()
     certificate: Certificate | None = field(default=None, repr=False)
     seconds: Mapping[str, float] = field(default_factory=dict)
 
+    @cached_property
+    def left_by_mesh(self) -> str:
+        """As in `Bounded`; `known_to` of each two parts says why."""
+        return self._left_by_mesh([*self.assembly.bodies_made.values()], self.assembly.unit)
+
     @property
     def advice(self) -> str:
         """What to do, in words; where a part leaves its fit, which and where."""
         if self.status is not Status.OUTSIDE_FIT or self.certificate is None:
-            return self.status.value
+            return self._meshed(self.status.value)
         left = next((check.note for check in self.certificate.checks if check.name == IN_PLACE), "")
-        return f"{left}. {self.status.value}"
+        return f"{left}. {self._meshed(self.status.value)}"
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -16,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
@@ -75,6 +76,9 @@ UNTIMED = "No motion found by then, and none proved impossible: allow more time.
 UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
 IN_TIME = "judged in time"
 """Name of the one check of what the time given did not do for judging."""
+
+IMPOSSIBLE = (Status.OUTSIDE_FIT, Status.INFEASIBLE)
+"""What says that nothing can be done, which facets that stick out of round faces may be the only cause of."""
 
 UNLIMITED = {
     Status.INFEASIBLE: "Proved impossible with this motion: choose another motion, a smaller tolerance or other sizes.",
@@ -203,12 +207,37 @@ class Bounded(Plain):
     status: Status
     amount: float
     lower_bound: float
+    amount_low: float
+    amount_high: float
     certificate: Certificate | None
 
     @property
     def left_by_mesh(self) -> str:
         """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it."""
-        return ""
+        raise NotImplementedError
+
+    def _meshed(self, advice: str) -> str:
+        """Return advice with what facets leave open of a refusal: then it is proved of the meshes alone."""
+        left = self.left_by_mesh
+        if self.usable or not left:
+            return advice
+        return f"{advice.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
+
+    def _left_by_mesh(self, bodies: Sequence[Body], unit: str) -> str:
+        low, high = self.amount_low, self.amount_high
+        if self.status.found and not (self.usable or self.status in IMPOSSIBLE):
+            return ""
+        if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
+            return "what the mesh leaves open is not known" if known_to(bodies[0], bodies[1:], unit) else ""
+        if not self.usable:
+            needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
+            return f"but the mesh leaves open whether they fit: {needed}" if low < math.inf else ""
+        if high - low <= SURE * self.amount:
+            return ""
+        if math.isinf(high):
+            least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
+            return f"{least}: the mesh leaves that open"
+        return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
 
     @property
     def verified(self) -> bool:
@@ -256,7 +285,7 @@ class Solution(Bounded, Shown):
         Between these the least amount is for the parts whose round faces are cylinders, cones, spheres and so on, as
         far as the facets that stand for them leave it open: the amount for bodies that the true ones hold, and for
         bodies that hold them. Both are `amount` where all faces that matter are plane; nan where it is not known, and
-        of effort "quick", which does not look; infinite where the larger bodies may not do at all.
+        of effort "quick", which does not look; infinite where the larger bodies may not do at all, or neither does.
     rho : (2,) array or None
         The tracked contact point after the motion; for "touch" and "clear" the target pair.
     features : tuple of Feature
@@ -340,19 +369,7 @@ class Solution(Bounded, Shown):
     @cached_property
     def left_by_mesh(self) -> str:
         """As in `Bounded`: "between .32 and 2.85 mm: the mesh leaves that open"."""
-        low, high, unit = self.amount_low, self.amount_high, self.problem.amount_unit
-        if not self.usable:
-            needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
-            return "" if math.isnan(low) else f"but the mesh leaves open whether they fit: {needed}"
-        if high - low <= SURE * self.amount:
-            return ""
-        if math.isnan(low):
-            one, two, *others = self.problem.bodies
-            return "what the mesh leaves open is not known" if known_to(one, [two, *others], unit) else ""
-        if math.isinf(high):
-            least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
-            return f"{least}: the mesh leaves that open"
-        return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
+        return self._left_by_mesh(self.problem.bodies, self.problem.amount_unit)
 
     @cached_property
     def advice(self) -> str:
@@ -368,6 +385,7 @@ class Solution(Bounded, Shown):
             told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
         if self.usable or self.status is Status.NOT_VERIFIED:
             return told
+        told = self._meshed(told)
         words = verdict(self.problem)
         return f"{words[:1].upper()}{words[1:]}. {told}" if words else told
 

@@ -59,7 +59,8 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     ]
     if not moved:
         return "leave all parts where they are: every contact is closed"
-    least = "smallest possible together (proved)" if solution.gap < CLOSED else solution.doubt or bound_line(solution)
+    proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
+    least = solution.doubt or proved
     unit = f" (lengths in {assembly.unit})" if assembly.unit else ""
     return f"move {', '.join(moved)}{unit}: then every contact is closed; {least}"
 

@@ -108,6 +108,11 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
         f"{spread.share:.4%} by root sum square"
     )
+    if stack.known_to:
+        print_text(
+            f"the mesh leaves open {share.share_low:.4%} to {share.share_high:.4%}, and gaps from "
+            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)} in the worst cases"
+        )
     if not ends[0] <= spread.share <= ends[1]:
         print_text(
             "they differ: root sum square takes one contact, that of the worst case, as normal; "

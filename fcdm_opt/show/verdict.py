@@ -69,7 +69,7 @@ def _refused_text(solution: Solution) -> str:
         return f"{widths}; no such motion brings them together" if not solution.status.found else widths
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
-        return f"impossible with this motion{limited} (proved)"
+        return f"impossible with this motion{limited}" + " (proved)" * (not solution.left_by_mesh)
     if solution.status.name == "OUTSIDE_FIT":
         return "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]

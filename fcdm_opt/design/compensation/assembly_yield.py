@@ -103,7 +103,7 @@ class AssemblyYield(Plain, Shown):
 
     plain_names = (
         "share", "interval", "confidence", "count", "passed", "outside", "impossible", "undecided", "budget", "limits",
-        "quantiles", "contributions", "amounts", "counts", "unit",
+        "quantiles", "contributions", "amounts", "counts", "unit", "known_to",
     )  # fmt: skip
 
     share: float
@@ -123,6 +123,11 @@ class AssemblyYield(Plain, Shown):
     unit: str = ""
     sizes_map: Any = field(default=None, repr=False, compare=False)
     sizes: Any = field(default=None, repr=False, compare=False)
+
+    @property
+    def known_to(self) -> tuple[str, ...]:
+        """How well gaps are known, as its map has it."""
+        return getattr(self.sizes_map, "known_to", ())
 
     def claims(self, *, proof: bool = False) -> MotionClaims:
         """Return what `verify` looks at: motions at sizes drawn otherwise, and how many of them are within the budget.
@@ -171,7 +176,7 @@ class AssemblyYield(Plain, Shown):
         sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
         words = [f"{self.share:.4%} of {self.count} pairs pass ({sure})"]
         words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
-        return ", ".join(words)
+        return ", ".join((*words, *self.known_to))
 
 
 def assembly_yield(

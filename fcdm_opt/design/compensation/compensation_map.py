@@ -22,6 +22,7 @@ from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real, positive, whole
@@ -98,11 +99,14 @@ class CompensationMap(Plain, Shown):
         Number of pairs of sizes that were solved and judged.
     seconds : float
         Wall time of building.
+    known_to : tuple of str
+        How well gaps are known, in words, and why, where facets of round faces or approximate parts leave more open
+        than the digits of files: amounts are those of the meshes.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "format", "problem", "over", "box", "nominal", "error", "reached", "undecided", "solved", "seconds", "regions",
-        "boundaries", "table",
+        "format", "problem", "over", "box", "nominal", "error", "reached", "undecided", "solved", "seconds",
+        "known_to", "regions", "boundaries", "table",
     )  # fmt: skip
     format: ClassVar[str] = _FORMAT
 
@@ -117,6 +121,7 @@ class CompensationMap(Plain, Shown):
     reached: float
     solved: int
     seconds: float
+    known_to: tuple[str, ...] = ()
 
     @property
     def undecided(self) -> float:
@@ -143,7 +148,7 @@ class CompensationMap(Plain, Shown):
             f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
             f"error {reached} (asked for {self.error:.3g}), "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
-            f"{self.solved} solves in {self.seconds:.1f} s"
+            f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
         )
 
     def __repr__(self) -> str:
@@ -245,6 +250,7 @@ def compensation_map(
         reached=float(np.nan_to_num(smooth, nan=math.inf).max(initial=0.0)) if smooth else math.inf,
         solved=len(sampler.known),
         seconds=perf_counter() - start,
+        known_to=tuple(known_to(problem.movable, problem.bodies[1:], problem.unit)),
     )
 
 

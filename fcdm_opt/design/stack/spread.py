@@ -34,6 +34,9 @@ class GapYield(Plain):
     share : float
     interval : (float, float)
         Of the share, with `confidence`.
+    share_low, share_high : float
+        Of the pairs drawn those that are within the limits however facets of round faces are off, and those that may
+        be, see `StackUp.known_to`; both are `share` where gaps are exact.
     count : int
         Pairs of parts that were drawn.
     confidence : float
@@ -47,12 +50,14 @@ class GapYield(Plain):
     """
 
     plain_names = (
-        "share", "interval", "count", "confidence", "mean", "deviation", "least", "largest", "limits", "edges",
-        "counts",
+        "share", "interval", "share_low", "share_high", "count", "confidence", "mean", "deviation", "least", "largest",
+        "limits", "edges", "counts",
     )  # fmt: skip
 
     share: float
     interval: tuple[float, float]
+    share_low: float
+    share_high: float
     count: int
     confidence: float
     mean: float
@@ -139,8 +144,9 @@ def drawn_gaps(
     seed: int = 1,
     confidence: float = 0.95,
     correlation: Any = None,
+    off: tuple[float, float] = (0.0, 0.0),
 ) -> GapYield:
-    """Return what share of gaps is within limits, see `StackUp.yield_`."""
+    """Return what share of gaps is within limits, see `StackUp.yield_`; `off`: how far true gaps may be off these."""
     whole(count, "n", "number of draws", 1, MOST)
     whole(seed, "seed", "seed", 0)
     real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
@@ -154,7 +160,9 @@ def drawn_gaps(
     low, high = limits[0] - zero, limits[1] - zero
     ends = float((heights - swing).min()), float((heights + swing).max())
     edges = np.linspace(ends[0], ends[1] if ends[1] > ends[0] else ends[0] + 1.0, BINS + 1)
-    counts, passed, total, square = np.zeros(BINS, np.int64), 0, 0.0, 0.0
+    counts, total, square = np.zeros(BINS, np.int64), 0.0, 0.0
+    within = [(low, high), (low + off[1], high - off[0]), (low - off[0], high + off[1])]
+    passed = np.zeros(3, np.int64)
     least, largest = np.inf, -np.inf
     draw = _Draw.of(rows, spreads(touching.sizes), correlation, zero)
     for begin in range(0, count, CHUNK):
@@ -163,7 +171,7 @@ def drawn_gaps(
             products = np.maximum.reduceat(products, starts, axis=0)
         best = np.minimum if len(starts) > 1 else np.maximum
         gaps = best.reduce(products, axis=0)[: count - begin].astype(float)
-        passed += int(np.count_nonzero((gaps >= low) & (gaps <= high)))
+        passed += [np.count_nonzero((gaps >= a) & (gaps <= b)) for a, b in within]
         least, largest = min(least, float(gaps.min())), max(largest, float(gaps.max()))
         total += float(gaps.sum())
         square += float(gaps @ gaps)
@@ -172,10 +180,11 @@ def drawn_gaps(
             counts += np.bincount(np.clip(bins, 0, BINS - 1), minlength=BINS)
     mean = total / count
     deviation = float(np.sqrt(max(square / count - mean**2, 0.0)))
-    share, interval = passed / count, proportion_interval(passed, count, confidence)
+    share, surely, possibly = (passed / count).tolist()
+    interval = proportion_interval(int(passed[0]), count, confidence)
     return GapYield(
-        share, interval, count, confidence, zero + mean, deviation, zero + least, zero + largest, limits,
-        frozen(zero + edges), frozen(counts),
+        share, interval, surely, possibly, count, confidence, zero + mean, deviation, zero + least, zero + largest,
+        limits, frozen(zero + edges), frozen(counts),
     )  # fmt: skip
 
 

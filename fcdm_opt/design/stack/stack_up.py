@@ -15,6 +15,7 @@ from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_row
 from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
+from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.plain import Plain, plain
@@ -58,12 +59,17 @@ class WorstCase(Plain):
     least, largest : float
         Length units; a least gap below 0 is the largest interference.
     at_least, at_largest : mapping of size name to deviation
+    least_low, largest_high : float
+        The same as far as facets of round faces may be off these, see `StackUp.known_to`: no gap of the true solids is
+        beyond them.
     """
 
     least: float
     at_least: Mapping[str, float]
     largest: float
     at_largest: Mapping[str, float]
+    least_low: float
+    largest_high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +170,16 @@ class StackUp:
         found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
         return tuple(dict.fromkeys(feature.in_words(*bodies) for feature in found))
 
+    @cached_property
+    def off(self) -> tuple[float, float]:
+        """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
+        return gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+
+    @property
+    def known_to(self) -> list[str]:
+        """The same in words, with the reason; nothing where gaps are exact."""
+        return known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit)
+
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
 
@@ -194,7 +210,8 @@ class StackUp:
     def _worst(self) -> WorstCase:
         (least, low), (largest, high) = self.touching.least(), self.touching.largest()
         named = [dict(zip(self.names, place.tolist(), strict=True)) for place in (low, high)]
-        return WorstCase(least, named[0], largest, named[1])
+        out, short = self.off
+        return WorstCase(least, named[0], largest, named[1], least - short, largest + out)
 
     def worst(self) -> WorstCase:
         """Return the least and the largest gap within the tolerances, with sizes at which they are."""
@@ -281,7 +298,8 @@ class StackUp:
         correlation : (k, k) array, optional
             Of the sizes' normal scores (a normal copula); default independent.
         """
-        drawn = drawn_gaps(self.touching, self.limits, n, seed=seed, confidence=confidence, correlation=correlation)
+        how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
+        drawn = drawn_gaps(self.touching, self.limits, n, **how)
         return drawn if correlation is not None else replace(drawn, claimed=self.claims())
 
     def allocate(
@@ -318,6 +336,7 @@ class StackUp:
         answers = {
             "sizes": [size.to_dict() for size in self.sizes],
             "limits": self.limits,
+            "known_to": self.known_to,
             "rows": self.rows,
             "standing": self.standing,
             "worst": self.worst(),
