@@ -73,6 +73,9 @@ def _emitted(module: ModuleType) -> set[str]:
         for call in ast.walk(function):
             if isinstance(call, ast.Call) and ast.unparse(call.func) in MAKERS:
                 first = call.args[0]
+                if isinstance(first, ast.Name) and first.id.isupper():
+                    found.add(getattr(module, first.id))
+                    continue
                 found.update(_texts(named[first.id] if isinstance(first, ast.Name) else first))
     return found
 

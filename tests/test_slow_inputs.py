@@ -14,6 +14,7 @@ from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.judge.certificate import _Judge
 from fcdm_opt.proof.cells import best_site
 from fcdm_opt.proof.exclusion import Exclusion
+from fcdm_opt.stages.order import STAGES
 
 CASES = Path(__file__).parent / "cases"
 
@@ -143,6 +144,26 @@ def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: p
     made = [mesh.translate(-seed).scale([1.005] * 3).translate(seed) for mesh, seed in drawn]
     assert (made[0].translate([0.0, 0.0, rise]) ^ made[1]).volume() <= 1e-9
     assert (made[0].translate([0.0, 0.0, rise - 1e-4]) ^ made[1]).volume() > 1e-6
+
+
+def test_a_shaft_in_a_bore_of_other_sides_went_to_the_nonlinear_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 48 part pairs it tried dozens of starts and choices, for minutes; a descent from a contact ends at once."""
+
+    def program(task: Any) -> Any:
+        raise AssertionError
+
+    monkeypatch.setitem(STAGES, "nlp", program)
+    shaft = manifold3d.Manifold.cylinder(30.0, 10.0, 10.0, 64).translate([0.0, 0.0, -5.0])
+    bore = manifold3d.Manifold.cylinder(27.0, 10.0, 10.0, 48).translate([0.0, 0.0, -1.0])
+    plate = manifold3d.Manifold.cube([50.0, 50.0, 25.0]).translate([-25.0, -25.0, 0.0]) - bore
+    movable, static = (Body.from_mesh(*revolved(mesh)) for mesh in (shaft, plate))
+    assert len(static.parts) == 48
+    motion = Translation("x") >> Translation("y") >> Translation("z")
+    solution = solve(Problem(movable, static, target=(1.02, 1.02), goal="clear", motion=motion))
+    assert solution.status is Status.OUTSIDE_FIT
+    top = movable.seed[2] + 1.02 * (25.0 - movable.seed[2])
+    bottom = static.seed[2] - 1.02 * static.seed[2]
+    assert solution.parameters["TZ"] == pytest.approx(bottom - top, abs=1e-6)
 
 
 def revolved(mesh: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:

@@ -157,16 +157,21 @@ class ConvexPart(_Sealed):
 
     def carriers(self, element: Element) -> list[tuple[int, ...]]:
         """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""
-        kind, labels = element.kind, set(element.vertices)
-
-        def same(own: Element) -> bool:
-            return own.vertices[0] in labels and set(own.vertices) == labels and own.kind == kind
-
-        found = {k for k, own in enumerate(self.elements[kind]) if same(own)}
-        found |= {k for (at, k), span in self.elements.spans.items() if at == kind and any(map(same, span.elements))}
+        kind, found = element.kind, sorted(self._carried.get((element.kind, frozenset(element.vertices)), ()))
         if kind == "V":
-            return [(k,) for k in sorted(found)]
-        return [self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist()) for k in sorted(found)]
+            return [(k,) for k in found]
+        return [self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist()) for k in found]
+
+    @cached_property
+    def _carried(self) -> dict[tuple[str, frozenset[int]], set[int]]:
+        """The own vertices, edges or faces that lie on each element of the body of the same kind."""
+        found: dict[tuple[str, frozenset[int]], set[int]] = {}
+        own = [(kind, k, each) for kind in self.elements for k, each in enumerate(self.elements[kind])]
+        own += [(kind, k, each) for (kind, k), span in self.elements.spans.items() for each in span.elements]
+        for kind, k, each in own:
+            if each.kind == kind:
+                found.setdefault((kind, frozenset(each.vertices)), set()).add(k)
+        return found
 
     def placed(self, vertices: Array, seed: Array) -> ConvexPart:
         """Return the part with other coordinates but the same combinatorics."""
