@@ -133,7 +133,7 @@ def test_the_gap_of_a_cube_in_the_middle_of_a_surface_body_was_positive():
         assert fo.decision_curve(one, two, transform=shifted(0, 0, 15)).gap((1, 1)) == pytest.approx(4, rel=1e-9)
 
 
-@pytest.mark.parametrize("subdivisions", [2, 3])
+@pytest.mark.parametrize("subdivisions", [1, 2])
 @pytest.mark.parametrize(("goal", "up", "turned"), [("clear", 0, False), ("touch", 0, True), ("clear", 3, True)])
 def test_a_cube_in_the_middle_of_a_surface_body_was_clear_of_it(subdivisions, goal, up, turned):
     """Out along z: 10 and half of the cube less what it is up already; the vertex at the pole is one of the mesh."""
@@ -268,9 +268,9 @@ def test_an_overlap_of_parts_of_many_triangles_was_said_to_touch():
 
 def test_init_moved_a_pin_that_is_tight_all_round(tmp_path):
     """20.02 in 20, as finely meshed: no small shift does, and after one of .01 the overlap is twice as large."""
-    pin = trimesh.creation.cylinder(radius=10.01, height=40, sections=128)
+    pin = trimesh.creation.cylinder(radius=10.01, height=40, sections=64)
     plate = trimesh.creation.box(extents=[40, 40, 10]).difference(
-        trimesh.creation.cylinder(radius=10.0, height=30, sections=128), engine="manifold"
+        trimesh.creation.cylinder(radius=10.0, height=30, sections=64), engine="manifold"
     )
     for name, mesh in (("pin", pin), ("plate", plate)):
         mesh.export(tmp_path / f"{name}.stl")

@@ -29,6 +29,7 @@ from fcdm_opt_benchmarks.scripts import chunks, in_pieces
 CHUNK = 6
 ROUNDS, QUICK = 60, 5
 RAW = 3  # raw scenes of each family a round of a full run
+QUICK_RAW = 2  # of each family in a quick one
 
 
 class SceneOutcome(NamedTuple):
@@ -50,7 +51,7 @@ def drawn(name: str) -> FitScene | RawScene | None:
 
 def names(quick: bool, rounds: int) -> list[str]:
     """Return the names of a run."""
-    return [*fit_names(quick, rounds), *raw_names(rounds if quick else RAW * rounds)]
+    return [*fit_names(quick, rounds), *raw_names(QUICK_RAW if quick else RAW * rounds)]
 
 
 def _cheap(name: str) -> bool:
