@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from step_files import cylinder, polyhedron, revolved
+from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 from test_tessellation import PLATE, SIDES, read, run
 
 import fcdm_opt as fo
