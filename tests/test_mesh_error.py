@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 from test_tessellation import PLATE, SIDES, read, run
 
 import fcdm_opt as fo
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
 from fcdm_opt.show.verdict import verdict_text
+from fcdm_opt_benchmarks.step_files import cylinder, polyhedron, revolved
 
 TAPER, WIDE, LONG, LARGER = 1.0 / 20.0, 9.0, 40.0, 1.001
 STICKS_OUT = WIDE * (LARGER - 1.0) / TAPER  # of cones with radii 9 s + z / 20 and 9 + z / 20
