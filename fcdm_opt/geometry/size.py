@@ -300,16 +300,16 @@ def direction_level(normal: Array, point: Array) -> str:
 
 
 def _holds(body: Body, face: int, point: Array) -> bool:
-    """Tell whether a point lies in a face of the body: in its plane, and in a facet that a part has there."""
-    near = DEFAULT.snap * body.size
-    for part, owners in zip(body.parts, body.facet_faces, strict=True):
-        for k, loop in enumerate(part.loops):
-            if face not in owners[k]:
-                continue
-            ring = part.vertices[list(loop)]
-            n, sides = part.normals[k], np.roll(ring, -1, axis=0) - ring
-            inward = np.cross(n, sides)
-            high = ((point - ring) * inward).sum(axis=1) >= -near * np.linalg.norm(sides, axis=1)
-            if abs(n @ (point - ring[0])) <= near and high.all():
-                return True
+    """Tell whether a point lies on a face of the body: in its plane, and in one of its own triangles.
+
+    A facet of a convex part may span several faces of one plane, and the room between them.
+    """
+    near, (corners, owners) = DEFAULT.snap * body.size, body.face_triangles
+    for ring in corners[owners == face]:
+        sides = np.roll(ring, -1, axis=0) - ring
+        n = np.cross(sides[0], sides[1])
+        n = n / (np.linalg.norm(n) or 1.0)
+        high = ((point - ring) * np.cross(n, sides)).sum(axis=1) >= -near * np.linalg.norm(sides, axis=1)
+        if abs(n @ (point - ring[0])) <= near and high.all():
+            return True
     return False

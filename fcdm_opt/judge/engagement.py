@@ -24,7 +24,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.judge.passing import passes
@@ -148,14 +148,27 @@ def _parts_pass(problem: Problem, T: Array) -> bool:
 def _corners(problem: Problem, share: float, pose: Array) -> tuple[Array, Array]:
     """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed."""
     found, made, ends = list[Array](), (problem.movable, problem.static), (problem.nominal_pair, problem.target)
-    for bodies, *scales in zip(zip(drawn_bodies(problem), made, strict=True), *ends, strict=True):
-        sizes = []
-        for body, rho in zip((body.whole or body for body in bodies), scales, strict=True):
-            facets = facets_of(body)
-            sizes.append(body.seed + rho * facets.points[facets.triangles])
-        before, after = sizes
-        found.append(after if before.shape != after.shape else (1.0 - share) * before + share * after)
+    for drawn, own, *scales in zip(drawn_bodies(problem), made, *ends, strict=True):
+        before, after = (
+            own.seed + rho * (corners - own.seed) for rho, corners in zip(scales, _facets(drawn, own), strict=True)
+        )
+        found.append((1.0 - share) * before + share * after)
     return found[0] @ pose[:3, :3].T + pose[:3, 3], found[1]
+
+
+def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
+    """Return corners of the same facets of a body as drawn and as made; as made alone where these are others."""
+    drawn, made = drawn.whole or drawn, made.whole or made
+    if drawn is not made and made.skin:  # triangulated anew, on vertices that keep their labels
+        triangles = np.array([own for face in made.skin for own in face])
+        points = made.vertices
+        if triangles.max() < len(drawn.vertices):
+            return drawn.vertices[triangles], points[triangles]
+        return points[triangles], points[triangles]
+    one, two = facets_of(drawn), facets_of(made)
+    after = two.points[two.triangles] + made.seed
+    same = np.array_equal(one.triangles, two.triangles) and one.points.shape == two.points.shape
+    return (one.points[one.triangles] + drawn.seed if same else after), after
 
 
 def _ways(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
