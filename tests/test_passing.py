@@ -110,8 +110,8 @@ def test_a_nut_was_moved_one_thread_further_through_its_bolt() -> None:
 @pytest.mark.parametrize("decomposition", ["surface", "auto"])
 def test_a_countersunk_screw_may_rise_in_its_countersink(decomposition: str) -> None:
     """A cone of 90 degrees, larger by 2 %, rises by what its radius grows, and stays in the bore."""
-    head = cylinder(3.0, -3.0, 0.0, 32, top=6.0) + cylinder(3.0, -20.0, -3.0, 32)
-    sink = cylinder(3.3, -3.0, 0.1, 32, top=6.4) + cylinder(3.3, -7.0, -3.0, 32)
+    head = cylinder(3.0, -3.0, 0.0, 16, top=6.0) + cylinder(3.0, -20.0, -3.0, 16)
+    sink = cylinder(3.3, -3.0, 0.1, 16, top=6.4) + cylinder(3.3, -7.0, -3.0, 16)
     plate = Manifold.cube([30.0, 30.0, 6.0]).translate([-15.0, -15.0, -6.0]) - sink
     screw, hole = (made(solid, decomposition, seed=np.zeros(3)) for solid in (head, plate))
     for motion in (UP, fo.Translation("x") >> UP):
