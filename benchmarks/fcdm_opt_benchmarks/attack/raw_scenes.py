@@ -22,6 +22,7 @@ from fcdm_opt_benchmarks.step_files import revolved
 X, Y, Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 TOLERANCES = (0.001, 0.002, 0.005, 0.01, 0.02)
 EXACT = 1e-7  # of the size: what an amount may miss where the file's corners are exact
+ROUNDING = 1e-12  # lengths: what sums of a scene's own numbers may be off
 SINGLE = 2e-6  # of the size, where they are in single precision
 
 
@@ -154,9 +155,12 @@ def _answer(goal: str, low: Array, high: Array) -> tuple[float | None, bool]:
 
     For several axes of "touch" the nearest side of the box counts, which is right from inside alone.
     """
-    if (low > high).any():
+    if (low > high + ROUNDING).any():
         return None, False
+    middle = (low + high) / 2.0  # of what fits without play one side may come out before the other
+    low, high = np.minimum(low, middle), np.maximum(high, middle)
     into = np.asarray(np.clip(0.0, low, high))
+    into[np.abs(into) <= ROUNDING] = 0.0
     if goal == "clear" or (into != 0.0).any():
         return float(np.linalg.norm(into)), True
     return float(min(-low.max(), high.min())), True

@@ -50,6 +50,8 @@ def raw_verdicts(scene: RawScene, answer: RawReply) -> list[tuple[str, str]]:
 def _unusable(scene: RawScene, answer: RawReply) -> list[tuple[str, str]]:
     if not scene.possible:
         return [("right motion refused", answer.advice)] if answer.status == "NOT_VERIFIED" else []
+    if scene.kept == "step" and answer.status != "NOT_VERIFIED" and answer.low != answer.high:
+        return []  # its mesh leaves open whether the parts fit, and that is said
     words = f"{answer.status}, but {scene.least}: {answer.advice}"
     kinds = {"NOT_VERIFIED": "right motion refused", "INFEASIBLE": "impossibility refuted"}
     return [(kinds.get(answer.status, "not found"), words)]
