@@ -350,3 +350,11 @@ def test_stack_yield_and_map_state_what_the_mesh_leaves_open() -> None:
     assert fo.CompensationMap.from_dict(json.loads(json.dumps(scales.to_dict()))).known_to == scales.known_to
     spread = (fo.Uniform(1.0, 1.02), fo.Uniform(1.0, 1.01))
     assert scales.known_to[0] in str(fo.assembly_yield(scales, sizes=spread, budget=0.1, count=1000))
+
+
+def test_solids_side_by_side_that_cover_faces_of_each_other_have_errors_that_are_not_known() -> None:
+    """A part with facets that are no faces of the whole: to tell how far these are off ended in a KeyError."""
+    turns = 2.0 * np.pi * np.arange(48) / 48
+    body = fo.Body.convex([(np.cos(x), np.sin(x), z) for x in turns for z in (0.0, 1.0)])
+    assert facet_errors(body) is not None
+    assert facet_errors(replace(body, faces=body.faces[:-10])) is None

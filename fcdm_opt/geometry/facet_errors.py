@@ -67,7 +67,10 @@ def _recognised(body: Body) -> Array | None:
         return frozen(errors)
     normals, (corners, owners) = normals_of_faces(body), body.face_triangles
     rounds = round_faces(body)
-    for own in [*rounds, *_tori(body, normals, {face for each in rounds for face in each.faces})]:
+    rounds = [*rounds, *_tori(body, normals, {face for each in rounds for face in each.faces})]
+    if not all(face in body.face_rows for own in rounds for face in own.faces):
+        return None  # of solids side by side: faces that another one covers in part are none of the whole
+    for own in rounds:
         rows = np.array([body.face_rows[face] for face in own.faces])
         looks = np.array([normals[face] for face in own.faces])
         pairs = neighbours(own.faces)[0]

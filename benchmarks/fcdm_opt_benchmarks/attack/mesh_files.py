@@ -46,6 +46,7 @@ def solid_of(file: Path) -> RawSolid | None:
     if not len(getattr(loaded, "faces", ())):
         return None
     loaded.merge_vertices(merge_tex=True, merge_norm=True)
+    loaded.apply_scale(1000.0 if file.suffix.lower() == ".glb" else 1.0)  # in metres
     own = RawSolid(np.array(loaded.vertices), np.array(loaded.faces, dtype=np.int64), loaded.vertices.mean(axis=0))
     solid = own.solid()
     return None if solid.is_empty() or solid.volume() <= 0.0 else RawSolid.of(solid, own.seed)
