@@ -148,7 +148,7 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    keep_outs = {own.name: _beside(problem, own, along, pair, limit) for own in problem.keep_out}
+    keep_outs = {own.name: _keep_out_states(problem, own, along, pair, limit) for own in problem.keep_out}
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     first, *rest = [StateSpan(*own) for own in ahead.spans]
@@ -162,7 +162,7 @@ def contact_times(
                         keep_outs, proved)  # fmt: skip
 
 
-def _beside(
+def _keep_out_states(
     problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
 ) -> tuple[StateSpan, ...]:
     """Return the states of the movable body and a keep-out, at all of its scales."""

@@ -150,7 +150,7 @@ class Resizing:
             else np.random.default_rng(0).integers(0, 2, (most, count))
         )  # fmt: skip
         for values in low + (high - low) * ends:
-            _parts_made(self, values)
+            _corners_of_parts(self, values)
 
     def named(self, own: MovingPart, facet: int) -> str:
         """Return the face of the body that a facet of a part belongs to, in words."""
@@ -262,7 +262,7 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
     return scaled
 
 
-class _PartsMade(NamedTuple):
+class _CornersOfParts(NamedTuple):
     """Corners of a body's parts at given sizes.
 
     Attributes
@@ -283,7 +283,7 @@ class _PartsMade(NamedTuple):
     surface: Surface | None
 
 
-def _parts_made(moving: Resizing, values: Array) -> _PartsMade:
+def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
     body, near = moving.body, DEFAULT.planarity * moving.body.size
     found, changed, split = [], dict[int, Array](), False
     for k, own in enumerate(moving.parts):
@@ -299,17 +299,17 @@ def _parts_made(moving: Resizing, values: Array) -> _PartsMade:
         found.append(points)
     numbered = _kept_numbers(moving, values, changed) if not (split or (changed and len(found) == 1)) else None
     if numbered is None:
-        return _PartsMade(found, np.empty((0, 3)), [], None)
+        return _CornersOfParts(found, np.empty((0, 3)), [], None)
     surface = None
     if body.skin and len(found) > 1:
         with _at(moving, values):
             surface = _surface(body, numbered[0])
             _check_filled(body, found, surface)
-    return _PartsMade(found, *numbered, surface)
+    return _CornersOfParts(found, *numbered, surface)
 
 
 def _offset(moving: Resizing, values: Array) -> Body:
-    body, (points, rows, parts, surface) = moving.body, _parts_made(moving, values)
+    body, (points, rows, parts, surface) = moving.body, _corners_of_parts(moving, values)
     if not parts:
         return replace(Body.from_parts(points, seed=body.seed, name=body.name), deviation=body.deviation)
     if len(body.parts) == 1:

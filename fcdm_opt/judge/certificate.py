@@ -90,12 +90,13 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         return (finite,)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
-        stages = (judge.motion, judge.requirement, judge.alone, judge.contact, judge.sides, judge.path, judge.seats)
+        found = judge.motion, judge.requirement, judge.only_motion, judge.contact
+        stages = (*found, judge.sides, judge.path, judge.seats)
         checks = (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
-    return (*checks, *_as_told(solution, checks))
+    return (*checks, *_same_as_read(solution, checks))
 
 
-def _as_told(solution: Solution, checks: tuple[Check, ...]) -> tuple[Check, ...]:
+def _same_as_read(solution: Solution, checks: tuple[Check, ...]) -> tuple[Check, ...]:
     """Check what a solution that was stored brings along: its certificate, and the derivatives of its amount."""
     found, slack, told = {check.name: check for check in checks}, solution.problem.contact_slack, list[Check]()
     if solution.certificate is not None and solution.certificate.read:
@@ -419,7 +420,7 @@ class _Judge:
             )
         return checks
 
-    def alone(self) -> list[Check]:
+    def only_motion(self) -> list[Check]:
         """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
         claimed = self.solution.unique_within
         if claimed == 0.0:

@@ -110,7 +110,7 @@ def _goes_through(problem: Problem, q: Array) -> bool:
         pacing.check()
         after = _corners(problem, share, motion.transform(share * q, *seeds))
         one, two = zip(before, after, strict=True)
-        if any(passes(one, two, way, DEFAULT.snap * size) for way in _ways(one, two, size, turned > 0.0)):
+        if any(passes(one, two, way, DEFAULT.snap * size) for way in _displacements(one, two, size, turned > 0.0)):
             return True
         before = after
     return False
@@ -171,7 +171,7 @@ def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
     return (one.points[one.triangles] + drawn.seed if same else after), after
 
 
-def _ways(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
+def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
     """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends.
 
     One of those that are nearly alike, and none that is no more than rounding.

@@ -78,7 +78,7 @@ class AssemblySolution(Bounded):
     @cached_property
     def left_by_mesh(self) -> str:
         """As in `Bounded`; `known_to` of each two parts says why."""
-        return self._left_by_mesh([*self.assembly.bodies_made.values()], self.assembly.unit)
+        return self._mesh_bracket_text([*self.assembly.bodies_made.values()], self.assembly.unit)
 
     @property
     def advice(self) -> str:

@@ -223,7 +223,7 @@ class Bounded(Plain):
             return advice
         return f"{advice.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
 
-    def _left_by_mesh(self, bodies: Sequence[Body], unit: str) -> str:
+    def _mesh_bracket_text(self, bodies: Sequence[Body], unit: str) -> str:
         low, high = self.amount_low, self.amount_high
         if self.status.found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
@@ -369,7 +369,7 @@ class Solution(Bounded, Shown):
     @cached_property
     def left_by_mesh(self) -> str:
         """As in `Bounded`: "between .32 and 2.85 mm: the mesh leaves that open"."""
-        return self._left_by_mesh(self.problem.bodies, self.problem.amount_unit)
+        return self._mesh_bracket_text(self.problem.bodies, self.problem.amount_unit)
 
     @cached_property
     def advice(self) -> str:
