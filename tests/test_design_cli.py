@@ -156,7 +156,7 @@ def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
 
 
 def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
-    arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--out", tmp_path, "--budget", 1.0)
+    arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--out", tmp_path, "--budget", 1.0, "--error", 0.05)
     code, text, _ = run(*arguments, "--json")
     (case,) = json.loads(text)[0]["cases"]
     names = {path.name for path in tmp_path.iterdir()}

@@ -287,8 +287,8 @@ def test_seeds_that_coincide_as_drawn_are_refused_by_name():
 
 @pytest.mark.parametrize(
     ("motion", "there"),
-    [*product((X >> Screw(), X >> Screw(pitch=0.3), Rotation("z", (0.5, 0, 0)) >> Screw()),
-              ("anywhere", "just there", "beside")), (Free() >> Screw(pitch=0.0), "just there")],
+    [(X >> Screw(), "anywhere"), (X >> Screw(pitch=0.3), "just there"), (X >> Screw(pitch=0.3), "beside"),
+     (Rotation("z", (0.5, 0, 0)) >> Screw(), "anywhere"), (Free() >> Screw(pitch=0.0), "just there")],
 )  # fmt: skip
 def test_seeds_brought_together_by_an_earlier_step_are_no_error(motion, there):
     """TX = 1, or half a turn, takes seed to seed, up to rounding; there the screw's parameters are no motion at all.

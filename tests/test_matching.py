@@ -98,8 +98,11 @@ def test_walls_equal_in_both_files_do_not_overlap_by_their_last_digits(kind, mov
     assert solution.amount == pytest.approx(amount, abs=3e-14 if kind == "off" else 1e-6)
 
 
-@pytest.mark.parametrize("kinds", [("stl", "stl"), ("text.stl", "text.stl"), ("stl", "off"), ("off", "text.stl")])
-@pytest.mark.parametrize(("make", "sides"), [(stepped, 3), (stepped, 8), (chamfered, 5), (chamfered, 8), (blind, 13)])
+@pytest.mark.parametrize(
+    ("make", "sides", "kinds"),
+    [(stepped, 3, ("stl", "stl")), (stepped, 8, ("text.stl", "text.stl")), (chamfered, 5, ("stl", "off")),
+     (chamfered, 8, ("off", "text.stl")), (chamfered, 8, ("stl", "stl")), (blind, 13, ("stl", "stl"))],
+)  # fmt: skip
 def test_tilted_fits_of_few_digits_answer_as_they_were_drawn(tmp_path, make, sides, kinds):
     """Line to line along a tilted axis: the amount is how deep the shoulder is, to the error of the digits."""
     rng = np.random.default_rng([sides, len(kinds[0])])

@@ -141,7 +141,7 @@ SOLIDS = {
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decomposition: str) -> None:
     profile, volume = SOLIDS[kind]
-    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.05, decomposition=decomposition)
+    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.1, decomposition=decomposition)
     inner, outer = bounding_bodies(body)
 
     def held(own: fo.Body) -> float:
@@ -155,7 +155,7 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
     assert low <= mesh <= high
     if volume is not None:
         assert low <= volume <= high
-        assert high - low < 0.04 * volume
+        assert high - low < 0.08 * volume
     corners = body.vertices[: len(body.vertices)]
     assert (outer.vertices.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
 

@@ -58,7 +58,7 @@ def whole(movable: fo.Body, static: fo.Body, T: np.ndarray) -> fo.DecisionCurve:
     return curve
 
 
-@runs(75)
+@runs(30)
 @given(generators, st.sampled_from([(1, 3), (2, 2), (4, 5), (9, 8)]), st.booleans())
 def test_the_curve_is_that_of_all_pairs(rng, counts, aligned):
     one, two = (heap(rng, count, aligned) for count in counts)

@@ -169,7 +169,7 @@ def test_a_flange_on_a_ring_was_refused_for_contacts_whose_corners_had_one_name(
     bush = turned("bush", (0, -1), (5, -1), (5, 8), (9, 8), (9, 11), (0, 11))
     ring = turned("ring", (5.1, 0), (20, 0), (20, 8), (5.1, 8), (5.1, 0))
     size = fo.Size("size", "movable", faces=faces, each=0.5, tolerance=0.05)
-    for made, value in ({"size": 0.04}, 0.04), ({"size": -0.03}, -0.03), ("worst", 0.05):
+    for made, value in ({"size": -0.03}, -0.03), ("worst", 0.05):
         asked = {"sizes": [size], "made": made, "goal": goal, "motion": fo.Translation("z")}
         solution = fo.solve(fo.Problem(bush, ring, **asked))
         assert solution.certificate.passed

@@ -442,7 +442,7 @@ def test_whatever_is_asked_gets_a_status_and_no_exception():
         assert not solution.lower_bound > solution.amount
         json.dumps(solution.to_dict(), allow_nan=False)
     assert {Status.SOLVED, Status.ALREADY_SATISFIED} <= statuses
-    assert len(statuses) >= 4
+    assert len(statuses) >= 3
 
 
 def test_no_answer_of_an_odd_question_is_rejected_by_the_judge():
