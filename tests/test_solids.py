@@ -56,8 +56,8 @@ def shifted(*by):
 
 def test_points_are_located_exactly_on_edges_walls_and_corners():
     rng = np.random.default_rng(1)
-    mesh = trimesh.creation.icosphere(subdivisions=3, radius=10)
-    points, corners = np.round(rng.uniform(-11, 11, (4000, 3)), 0), np.round(np.array(mesh.vertices), 1)[mesh.faces]
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=10)
+    points, corners = np.round(rng.uniform(-11, 11, (1500, 3)), 0), np.round(np.array(mesh.vertices), 1)[mesh.faces]
     found = located(points, corners)
     assert (found.winding == np.round(winding_numbers(points, corners)))[~found.on].all()
     assert located(corners[:, 0], corners).on.all()
@@ -87,7 +87,7 @@ def test_a_cube_in_the_middle_of_a_surface_body_is_inside(subdivisions, place):
     assert PlacedSolids(cube, big, ONES, shifted(0, 0, 12)).nested == 0
 
 
-@pytest.mark.parametrize("refined", [1, 2, 3])
+@pytest.mark.parametrize("refined", [1, 3])
 def test_depth_of_surface_bodies_does_not_fall_with_refinement(refined):
     """A box .5 wide of sides 4 stands 1.5 deep in one of 20; in the middle of it 10 + 2 deep."""
     block, peg = box(10, sides=refined), box((2, 2, 4), sides=refined)
@@ -99,7 +99,7 @@ def test_depth_of_surface_bodies_does_not_fall_with_refinement(refined):
 
 def test_depth_of_balls_converges_to_the_closed_form():
     """Radii less the distance of their centres, that of one inside the other too."""
-    for subdivisions, off in ((2, 0.07), (3, 0.018)):
+    for subdivisions, off in ((1, 0.28), (2, 0.07)):
         big, small = ball(10, subdivisions), ball(3, subdivisions)
         for place in ((0, 0, 12), (0, 3, 6), (0, 4, 0)):
             depth = PlacedSolids(small, big, ONES, shifted(*place)).depth
@@ -124,17 +124,17 @@ def test_depth_of_a_peg_tight_all_round_is_that_of_its_walls():
 
 
 def test_the_gap_of_a_cube_in_the_middle_of_a_surface_body_was_positive():
-    big, cube = ball(10, 3), box(1)
+    big, cube = ball(10, 2), box(1)
     for one, two in ((cube, big), (big, cube)):
         curve = fo.decision_curve(one, two)
-        assert curve.gap((1, 1)) == pytest.approx(-11, rel=5e-3)
+        assert curve.gap((1, 1)) == pytest.approx(-11, rel=2e-2)
         assert curve.status == "overlapping"
         assert curve.distance((1, 1)) == 0
         assert fo.decision_curve(one, two, transform=shifted(0, 0, 15)).gap((1, 1)) == pytest.approx(4, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("goal", "up", "turned", "subdivisions"), [("clear", 0, False, 1), ("touch", 0, True, 2), ("clear", 3, True, 1)]
+    ("goal", "up", "turned", "subdivisions"), [("clear", 0, False, 1), ("touch", 0, True, 1), ("clear", 3, True, 1)]
 )
 def test_a_cube_in_the_middle_of_a_surface_body_was_clear_of_it(goal, up, turned, subdivisions):
     """Out along z: 10 and half of the cube less what it is up already; the vertex at the pole is one of the mesh."""
@@ -151,7 +151,7 @@ def test_a_surface_body_was_moved_over_a_keep_out_into_its_middle():
     """A ball of 10 onto a plate at -29 would hold a cube at -20; below it goes its top is at -31."""
     about = fo.KeepOut(box(1, (0, 0, -20)), name="cube")
     asked = {"target": (1, 1), "motion": fo.Translation("z"), "keep_out": [about]}
-    found = fo.solve(fo.Problem(ball(10, 3), box((5, 5, 1), (0, 0, -30)), goal="touch", **asked))
+    found = fo.solve(fo.Problem(ball(10, 2), box((5, 5, 1), (0, 0, -30)), goal="touch", **asked))
     assert found.certificate.passed
     assert found.parameters["TZ"] == pytest.approx(-41, rel=1e-9)
 
@@ -165,7 +165,7 @@ def test_a_keep_out_kept_as_a_surface_was_clear_of_a_part_in_its_middle():
     out = fo.solve(fo.Problem(part, plate, goal="clear", keep_out=[about], **asked))
     assert out.usable
     assert out.amount == pytest.approx(9, rel=1e-9)
-    below = fo.KeepOut(ball(8, 2, centre=(0, 0, -35)), name="ball")
+    below = fo.KeepOut(ball(8, 1, centre=(0, 0, -35)), name="ball")
     assert fo.solve(fo.Problem(part, plate, goal="touch", keep_out=[below], **asked)).status.name == "INFEASIBLE"
     grows = fo.KeepOut(ball(8, 1, centre=(0, 0, -20)), (0.9, 1.1), clearance=0.5, name="ball")
     out = fo.solve(fo.Problem(part, plate, goal="clear", keep_out=[grows], **asked))
@@ -238,7 +238,7 @@ def test_depth_of_an_overlap_with_a_scan_halved_with_each_refinement(finer):
 
 def test_an_overlap_of_parts_of_many_triangles_was_said_to_touch():
     """Blocks on each other with waves of 1e-3, one of them with a bar below that reaches .02 into the other."""
-    steps = np.linspace(-10, 10, 41)
+    steps = np.linspace(-10, 10, 21)
     x, y = np.meshgrid(steps, steps, indexing="ij")
     count = len(steps)
     grid = np.arange(count * count).reshape(count, count)
@@ -269,9 +269,9 @@ def test_an_overlap_of_parts_of_many_triangles_was_said_to_touch():
 
 def test_init_moved_a_pin_that_is_tight_all_round(tmp_path):
     """20.02 in 20, as finely meshed: no small shift does, and after one of .01 the overlap is twice as large."""
-    pin = trimesh.creation.cylinder(radius=10.01, height=40, sections=64)
+    pin = trimesh.creation.cylinder(radius=10.01, height=40, sections=32)
     plate = trimesh.creation.box(extents=[40, 40, 10]).difference(
-        trimesh.creation.cylinder(radius=10.0, height=30, sections=64), engine="manifold"
+        trimesh.creation.cylinder(radius=10.0, height=30, sections=32), engine="manifold"
     )
     for name, mesh in (("pin", pin), ("plate", plate)):
         mesh.export(tmp_path / f"{name}.stl")
