@@ -13,7 +13,12 @@ single()  # as the command line does
 pytest.register_assert_rewrite("curve_checks")  # checks shared by several files say what differs
 
 settings.register_profile(
-    "tests", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
+    "tests",
+    max_examples=50,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 # without compiled kernels everything takes a hundred times as long
 settings.register_profile("plain Python", settings.get_profile("tests"), max_examples=5)

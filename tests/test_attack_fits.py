@@ -234,14 +234,14 @@ def test_tracked_points_move_as_their_lines_say():
             continue
         own, found = scene.setting, scene.least()
         signs = np.sign(scene.target - scene.tracked.rho)
-        grid = np.linspace(-1, 1, 1001)[:, None]
+        grid = np.linspace(-1, 1, 401)[:, None]
         x, real = scene.tracked.real(*own.poses(grid))
         fine = np.abs(grid[reached("beyond", x, scene.target, signs) & real, 0])
         if found is None or found.amount > 0.99:
             assert not fine.size
             continue
         compared += 1
-        assert fine.min() == pytest.approx(found.amount, abs=2.1e-3)
+        assert fine.min() == pytest.approx(found.amount, abs=5.1e-3)
     assert compared >= 4
 
 

@@ -116,7 +116,7 @@ def common_point(problem: Problem, feature: Feature, solution: Solution) -> floa
     return float(found.fun)
 
 
-@pytest.mark.parametrize("number", [1012598782, *range(6)])
+@pytest.mark.parametrize("number", [1012598782, *range(2)])
 def test_contacts_of_parts_drawn_far_away_share_a_point(number: int) -> None:
     """Quads 1e4 sizes from the origin and turned are two triangles each: a contact lies on one of them."""
     turn, shift = Turn.random(random_state=number).as_matrix(), [16637.23991391, 6591.47749832, -16413.97294585]

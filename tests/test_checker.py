@@ -315,7 +315,7 @@ def test_values_lie_within_intervals(rng, function):
         assert ((low - rounding <= values) & (values <= high + rounding))[known].all()
 
 
-@runs(60)
+@runs(30)
 @given(generators, st.sampled_from([F1V2, V1F2, E1E2]))
 def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
     """By transforms in plain floats, with `Free` among the motions."""

@@ -114,13 +114,13 @@ def test_one_contact_over_the_whole_box_in_closed_form(case):
     np.testing.assert_allclose(curve.rho2(x), (r - p * x) / q, rtol=1e-14)
 
 
-@runs(150)
+@runs(60)
 @given(generators, reaches)
 def test_convex_pairs_with_seeds_inside_equal_the_exact_curve(rng, reach):
     check_convex(*random_pair(rng, reach, INSIDE))
 
 
-@runs(200)
+@runs(80)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -128,7 +128,7 @@ def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seed
         check_convex(one, two)
 
 
-@runs(200)
+@runs(80)
 @given(generators, st.sampled_from([2, 4, 1000]), st.sampled_from(SEED_PAIRS))
 def test_parts_along_the_axes_equal_the_exact_curve(rng, reach, seeds):
     one, two = aligned_pair(rng, reach, seeds)
@@ -143,7 +143,7 @@ def test_larger_generic_hulls_equal_the_exact_curve(rng):
     check_convex(one, two.shifted(rng.integers(-3000, 3000, 3).tolist()))
 
 
-@runs(50)
+@runs(25)
 @given(generators)
 def test_posed_generic_pairs_equal_the_exact_curve_of_the_pose_as_given(rng):
     one, two = random_pair(rng, 1000, INSIDE)

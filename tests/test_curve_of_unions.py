@@ -67,7 +67,7 @@ def check_union(one: Shape, two: Shape, rng: np.random.Generator) -> None:
     check_gaps(truth, curve, rng, 400)
 
 
-@runs(50)
+@runs(25)
 @given(generators, st.sampled_from([2, 3, 1000]), st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1), (2, 3)]))
 def test_unions_equal_the_exact_curve(rng, reach, counts):
     one, two = (random_union(rng, reach, k) for k in counts)
@@ -76,7 +76,7 @@ def test_unions_equal_the_exact_curve(rng, reach, counts):
         check_union(one, two, rng)
 
 
-@runs(50)
+@runs(25)
 @given(generators, st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1)]))
 def test_unions_along_the_axes_equal_the_exact_curve(rng, counts):
     one, two = (aligned_union(rng, 4, k) for k in counts)

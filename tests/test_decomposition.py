@@ -143,10 +143,10 @@ def test_decompositions_do_not_depend_on_pose_or_unit(name):
     rng = np.random.default_rng(len(name))
     whole = Body.from_mesh(vertices, faces, seed=seed)
     assert len(whole.parts) in (count, few)
-    turns = [random_rotation(rng) for _ in range(3)]
+    turns = [random_rotation(rng) for _ in range(2)]
     far = np.array([1e6, -1e6, 1e6])
     for turn, unit, shift in [
-        (turns[0], 1.0, 0.0), (turns[1], 1e-8, 0.0), (turns[2], 1e8, 0.0), (np.eye(3), 1e-8, 0.0), (np.eye(3), 1.0, far)
+        (turns[0], 1e-8, 0.0), (turns[1], 1e8, 0.0), (np.eye(3), 1.0, far)
     ]:  # fmt: skip
         body = Body.from_mesh(unit * vertices @ turn.T + shift, faces, seed=unit * seed @ turn.T + shift)
         assert len(body.parts) == len(whole.parts)
@@ -246,7 +246,7 @@ def ring(sides: int, radius: float, phase: float = 0.0) -> np.ndarray:
         (gear(12, 4, 5), (ring(8, 2),), 20),
         (ring(4, 6, np.pi / 4), (ring(6, 2),), 6),  # the plate around a hexagonal hole
         (ring(6, 4), (ring(24, 2),), 24),
-        (ring(64, 4), (ring(64, 3),), 64),
+        (ring(48, 4), (ring(48, 3),), 48),
         ([(0, 0), (10, 0), (10, 4), (7, 4), (8, 2), (2, 2), (3, 4), (0, 4)], (), 3),  # dovetail
     ],
 )
@@ -381,7 +381,7 @@ def surface_samples(triangles: np.ndarray, rng: np.random.Generator, count: int)
 def test_the_deviation_of_coacd_bounds_what_samples_show(bulge):
     rng = np.random.default_rng(2)
     if bulge:  # a ring: hulls stick out into its hole
-        vertices, triangles = extruded(ring(24, 1.0), (ring(24, 1.0 - bulge),))
+        vertices, triangles = extruded(ring(12, 1.0), (ring(12, 1.0 - bulge),))
     else:
         vertices, triangles = extruded([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
     body, mesh = Body.from_mesh(vertices, triangles, decomposition="coacd"), checked_mesh(vertices, triangles)

@@ -43,7 +43,7 @@ def test_a_function_stays_within_its_second_order_bound(name):
     exact = casadi.Function("f", [symbol], [FUNCTIONS[name](symbol)])
     instructions, rng = Instructions.of(exact), np.random.default_rng(5)
     bounded = 0
-    for _ in range(60):
+    for _ in range(30):
         x, span = float(rng.uniform(-1.0, 1.0)), float(10.0 ** rng.uniform(-4, 0))
         value, slope, bend, terms = expanded(lambda at: instructions.carried_out(SCALARS, [at])[0][0], x, span)
         assert value == pytest.approx(float(exact(x)), rel=1e-12, abs=1e-14)
@@ -51,7 +51,7 @@ def test_a_function_stays_within_its_second_order_bound(name):
         for step in rng.uniform(0.0, span, 8):
             off = float(exact(x + step)) - value - slope * step
             assert not abs(off) > 0.5 * bend * step**2 * (1.0 + 1e-9) + 8.0 * ROUNDING * (terms + 1.0)
-    assert bounded > 40
+    assert bounded > 20
 
 
 def test_what_is_not_defined_is_not_bounded():

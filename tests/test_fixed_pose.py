@@ -313,7 +313,7 @@ def wedge_in_a_groove(motion: fo.Motion, **more) -> fo.Problem:
     )
 
 
-@pytest.mark.parametrize("weight", [1.0, 2.0, 10.0])
+@pytest.mark.parametrize("weight", [1.0, 10.0])
 def test_a_wedge_does_not_slide_along_its_groove(weight):
     near = {"TX": (-1.0, 1.0), "TY": (-10.0, 10.0), "TZ": (-1.0, 1.0)}  # else it does better below the block
     asked = wedge_in_a_groove(XYZ, weights={"TX": weight}, limits=near)

@@ -58,7 +58,7 @@ def test_where_the_contact_ends_first_a_free_path_is_no_dearer(tolerance: float)
 
 def test_of_random_hulls_free_paths_are_no_dearer() -> None:
     found = 0
-    for number in range(24):
+    for number in range(12):
         asked = problem(number)
         coherent = fo.solve(asked)
         if not coherent.usable:
@@ -67,7 +67,7 @@ def test_of_random_hulls_free_paths_are_no_dearer() -> None:
         assert free.usable, number
         assert free.amount <= coherent.amount * (1.0 + EQUAL), number
         found += 1
-    assert found > 10
+    assert found > 5
 
 
 @pytest.mark.parametrize("number", [10, 18, 36])

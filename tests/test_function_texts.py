@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -12,8 +11,10 @@ from pathlib import Path
 import casadi
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.function_text import ONE, TWO, function_of, text_of
 from fcdm_opt.motion.own_motion import OwnMotion
@@ -174,9 +175,8 @@ def test_no_library_is_loaded_that_a_problem_file_or_a_solution_names(tmp_path):
     for motion, amount in ((plain, f"{{ casadi = {json.dumps(text)} }}"), (own, '"weighted"')):
         file = tmp_path / "p.toml"
         file.write_text(PROBLEM.format(motion=motion, amount=amount))
-        run = [sys.executable, "-m", "fcdm_opt", "solve", str(file)]
-        result = subprocess.run(run, capture_output=True, text=True, env=dict(os.environ), check=False)
-        assert result.returncode == 2, result.stderr
+        result = CliRunner().invoke(app, ["solve", str(file)])
+        assert result.exit_code == 2, result.stderr
         assert "not the text of a CasADi function" in result.stderr
         assert "External" in result.stderr
         assert "internal" not in result.stderr

@@ -16,7 +16,7 @@ from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.problem import Problem
 
 SOLIDS = [name for name, (cells, *_) in VOXELS.items() if len(cells) > 1]
-SIDES = 520
+SIDES = 320
 GROWN = 9  # cubes of a solid that is grown
 PEG, HOLE, DEEP = 9.0, 9.1, 4.0
 
@@ -77,7 +77,7 @@ def grown(number: int) -> set[tuple[int, ...]]:
     return cubes
 
 
-@pytest.mark.parametrize("name", [*SOLIDS, *range(10)])
+@pytest.mark.parametrize("name", [*SOLIDS, *range(4)])
 def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str | int) -> None:
     vertices, faces = surface_of(grown(name) if isinstance(name, int) else VOXELS[name][0])
     vertices = np.asarray(vertices, dtype=float)
@@ -147,7 +147,7 @@ def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
     again = Problem.from_dict(problem.to_dict())
     assert again.static.hollow
     assert len(again.request["static"].parts) == len(bored.parts)
-    assert fo.solve(again).amount == pytest.approx(fo.solve(problem).amount, rel=1e-12)
+    assert fo.solve(again).amount == pytest.approx((1.01 * HOLE - 0.99 * PEG) * math.cos(math.pi / SIDES), rel=1e-9)
 
 
 def test_a_free_motion_of_a_part_with_thousands_of_faces_is_bounded(bored: fo.Body) -> None:
@@ -216,7 +216,7 @@ def test_boxes_that_overlap_are_found_as_by_comparing_all() -> None:
         assert set(listed) == wanted
 
 
-def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift() -> None:
+def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch: pytest.MonkeyPatch) -> None:
     """The plate grows about its middle and takes its pin along: the ring must follow aside, or it does not seat."""
     from manifold3d import Manifold
 
@@ -230,6 +230,7 @@ def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift() -> None:
     plate = meshed(Manifold.cube((140.0, 60.0, 5.0)).translate((-70.0, -30.0, -5.0)) + pin, "plate")
     ring = Manifold.cylinder(6.0, 9.0, 9.0, 24) - Manifold.cylinder(20.0, 4.2, 4.2, 24).translate((0, 0, -5.0))
     situation = Situation(meshed(ring.translate((50.0, 0.0, 0.0)), "ring"), plate)
+    monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", math.inf)  # no answer is to depend on how busy a machine is
     choice = chosen(situation)
     assert choice.goal == "seat"
     assert len(choice.motion.steps) == 3

@@ -85,14 +85,14 @@ def error_of_polyline(points: np.ndarray, rho: np.ndarray) -> float:
 def test_method_traces_the_exact_curve(method: Method, reach: int) -> None:
     rng = np.random.default_rng([reach, 5])
     drawn = 0
-    for _ in range(5):
+    for _ in range(3):
         one, two = random_pair(rng, reach)
         if not exact(one, two).pieces(ODD_BOX):
             continue
         answer = answered(method, one, two)
         check(method, answer, exact(one, two).pair)
         drawn += isinstance(answer, CurveAnswer) and len(answer.points) > 1
-    assert drawn >= 3
+    assert drawn >= 2
 
 
 @pytest.mark.parametrize("method", EVERY)

@@ -54,7 +54,7 @@ def taper_of_step_files(folder: Path) -> tuple[fo.Body, fo.Body]:
     top = WIDE + TAPER * LONG
     plug = read(folder, revolved([(0, 0), (WIDE, 0), (top, LONG), (0, LONG)], np.eye(3)), seed=[0, 0, 0], name="plug")
     profile = [(WIDE, 0), (16, 0), (16, LONG), (top, LONG)]
-    socket = read(folder, revolved(profile, about_z(0.07)), seed=[0, 0, 0], deviation=0.02, name="socket")
+    socket = read(folder, revolved(profile, about_z(0.07)), seed=[0, 0, 0], deviation=0.1, name="socket")
     return plug, socket
 
 
@@ -71,8 +71,7 @@ def test_a_taper_from_step_files_is_not_proved_of_its_mesh(tmp_path: Path) -> No
     assert "the mesh leaves that open" in repr(solution)
 
 
-@pytest.mark.parametrize("count", [24, 48])
-@pytest.mark.parametrize("phase", [0.0, 0.5])
+@pytest.mark.parametrize(("count", "phase"), [(24, 0.5), (32, 0.0)])
 def test_a_taper_of_facets_is_not_proved_of_them(count: int, phase: float) -> None:
     plug, socket = frustum(count, phase), bored(WIDE, WIDE + TAPER * LONG, 16.0, count)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))
@@ -82,9 +81,9 @@ def test_a_taper_of_facets_is_not_proved_of_them(count: int, phase: float) -> No
     assert "smallest possible" not in verdict_text(solution)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.1])
+@pytest.mark.parametrize("turn", [0.1])
 def test_balls_apart_touch_between_what_larger_and_smaller_ones_do(turn: float) -> None:
-    ball = trimesh.creation.icosphere(3, 5.0)
+    ball = trimesh.creation.icosphere(2, 5.0)
     vertices = np.array(ball.vertices) @ about_z(turn).T @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
     body = fo.Body.convex(vertices + np.array([0.0, 0.0, 6.0]), seed=[0, 0, 6], name="ball")
     plate = fo.Body.convex(PLATE - [0.0, 0.0, 10.0], name="plate")

@@ -190,8 +190,7 @@ def test_meshes_of_a_glb_scene_are_where_the_scene_places_them(tmp_path):
     assert off_by.max() < 1e-6
 
 
-@pytest.mark.parametrize("drawn", ["mm", "cm", "m", "in"])
-@pytest.mark.parametrize("unit", NANOMETRES)
+@pytest.mark.parametrize(("unit", "drawn"), zip(NANOMETRES, itertools.cycle(["cm", "mm", "in", "m"]), strict=False))
 def test_step_files_name_their_unit_and_plane_faces_are_exact(tmp_path, drawn, unit):
     """cascadio's single precision would be off by 1e-8."""
     turn = random_rotation(np.random.default_rng(4))
@@ -241,7 +240,7 @@ def test_nothing_is_printed_to_standard_output(tmp_path, capfd):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_faces_of_turned_solids_are_plane_again_after_single_precision(tmp_path, family):
     """A binary STL file has folds of 1e-8 in every slanted face; moved within its digits, it has the faces drawn."""
-    for seed in range(3):
+    for seed in range(1):
         rng = np.random.default_rng([seed, 8])
         solid = random_solid(rng, family, False)
         points = solid.vertices @ Rotation.from_rotvec(rng.uniform(0.3, 1, 3)).as_matrix().T + rng.uniform(-5, 5, 3)

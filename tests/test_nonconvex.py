@@ -16,7 +16,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Branch
 
 SEED = 41
-PAIRS = 3 if PLAIN else 16
+PAIRS = 3 if PLAIN else 8
 SCALE_PAIRS = 50
 
 
@@ -89,11 +89,11 @@ def test_parts_of_a_random_solid_fill_its_surface(family, turned):
     """What the comparison rests on: a point is in the surface, by winding number, where it is in a part."""
     rng = np.random.default_rng([SEED, list(FAMILIES).index(family), turned])
     seen = set()
-    for _ in range(3):
+    for _ in range(2):
         solid = random_solid(rng, family, turned)
         assert is_closed(solid.triangles)
         parts = solid.union().parts
-        for point in rng.uniform(solid.vertices.min(axis=0), solid.vertices.max(axis=0), (40, 3)):
+        for point in rng.uniform(solid.vertices.min(axis=0), solid.vertices.max(axis=0), (25, 3)):
             depths = [((p.normals @ point) - (p.vertices @ p.normals.T).max(axis=0)).max() for p in parts]
             inside = winding_number(point, solid.vertices, solid.triangles) > 0.5
             assert inside == (min(depths) < 0)

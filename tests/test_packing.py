@@ -121,7 +121,7 @@ def test_summary_tells_reach_and_whether_the_seed_is_inside(seed, inside):
     assert (convex, within) == (1, inside)
 
 
-@pytest.mark.parametrize("count", [8, 60, 900])
+@pytest.mark.parametrize("count", [8, 300])
 def test_grids_hold_the_extreme_vertex_and_the_face_that_a_ray_leaves_through(count):
     points = np.random.default_rng(count).normal(size=(count, 3))
     (part,) = Body.convex(points / np.linalg.norm(points, axis=1)[:, None]).parts

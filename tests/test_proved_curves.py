@@ -74,7 +74,7 @@ def walked_labels(region: Region) -> list[list[tuple[frozenset[int], frozenset[i
 # --------------------------------------------------------------------------------------------- what the walk proves
 
 
-@runs(200)
+@runs(80)
 @given(generators)
 def test_whatever_the_walk_proves_near_ties_is_exact(rng):
     """Integer pairs full of ties, stirred by 1e-17 to 1e-9 of their size, posed or not."""
@@ -105,7 +105,7 @@ def sorted_labels(chain: list[tuple[frozenset[int], frozenset[int]]]) -> list[tu
     return [(sorted(one), sorted(two)) for one, two in chain]
 
 
-@runs(100)
+@runs(50)
 @given(generators)
 def test_emptiness_proved_in_floats_is_exact(rng):
     one, two = random_pair(rng, 10, ("outside", "outside"))

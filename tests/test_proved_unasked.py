@@ -181,7 +181,7 @@ def test_a_clearance_from_a_cube_has_a_bound(way: tuple[float, ...]) -> None:
         clearance=need,
         motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"),
     )
-    turned = Turn.random(20000, random_state=1).as_matrix()[:, :, 0]
+    turned = Turn.random(4000, random_state=1).as_matrix()[:, :, 0]
     steps = np.linspace(0.0, 2.5, 251)[:, None, None] * np.abs(turned)  # outwards is shorter, by symmetry
     apart = np.linalg.norm(np.maximum(np.array(way) + steps - 2.0, 0.0), axis=2) >= need
     least = np.where(apart, np.linalg.norm(steps, axis=2), np.inf).min()  # a motion that does, 1e-2 above the least

@@ -80,17 +80,17 @@ def test_the_curve_is_that_of_all_pairs(rng, counts, aligned):
 def test_some_random_curves_have_segments_in_both_worlds():
     """The comparison above is not of empty curves."""
     rng, seen = np.random.default_rng(3), {True: 0, False: 0}
-    for k in range(40):
+    for k in range(16):
         aligned = bool(k % 2)
         one, two, T = heap(rng, 4, aligned), heap(rng, 5, aligned), posed(rng, aligned)
         seen[aligned] += len(fo.decision_curve(one, two, transform=T, box=BOX).segments) > 0
-    assert min(seen.values()) >= 5
+    assert min(seen.values()) >= 2
 
 
 def test_of_sixty_by_sixty_parts_less_than_one_in_twenty_is_walked():
     rng = np.random.default_rng(0)
     shares = []
-    for _ in range(3):
+    for _ in range(1):
         one, two = (heap(rng, 60, False) for _ in range(2))
         T = posed(rng, False)
         T[:3, 3] *= 8 / np.linalg.norm(T[:3, 3])

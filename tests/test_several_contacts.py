@@ -137,8 +137,7 @@ def pocket() -> fo.Problem:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("goal", ["at", "fit"])
-@pytest.mark.parametrize("motion", [SHIFTS, fo.Free()], ids=["shifts", "free"])
+@pytest.mark.parametrize(("goal", "motion"), [("at", SHIFTS), ("fit", SHIFTS), ("at", fo.Free())], ids=str)
 def test_flush_walls_that_are_not_listed_are_left_too(pocket, goal, motion) -> None:
     """Of three flush walls one is listed: the block that has grown by 2 % about its middle leaves all by its growth."""
     for feature in pocket.contacts:

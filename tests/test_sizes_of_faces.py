@@ -72,13 +72,13 @@ def test_a_scale_through_every_axis_is_the_uniform_one_and_that_of_the_body() ->
         assert np.abs(body.scaled(1.0 + p).vertices - whole).max() <= 4 * np.spacing(np.abs(whole).max())
 
 
-def test_ten_thousand_random_axes_stretch_as_rationals_do() -> None:
+def test_thousands_of_random_axes_stretch_as_rationals_do() -> None:
     from fractions import Fraction
 
     rng = np.random.default_rng(4)
     body = box((-1, -2, -3), (1, 2, 3))
     worst = 0.0
-    for _ in range(10_000):
+    for _ in range(2000):
         axis, p = rng.normal(size=3), rng.uniform(-0.1, 0.1)
         size = fo.Size("s", "movable", scale=axis)
         u = list(map(Fraction, axis.tolist()))
@@ -160,8 +160,11 @@ def turned(name: str, *profile: tuple[float, float]) -> fo.Body:
     return fo.Body.from_mesh(mesh, name=name)
 
 
-@pytest.mark.parametrize("goal", ["at", "seat", "touch"])
-@pytest.mark.parametrize(("faces", "up"), [(["F3", "F5"], 0.5), (["F1", "F5"], 0.0), (["cylinder radius 9"], 0.0)])
+@pytest.mark.parametrize(
+    ("goal", "faces", "up"),
+    [("at", ["F3", "F5"], 0.5), ("seat", ["F1", "F5"], 0.0), ("touch", ["cylinder radius 9"], 0.0),
+     ("seat", ["F3", "F5"], 0.5)],
+)  # fmt: skip
 def test_a_flange_on_a_ring_was_refused_for_contacts_whose_corners_had_one_name(
     goal: str, faces: Any, up: float
 ) -> None:
@@ -213,7 +216,7 @@ def test_a_pin_made_too_thick_is_told_not_to_fit() -> None:
     assert "not fit: pin {:.3f} in plate {:.3f}".format(*wide) in str(solution)
 
 
-@pytest.mark.parametrize("name", ["dovetail", "lid", "bracket", "keyway"])
+@pytest.mark.parametrize("name", ["dovetail", "lid"])
 def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
     """By a first-order formula: dV / dp of a face is its area; of all faces at once too."""
     problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]
@@ -249,7 +252,7 @@ def test_a_stack_says_from_where_on_parts_as_made_are_refused() -> None:
     far = fo.Body.convex(rng.normal(size=(8, 3)) + np.array([9.0, 0.0, 0.0]))
     slab, width = box((0, 0, 0), (0.2, 1, 1)), fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.5)
     assert TouchingSizes.of(slab, far, [replace(width, tolerance=0.1)]).vanishing[0] == pytest.approx(2.0)
-    for _ in range(20):
+    for _ in range(7):
         one = fo.Body.convex(rng.normal(size=(9, 3)))
         sizes = []
         for k in range(3):
@@ -328,13 +331,13 @@ def test_all_facets_of_a_cylinder_are_one_selector() -> None:
 
 def test_signs_of_gaps_are_those_of_rationals() -> None:
     wrong = unproved = together = 0
-    for gap, meet in exact.cases(400, seed=11):
+    for gap, meet in exact.cases(200, seed=11):
         unproved += meet is None
         together += meet is True
         wrong += meet is not None and (gap <= 0.0) != meet
     assert wrong == 0
     assert unproved <= 4
-    assert 80 < together < 320
+    assert 40 < together < 160
 
 
 def test_the_least_of_the_largest_row_is_that_of_a_linear_program() -> None:
@@ -499,7 +502,7 @@ def test_derivatives_by_sizes_are_those_of_differences() -> None:
 
     rng = np.random.default_rng(8)
     tried = 0
-    for _ in range(10):
+    for _ in range(4):
         bodies = []
         for k in range(2):
             normals = np.vstack([rng.normal(size=(4, 3)), [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]])
@@ -521,7 +524,7 @@ def test_derivatives_by_sizes_are_those_of_differences() -> None:
             ends = [fo.solve(problem.changed(made={**values, name: x + step})).amount for step in (1e-6, -1e-6)]
             assert found.sizes[name] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
             tried += 1
-    assert tried >= 17 * 5
+    assert tried >= 17 * 2
 
 
 def test_faces_are_chosen_on_the_part_as_drawn_when_it_is_scaled_too() -> None:

@@ -134,7 +134,7 @@ def test_gaps_over_the_sizes_of_several_features_are_those_of_the_parts_made(sce
     pin = fo.Body.convex(np.array(list(product((-5.9, -4.2), (-0.6, 0.8), (1.0, 6.0)))), name="pin")
     touching = TouchingSizes.of(pin, plate, sizes)
     rng = np.random.default_rng(1)
-    for p in rng.uniform(-0.05, 0.05, (4, len(sizes))):
+    for p in rng.uniform(-0.05, 0.05, (2, len(sizes))):
         made = resized(plate, dict(zip(sizes, p.tolist(), strict=True)))
         assert touching.gap(p) == pytest.approx(fo.decision_curve(pin, made).gap((1.0, 1.0)), abs=1e-12)
         assert touching.gap(p) > 0.0
@@ -166,7 +166,7 @@ def test_two_dowels_in_two_bores_have_the_play_that_is_left_of_each_and_the_pitc
     assert stack.touching.largest()[0] == pytest.approx(0.5 * (0.022 - 0.002), abs=1e-9)
     rng = np.random.default_rng(2)
     low, high = np.array([size.tolerance for size in [*sizes, pitch]]).T
-    for one, two, wide, wider, off in rng.uniform(low, high, (50, 5)):
+    for one, two, wide, wider, off in rng.uniform(low, high, (15, 5)):
         play = min(0.5 * (wide - one), 0.5 * (wider - two) - steepest * abs(off))
         assert stack.touching.gap((one, two, wide, wider, off)) == pytest.approx(play, abs=1e-9)
     made = {"pin 1": 0.005, "pin 2": 0.004, "bore 1": 0.016, "bore 2": 0.02, "pitch": 0.01}
@@ -249,7 +249,7 @@ def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
     pin = fo.Body.convex(np.array(list(product((1.0, 2.4), (0.6, 1.4), (1.0, 6.0)))), name="pin")
     assert Resizing.of(plate, wide).reach(np.full(4, -0.6), np.full(4, 0.6))[0] < 3.4
     touching = TouchingSizes.of(pin, plate, wide)
-    for p in np.random.default_rng(3).uniform(-0.6, 0.6, (4, 4)):
+    for p in np.random.default_rng(3).uniform(-0.6, 0.6, (2, 4)):
         made = resized(plate, dict(zip(wide, p.tolist(), strict=True)))
         assert touching.gap(p) == pytest.approx(fo.decision_curve(pin, made).gap((1.0, 1.0)), abs=1e-12)
         assert (filled(made) - solid(p)).volume() + (solid(p) - filled(made)).volume() < 1e-9
@@ -259,9 +259,9 @@ def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
 def test_a_cones_name_was_refused_and_its_label_moved_one_facet_of_it(suffix: str) -> None:
     plug, socket = (fo.Body.from_file(CASES / f"taper_{name}.{suffix}", unit="mm") for name in ("plug", "socket"))
     steep = max(abs(n[2]) for n in plug.face_planes[0] if abs(n[2]) < 0.5)
-    cone, sink = "cone radius 7.391 to 9.015", "countersink radius 7.641 to 8.89"
+    cone = "cone radius 7.391 to 9.015"
     for role, faces, each, made in (
-        ("movable", cone, 0.5, 0.01), ("movable", "F9", 0.5, 0.01), ("static", sink, -0.5, -0.01),
+        ("movable", cone, 0.5, 0.01), ("static", "F7", -0.5, -0.01),
     ):  # fmt: skip
         size = fo.Size("diameter", role, faces=faces, each=each, tolerance=0.02)
         assert np.count_nonzero(size.offsets(plug if role == "movable" else socket)) == 32

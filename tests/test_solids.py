@@ -76,7 +76,7 @@ def test_a_point_by_one_digit_off_a_slanted_face_is_on_its_side():
     assert contains(body, points).tolist() == [False, True, False]
 
 
-@pytest.mark.parametrize("subdivisions", [2, 3])
+@pytest.mark.parametrize("subdivisions", [1, 2])
 @pytest.mark.parametrize("place", [(0, 0, 0), (0, 0, 3), (2, 1, 4)])
 def test_a_cube_in_the_middle_of_a_surface_body_is_inside(subdivisions, place):
     big, cube = ball(10, subdivisions), box(1)
@@ -178,10 +178,10 @@ def test_the_judge_refuses_a_motion_into_the_middle_of_a_keep_out_or_partner():
     asked = {"target": (1, 1), "goal": "touch", "motion": fo.Translation("z")}
     free = fo.solve(fo.Problem(part, plate, **asked))
     assert free.usable
-    barred = fo.Problem(part, plate, keep_out=[fo.KeepOut(ball(8, 3, centre=(0, 0, -25)), name="ball")], **asked)
+    barred = fo.Problem(part, plate, keep_out=[fo.KeepOut(ball(8, 2, centre=(0, 0, -25)), name="ball")], **asked)
     failed = {check.name: check for check in fo.verify(replace(free, problem=barred)).failed}
     assert failed["keep-out 'ball': clearance"].value < -3
-    cube, big = box(1), ball(10, 3)
+    cube, big = box(1), ball(10, 2)
     apart = fo.solve(fo.Problem(cube.moved(shifted(0, 0, 20)), big, target=(1, 1), goal="clear", motion=fo.Free()))
     inside = fo.Problem(cube, big, target=(1, 1), goal="clear", motion=fo.Free())
     failed = {check.name for check in fo.verify(replace(apart, problem=inside)).failed}
@@ -215,10 +215,9 @@ def test_the_gap_of_surface_bodies_was_that_of_the_parts_modelled():
     assert found.pair_gap == pytest.approx(50.08 * 0.9985 - 50, abs=1e-9)
     pinion, wheel = (read(f"{name}_b0.stl") for name in ("pinion", "wheel"))
     asked["motion"] = fo.Translation("x")
-    for letter, distance in (("B", 0.017482), ("D", 0.379749)):
-        found = fo.solve(fo.Problem(pinion, wheel, tolerance=0.02, requirement=letter, **asked))
-        assert found.usable
-        assert found.pair_gap == pytest.approx(distance, abs=1e-6)
+    found = fo.solve(fo.Problem(pinion, wheel, tolerance=0.02, requirement="D", **asked))
+    assert found.usable
+    assert found.pair_gap == pytest.approx(0.379749, abs=1e-6)
 
 
 @pytest.mark.parametrize("finer", [False, True])

@@ -267,10 +267,10 @@ def least_gap(stack: Any, t: Any) -> float:
     return min(found)
 
 
-def brute(stack: Any, cost: dict[str, Any], halves: list[float], low: float, steps: int = 9) -> float:
+def brute(stack: Any, cost: dict[str, Any], halves: list[float], low: float, steps: int = 6) -> float:
     """The least cost on ever finer grids of half tolerances."""
     best, place, span = np.inf, np.array([1.0] * len(halves)), np.array([2.0] * len(halves))
-    for _ in range(7):
+    for _ in range(6):
         grid = [np.linspace(max(x - s, 0.02), min(x + s, 4.0), steps) for x, s in zip(place, span, strict=True)]
         for shares in product(*grid):
             t = np.array(shares) * halves

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = sorted(path.parent.name for path in (ROOT / "fcdm_opt").glob("*/__init__.py"))
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Return the packages of fcdm_opt that a file imports, wherever in it."""
     found = set()
