@@ -62,7 +62,7 @@ def _table(lines: list[str], k: int) -> int:
 PLACES = {"touching": 0.0, "apart": 3.0, "overlapping": -1.0}
 
 
-@pytest.mark.parametrize(("state", "unit"), zip(PLACES, [1000.0, 1.0, 1e-5], strict=True))
+@pytest.mark.parametrize(("state", "unit"), [*zip(PLACES, [1000.0, 1.0, 1e-5], strict=True)])
 def test_a_cube_on_a_table_solves_as_written(tmp_path: Path, state: str, unit: float) -> None:
     gap, away = PLACES[state] * unit, 1e3 * unit  # far from the origin too
     cube = box(tmp_path / "cube.off", (10 * unit,) * 3, (away, 0.0, 5 * unit + gap))

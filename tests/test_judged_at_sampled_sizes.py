@@ -63,7 +63,7 @@ def scaled() -> fo.Problem:
 
 @cache
 def share() -> fo.AssemblyYield:
-    found = fo.compensation_map(scaled())
+    found = fo.compensation_map(scaled(), error=1e-3)
     sizes = fo.Uniform(0.98, 1.02), fo.Uniform(0.98, 1.02)
     return fo.assembly_yield(found, sizes=sizes, budget=0.01, count=50_000)
 

@@ -52,7 +52,8 @@ def holds(solution: fo.Solution, truth: float) -> bool:
 def taper_of_step_files(folder: Path) -> tuple[fo.Body, fo.Body]:
     """The socket turned by a third of a facet: their meshes are out of phase."""
     top = WIDE + TAPER * LONG
-    plug = read(folder, revolved([(0, 0), (WIDE, 0), (top, LONG), (0, LONG)], np.eye(3)), seed=[0, 0, 0], name="plug")
+    shape = revolved([(0, 0), (WIDE, 0), (top, LONG), (0, LONG)], np.eye(3))
+    plug = read(folder, shape, seed=[0, 0, 0], deviation=0.1, name="plug")
     profile = [(WIDE, 0), (16, 0), (16, LONG), (top, LONG)]
     socket = read(folder, revolved(profile, about_z(0.07)), seed=[0, 0, 0], deviation=0.1, name="socket")
     return plug, socket
@@ -140,7 +141,7 @@ SOLIDS = {
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decomposition: str) -> None:
     profile, volume = SOLIDS[kind]
-    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.1, decomposition=decomposition)
+    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.25, decomposition=decomposition)
     inner, outer = bounding_bodies(body)
 
     def held(own: fo.Body) -> float:
@@ -154,7 +155,7 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
     assert low <= mesh <= high
     if volume is not None:
         assert low <= volume <= high
-        assert high - low < 0.08 * volume
+        assert high - low < 0.2 * volume
     corners = body.vertices[: len(body.vertices)]
     assert (outer.vertices.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
 

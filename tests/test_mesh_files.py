@@ -190,7 +190,7 @@ def test_meshes_of_a_glb_scene_are_where_the_scene_places_them(tmp_path):
     assert off_by.max() < 1e-6
 
 
-@pytest.mark.parametrize(("unit", "drawn"), zip(NANOMETRES, itertools.cycle(["cm", "mm", "in", "m"]), strict=False))
+@pytest.mark.parametrize(("unit", "drawn"), [*zip(NANOMETRES, itertools.cycle(["cm", "mm", "in", "m"]), strict=False)])
 def test_step_files_name_their_unit_and_plane_faces_are_exact(tmp_path, drawn, unit):
     """cascadio's single precision would be off by 1e-8."""
     turn = random_rotation(np.random.default_rng(4))

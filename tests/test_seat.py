@@ -489,7 +489,7 @@ def test_a_common_rigid_motion_changes_no_parameter(scene, seed):
     np.testing.assert_allclose(q[1], q[0], atol=1e-6 * here.amount)
 
 
-@pytest.mark.parametrize(("scene", "factor"), zip(SCENES, itertools.cycle([1e-3, 1e3]), strict=False))
+@pytest.mark.parametrize(("scene", "factor"), [*zip(SCENES, itertools.cycle([1e-3, 1e3]), strict=False)])
 def test_the_unit_of_length_scales_the_amount_only(scene, factor):
     one, two, motion, target = SCENES[scene]
 

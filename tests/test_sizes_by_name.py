@@ -86,7 +86,7 @@ def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> No
     code, _, said = run("map", KEY, "--case", "as drawn", "--out", tmp_path)
     assert code == 2
     assert "--over" in said or "over" in said
-    line = ("map", KEY, "--case", "as drawn", "--over", "key_foot,slot_depth", "--budget", 0.15, "--error", 5e-3)
+    line = ("map", KEY, "--case", "as drawn", "--over", "key_foot,slot_depth", "--budget", 0.15, "--error", 2e-2)
     code, text, _ = run(*line, "--out", tmp_path, "--json")
     assert code == 0
     case = json.loads(text)[0]["cases"][0]
@@ -164,7 +164,7 @@ def test_a_study_varies_what_is_made_and_tolerances(tmp_path: Path) -> None:
         key = "made"
         values = ["worst", {{ slot_position = 0.005 }}]
     """)
-    result = fo.run_study(file, tmp_path / "out")
+    result = fo.run_study(file, tmp_path / "out", jobs=1)
     amounts = [row["amount"] for row in result.rows()]
     assert amounts == pytest.approx([0.0525, 0.0575, 0.0425, 0.0575], abs=1e-12)
 

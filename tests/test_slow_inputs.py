@@ -147,17 +147,17 @@ def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: p
 
 
 def test_a_shaft_in_a_bore_of_other_sides_went_to_the_nonlinear_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 48 part pairs it tried dozens of starts and choices, for minutes; a descent from a contact ends at once."""
+    """Of 24 part pairs it tried dozens of starts and choices, for minutes; a descent from a contact ends at once."""
 
     def program(task: Any) -> Any:
         raise AssertionError
 
     monkeypatch.setitem(STAGES, "nlp", program)
-    shaft = manifold3d.Manifold.cylinder(30.0, 10.0, 10.0, 64).translate([0.0, 0.0, -5.0])
-    bore = manifold3d.Manifold.cylinder(27.0, 10.0, 10.0, 48).translate([0.0, 0.0, -1.0])
+    shaft = manifold3d.Manifold.cylinder(30.0, 10.0, 10.0, 32).translate([0.0, 0.0, -5.0])
+    bore = manifold3d.Manifold.cylinder(27.0, 10.0, 10.0, 24).translate([0.0, 0.0, -1.0])
     plate = manifold3d.Manifold.cube([50.0, 50.0, 25.0]).translate([-25.0, -25.0, 0.0]) - bore
     movable, static = (Body.from_mesh(*revolved(mesh)) for mesh in (shaft, plate))
-    assert len(static.parts) == 48
+    assert len(static.parts) == 24
     motion = Translation("x") >> Translation("y") >> Translation("z")
     solution = solve(Problem(movable, static, target=(1.02, 1.02), goal="clear", motion=motion))
     assert solution.status is Status.OUTSIDE_FIT
@@ -173,7 +173,7 @@ def revolved(mesh: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_vertex_of_a_fine_ball_on_an_edge_is_a_contact() -> None:
     """Only normals of faces were tried for large parts: none of them keeps these apart, a pair of edges does."""
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=4.0)
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=4.0)
     movable = Body.from_mesh(np.array(ball.vertices) + np.array([0.0, -11.3, 0.0]), np.array(ball.faces))
     static = Body.from_mesh(*revolved(manifold3d.Manifold.cylinder(20.0, 7.0, 7.0, 48).translate([0.0, 0.0, -10.0])))
     motion = Translation("y")
@@ -192,8 +192,7 @@ def test_the_distance_of_a_cone_of_many_sides_from_a_large_ball_is_known() -> No
     assert ScaledPair(cone, ball).signed_distance((1.0, 1.0), np.eye(4)) == pytest.approx(lowest - 1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("tolerance", "letter"), [(0.001, "D"), (0.005, "A")])
-def test_a_screw_in_its_nut_touches_where_dozens_of_facets_are_near(tolerance: float, letter: str) -> None:
+def test_a_screw_in_its_nut_touches_where_dozens_of_facets_are_near() -> None:
     """Facets nearly as near as those that touch open at other changes of the sizes, and need not open at these."""
     turns, made = np.arange(24) * np.pi / 12, []
     for radius in (6.0, 6.05):
@@ -204,7 +203,7 @@ def test_a_screw_in_its_nut_touches_where_dozens_of_facets_are_near(tolerance: f
     (points, faces), (others, sides) = revolved(screw), revolved(nut)
     movable, static = Body.from_mesh(points, faces), Body.from_mesh(others, sides)
     motion = Translation("z")
-    solution = solve(Problem(movable, static, tolerance=tolerance, requirement=letter, goal="touch", motion=motion))
+    solution = solve(Problem(movable, static, tolerance=0.001, requirement="D", goal="touch", motion=motion))
     assert solution.status is Status.SOLVED, solution.certificate.failed
     rho = solution.pair
     one = solid(movable.seed + rho[0] * (points - movable.seed) + solution.transform[:3, 3], faces)

@@ -23,7 +23,7 @@ from fcdm_opt_benchmarks.stability.body_families import (
 )
 from fcdm_opt_benchmarks.stability.case import HardCase
 
-FAMILIES = 10
+FAMILIES = 12
 OURS_FLAGGED = {  # two triangulations of one face between two solids: refused, see the surface's checks
     "two cubes sharing a face, each with vertices of its own",
     "two cubes sharing a face, each with vertices of its own, turned",
