@@ -42,3 +42,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.stem in FAST:
             item.add_marker(pytest.mark.fast)
+
+
+@pytest.fixture
+def coarse_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Begin compensation maps with three places a side in place of five, where a test is not about their samples."""
+    monkeypatch.setattr("fcdm_opt.design.compensation.refined_mesh.GRID", (0.0, 0.5091, 1.0))

@@ -83,9 +83,8 @@ def test_displacement_of_a_rotation_is_twice_the_radius_times_the_sine_of_half_t
     assert 0 < solution.lower_bound <= solution.amount
 
 
-@pytest.mark.parametrize("seed", range(1))
-def test_least_displacement_is_no_larger_than_that_of_the_least_weighted_motion(seed):
-    one, two = hulls(seed, away=3.0)
+def test_least_displacement_is_no_larger_than_that_of_the_least_weighted_motion():
+    one, two = hulls(0, away=3.0)
     for motion in (X >> Rotation("z"), Screw() >> Y):
         for goal in ("touch", "clear"):
             asked = Problem(one, two, target=(1.3, 1.2), goal=goal, motion=motion)
@@ -152,9 +151,8 @@ def test_the_judge_rejects_a_wrong_displacement():
 # ---------------------------------------------------------------------------------------------------- one of one's own
 
 
-@pytest.mark.parametrize("seed", range(1))
-def test_an_own_amount_that_is_the_weighted_one_gives_the_same(seed):
-    one, two = hulls(seed, away=3.0)
+def test_an_own_amount_that_is_the_weighted_one_gives_the_same():
+    one, two = hulls(0, away=3.0)
     motion = X >> Rotation("z", (0, 1, 0))
     asked = Problem(one, two, target=(1.3, 1.2), goal="touch", motion=motion, weights={"TX": 2.0, "RZ": 0.7})
     expected = usable(asked)

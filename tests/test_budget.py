@@ -125,7 +125,7 @@ def test_budgets_agree_with_brute_force(name: str, case: str, limit: float, lett
     problem = problems(name)[case]
     found = one(problem, limit, letter, largest=0.02)
     assert 0 < found.tolerance < 0.02
-    for tau in np.linspace(0, 1.5 * found.tolerance, 7)[1:]:
+    for tau in np.linspace(0, 1.5 * found.tolerance, 8)[1:]:
         solution = solve(problem.changed(requirement=letter, tolerance=tau))
         assert (solution.usable and solution.amount <= limit) == (tau <= found.tolerance)
     assert found.amount == pytest.approx(limit, rel=1e-7)

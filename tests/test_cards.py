@@ -175,6 +175,7 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert named == 4  # a certificate and a what-if name no body
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_other_cards_show_their_numbers(solution: fo.Solution) -> None:
     what = fo.whatif(solution, tolerance=0.03)
     assert "0.01 to 0.015" in read(what).words

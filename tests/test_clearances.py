@@ -94,18 +94,17 @@ def asked(one: fo.Body, two: fo.Body, clearance: float, axis: Any, **arguments: 
 )
 def test_hulls_are_too_near_up_to_the_least_shift_and_as_far_as_asked_there(count, clearance):
     rng = np.random.default_rng([count, int(1e6 * clearance)])
-    for _ in range(1):
-        one, two = ellipsoids(rng, count)
-        axis = rng.normal(size=3)
-        solution = fo.solve(asked(one, two, clearance, axis))
-        assert solution.stage.startswith("1:")
-        assert solution.lower_bound == solution.amount > 0.0
-        shifts = np.append(np.linspace(-1.0, 1.0, 41)[1:-1], [1.0 - 1e-6, 1e-6 - 1.0, 1.0]) * solution.parameters["T"]
-        transforms = np.tile(np.eye(4), (len(shifts), 1, 1))
-        transforms[:, :3, 3] = shifts[:, None] * axis / np.linalg.norm(axis)
-        found = ScaledPair(one, two).signed_distances([(1.05, 0.97)] * len(shifts), transforms)
-        assert (found[:-1] < clearance).all()
-        assert found[-1] == pytest.approx(clearance, abs=1e-10)
+    one, two = ellipsoids(rng, count)
+    axis = rng.normal(size=3)
+    solution = fo.solve(asked(one, two, clearance, axis))
+    assert solution.stage.startswith("1:")
+    assert solution.lower_bound == solution.amount > 0.0
+    shifts = np.append(np.linspace(-1.0, 1.0, 41)[1:-1], [1.0 - 1e-6, 1e-6 - 1.0, 1.0]) * solution.parameters["T"]
+    transforms = np.tile(np.eye(4), (len(shifts), 1, 1))
+    transforms[:, :3, 3] = shifts[:, None] * axis / np.linalg.norm(axis)
+    found = ScaledPair(one, two).signed_distances([(1.05, 0.97)] * len(shifts), transforms)
+    assert (found[:-1] < clearance).all()
+    assert found[-1] == pytest.approx(clearance, abs=1e-10)
 
 
 def test_a_common_motion_and_swapped_bodies_change_no_clearance():

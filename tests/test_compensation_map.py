@@ -151,6 +151,7 @@ def test_no_half_written_file_is_left_and_others_may_read_it(tmp_path, monkeypat
         CompensationMap.read(tmp_path / "other.json")
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_spent_budget_is_told():
     found = compensation_map(slab(), budget=1, error=1e-9)
     assert found.reached > found.error
@@ -245,6 +246,7 @@ def test_map_agrees_with_single_solves_of_goals_at_and_seat(goal):
             assert abs(solution.amount - at.amount[k]) <= at.error[k]
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_two_processes_make_the_same_map():
     box = ((0.995, 1.005), (0.995, 1.005))
     one, two = (compensation_map(slab("clear"), box=box, error=1e-3, jobs=jobs).to_dict() for jobs in (1, 2))

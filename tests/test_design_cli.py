@@ -101,6 +101,7 @@ def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> N
     assert "another study" in errors
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Path) -> None:
     text = (PROBLEMS / "peg_tapered.toml").read_text()
     path = tmp_path / "made.toml"
@@ -156,6 +157,7 @@ def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
     assert option[0] in errors
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 1.0, "--error", 0.05)
     code, text, _ = run(*arguments, "--out", tmp_path, "--json")

@@ -80,6 +80,7 @@ def failed(answer, **how) -> set[str]:
     return {check.name for check in fo.verify(answer, **how).failed}
 
 
+@pytest.mark.usefixtures("coarse_maps")
 @pytest.mark.parametrize("name", ANSWERS)
 def test_what_was_found_passes(name):
     certificate = fo.verify(ANSWERS[name](), proof=True)

@@ -16,7 +16,7 @@ from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.problem import Problem
 
 SOLIDS = [name for name, (cells, *_) in VOXELS.items() if len(cells) > 1]
-SIDES = 200
+SIDES = 320
 GROWN = 9  # cubes of a solid that is grown
 PEG, HOLE, DEEP = 9.0, 9.1, 4.0
 

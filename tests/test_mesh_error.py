@@ -82,10 +82,9 @@ def test_a_taper_of_facets_is_not_proved_of_them(count: int, phase: float) -> No
     assert "smallest possible" not in verdict_text(solution)
 
 
-@pytest.mark.parametrize("turn", [0.1])
-def test_balls_apart_touch_between_what_larger_and_smaller_ones_do(turn: float) -> None:
+def test_balls_apart_touch_between_what_larger_and_smaller_ones_do() -> None:
     ball = trimesh.creation.icosphere(2, 5.0)
-    vertices = np.array(ball.vertices) @ about_z(turn).T @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
+    vertices = np.array(ball.vertices) @ about_z(0.1).T @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
     body = fo.Body.convex(vertices + np.array([0.0, 0.0, 6.0]), seed=[0, 0, 6], name="ball")
     plate = fo.Body.convex(PLATE - [0.0, 0.0, 10.0], name="plate")
     solution = fo.solve(fo.Problem(body, plate, target=(1.0, 1.0), motion=Z, goal="touch"))
@@ -137,11 +136,14 @@ SOLIDS = {
 }
 
 
-@pytest.mark.parametrize("decomposition", ["auto", "surface"])
-@pytest.mark.parametrize("kind", SOLIDS)
+@pytest.mark.parametrize(
+    ("kind", "decomposition"),
+    [("cylinder", "auto"), ("tube", "auto"), ("rounded", "auto"), ("cone", "surface"), ("dome", "surface"),
+     ("tube", "surface")],
+)  # fmt: skip
 def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decomposition: str) -> None:
     profile, volume = SOLIDS[kind]
-    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.25, decomposition=decomposition)
+    body = read(tmp_path, revolved(profile, np.eye(3)), deviation=0.1, decomposition=decomposition)
     inner, outer = bounding_bodies(body)
 
     def held(own: fo.Body) -> float:
@@ -155,7 +157,7 @@ def test_the_true_body_lies_between_both(tmp_path: Path, kind: str, decompositio
     assert low <= mesh <= high
     if volume is not None:
         assert low <= volume <= high
-        assert high - low < 0.2 * volume
+        assert high - low < 0.08 * volume
     corners = body.vertices[: len(body.vertices)]
     assert (outer.vertices.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
 

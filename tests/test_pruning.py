@@ -89,15 +89,12 @@ def test_some_random_curves_have_segments_in_both_worlds():
 
 def test_of_sixty_by_sixty_parts_less_than_one_in_twenty_is_walked():
     rng = np.random.default_rng(0)
-    shares = []
-    for _ in range(1):
-        one, two = (heap(rng, 60, False) for _ in range(2))
-        T = posed(rng, False)
-        T[:3, 3] *= 8 / np.linalg.norm(T[:3, 3])
-        modelled = fo.decision_curve(one, two, transform=T, box=BOX).modelled
-        assert modelled["part_pairs_total"] == 3600
-        shares.append(modelled["part_pairs_kept"] / 3600)
-    assert max(shares) < 0.05
+    one, two = (heap(rng, 60, False) for _ in range(2))
+    T = posed(rng, False)
+    T[:3, 3] *= 8 / np.linalg.norm(T[:3, 3])
+    modelled = fo.decision_curve(one, two, transform=T, box=BOX).modelled
+    assert modelled["part_pairs_total"] == 3600
+    assert modelled["part_pairs_kept"] / 3600 < 0.05
 
 
 def test_a_floor_on_a_floor_is_one_segment_of_few_pairs():

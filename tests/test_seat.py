@@ -466,10 +466,9 @@ def carried(motion: Motion, T: np.ndarray) -> Motion:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("seed", [1])
-def test_a_common_rigid_motion_changes_no_parameter(scene, seed):
+def test_a_common_rigid_motion_changes_no_parameter(scene):
     one, two, motion, target = SCENES[scene]
-    T = random_pose(np.random.default_rng([71, seed]), 3.0)
+    T = random_pose(np.random.default_rng([71, 1]), 3.0)
     here = solve(problem(one, two, target=target, motion=motion, goal="seat", length=1.3))
     there = solve(
         Problem(
@@ -515,14 +514,13 @@ def test_the_order_of_parts_changes_nothing():
 
 def test_body_in_general_position_turns_no_more_than_it_must():
     """World axes oblique to the floor: a straight way in three angles keeps it flush only without any turn."""
-    for seed in range(1):
-        T = random_pose(np.random.default_rng([72, seed]), 2.0)
-        for one, lift in ((BLOCK, 0.1), (PRISM, 0.05)):
-            asked = Problem(one.body().moved(T), FLOOR.body().moved(T), target=(1.1, 1.0), motion=FREE, box=WIDE)
-            for path in ("coherent", "free"):
-                solution = solve(asked.changed(path=path))
-                assert solution.usable
-                assert solution.amount == pytest.approx(lift, rel=1e-8)
+    T = random_pose(np.random.default_rng([72, 0]), 2.0)
+    for one, lift in ((BLOCK, 0.1), (PRISM, 0.05)):
+        asked = Problem(one.body().moved(T), FLOOR.body().moved(T), target=(1.1, 1.0), motion=FREE, box=WIDE)
+        for path in ("coherent", "free"):
+            solution = solve(asked.changed(path=path))
+            assert solution.usable
+            assert solution.amount == pytest.approx(lift, rel=1e-8)
 
 
 # ----------------------------------------------------------------------------------------------------------- the judge

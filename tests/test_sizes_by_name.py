@@ -81,6 +81,7 @@ def test_a_map_over_what_are_no_two_sizes_is_refused(over: Any) -> None:
         fo.compensation_map(peg_in_channel(), over=over)
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> None:
     """Amount 0.125 + slot_depth - key_foot; the depth uniform within 0.05, the foot normal with sigma 0.02 / 3."""
     code, _, said = run("map", KEY, "--case", "as drawn", "--out", tmp_path)

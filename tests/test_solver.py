@@ -250,24 +250,23 @@ def test_a_fresh_process_gives_the_same_answer_bit_for_bit():
 @pytest.mark.parametrize("where", ["switching point", "segment"])
 def test_the_whole_curve_scales_as_body_1_moves_off_along_the_seed_line(eps, counts, where):
     """A shift by -eps d multiplies the curve by 1 + eps: "at" is met by exactly |eps d|, of unions too."""
-    for number in range(1):
-        one, two = scene(number, counts)
-        d = two.seed - one.seed
-        curve = decision_curve(one, two, box=BOX)
-        segment = max(curve.segments, key=lambda s: float(np.linalg.norm(s.end - s.start)))
-        rho = curve.switching_points[0].rho if where == "switching point" else (segment.start + segment.end) / 2
-        asked = Problem(one, two, nominal=tuple(rho), target=tuple((1 + eps) * rho), goal="at", box=BOX,
-                        motion=Translation(tuple(d)))  # fmt: skip
-        solution = solve(asked)
-        assert solution.usable
-        length = float(np.linalg.norm(d))
-        assert solution.amount == pytest.approx(abs(eps) * length, rel=1e-8)
-        assert solution.parameters["T"] == pytest.approx(-eps * length, rel=1e-8)
-        touching = solve(asked.changed(goal="touch"))
-        assert touching.usable
-        assert touching.amount <= abs(eps) * length * (1 + 1e-9)
-        if counts == (1, 1) and eps < 0:  # apart at rest: the first contact on the way
-            assert touching.parameters["T"] == pytest.approx(-eps * length, rel=1e-9)
+    one, two = scene(0, counts)
+    d = two.seed - one.seed
+    curve = decision_curve(one, two, box=BOX)
+    segment = max(curve.segments, key=lambda s: float(np.linalg.norm(s.end - s.start)))
+    rho = curve.switching_points[0].rho if where == "switching point" else (segment.start + segment.end) / 2
+    asked = Problem(one, two, nominal=tuple(rho), target=tuple((1 + eps) * rho), goal="at", box=BOX,
+                    motion=Translation(tuple(d)))  # fmt: skip
+    solution = solve(asked)
+    assert solution.usable
+    length = float(np.linalg.norm(d))
+    assert solution.amount == pytest.approx(abs(eps) * length, rel=1e-8)
+    assert solution.parameters["T"] == pytest.approx(-eps * length, rel=1e-8)
+    touching = solve(asked.changed(goal="touch"))
+    assert touching.usable
+    assert touching.amount <= abs(eps) * length * (1 + 1e-9)
+    if counts == (1, 1) and eps < 0:  # apart at rest: the first contact on the way
+        assert touching.parameters["T"] == pytest.approx(-eps * length, rel=1e-9)
 
 
 # -------------------------------------------------------------------------------- rivals: dense polar search with coal

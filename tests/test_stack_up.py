@@ -401,13 +401,13 @@ def test_sizes_that_do_not_matter_are_as_drawn_in_the_worst_case() -> None:
 
 def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
     file = PROBLEMS / "slot_and_key.toml"
-    line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 20000, "--cost", "key_width=1")
+    line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 5000, "--cost", "key_width=1")
     code, text = run(*line, "--json", "--out", tmp_path)
     assert code == 0
     case = json.loads(text)[0]["cases"][0]
     assert case["stack"]["worst"]["least"] == pytest.approx(0.0325, abs=1e-12)
     assert case["stack"]["worst"]["largest"] == pytest.approx(0.0955, abs=1e-9)
-    assert case["yield"]["count"] == 20000
+    assert case["yield"]["count"] == 5000
     names = sorted(path.name for path in tmp_path.iterdir())
     assert [name.rsplit(".")[-1] for name in names].count("csv") == 1
     assert sum(name.endswith("slice.png") for name in names) == 1

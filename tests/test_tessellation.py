@@ -173,7 +173,7 @@ def test_from_step_files_to_the_answer(tmp_path: Path) -> None:
     assert low <= 0.1 <= high < low + 0.1
     (out, _), (_, short) = problem.static.deviation, problem.movable.deviation
     told = f"gaps are known to +{out:.2g} / -{short:.2g} mm: by tessellation of peg and plate"
-    printed = run("solve", path)
+    printed = run("solve", path, "--case", problem.name)
     assert told in " ".join(printed.output.split())
     again = fo.Problem.from_dict(problem.to_dict())
     assert again.static.deviation == problem.static.deviation

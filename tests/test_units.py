@@ -271,6 +271,7 @@ PICTURES: dict[str, tuple[Callable[[str, Path], Figure], str]] = {
 }
 
 
+@pytest.mark.usefixtures("coarse_maps")
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures_say_it(name: str, tmp_path: Path) -> None:
     draw, told = PICTURES[name]
@@ -292,6 +293,7 @@ def test_study_says_it(tmp_path: Path) -> None:
     assert mixed.unit == ""
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_cards_say_it(tmp_path: Path) -> None:
     made: dict[str, Callable[[str], Any]] = {
         "problem": lambda unit: boxes(unit).changed(goal="clear", clearance=0.5),
