@@ -82,6 +82,7 @@ def test_beyond_a_limit_there_is_no_motion():
         assert np.abs(np.abs(4.0 - boundary.points @ [1.0, 3.0]) - 0.05).max() <= 1e-8
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_map_agrees_with_single_solves_on_example_1():
     problem, found = example("example1_touch", 0)
     assert len(found.regions) == 4
@@ -97,6 +98,7 @@ def test_map_agrees_with_single_solves_on_example_1():
         assert np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1).max() <= at.displacement_error[k]
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_boundaries_of_example_1_are_the_switching_point_and_the_contact_lines():
     problem, found = example("example1_touch", 0)
     for boundary in found.boundaries:
@@ -211,6 +213,7 @@ def running() -> CompensationMap:
     return compensation_map(peg(4, limits=limits), box=((1.01, 1.02), (0.999, 1.0)), error=0.05)
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_running_clearance_follows_its_closed_form_and_ends_where_the_hole_is_too_small():
     found = running()
     rho = pairs(found, 1000, 7)
@@ -225,6 +228,7 @@ def test_running_clearance_follows_its_closed_form_and_ends_where_the_hole_is_to
     assert (np.linalg.norm(at.parameters[good] - shift, axis=1) <= at.displacement_error[good]).all()
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_boundaries_of_the_running_clearance_are_where_the_walls_are():
     found = running()
     for boundary in found.boundaries:
@@ -233,6 +237,7 @@ def test_boundaries_of_the_running_clearance_are_where_the_walls_are():
         assert off.max() <= 1e-6
 
 
+@pytest.mark.usefixtures("coarse_maps")
 @pytest.mark.parametrize("goal", ["at", "seat"])
 def test_map_agrees_with_single_solves_of_goals_at_and_seat(goal):
     problem = peg(0, goal=goal)

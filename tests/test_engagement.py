@@ -69,9 +69,10 @@ def lifted(tau: float) -> float:
 # ------------------------------------------------------------------------------------------------- what leaves its fit
 
 
-@pytest.mark.parametrize("goal", ["touch", "clear"])
-@pytest.mark.parametrize("motion", [UP, ACROSS])
-@pytest.mark.parametrize("tau", [0.016, 0.02, 0.1])
+@pytest.mark.parametrize(
+    ("goal", "motion", "tau"),
+    [("touch", UP, 0.016), ("clear", ACROSS, 0.016), ("touch", ACROSS, 0.02), ("clear", UP, 0.1)],
+)
 def test_a_nut_wider_than_its_slot_was_lifted_out_of_the_rail_as_a_success(goal: str, motion: Any, tau: float) -> None:
     solution = fo.solve(nut_in_rail(tau, motion=motion, goal=goal))
     assert solution.status is Status.OUTSIDE_FIT

@@ -106,7 +106,7 @@ def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored:
     assert f"{SIDES} reflex edges" in bored.notes[0]
     apothem = math.cos(math.pi / SIDES)
     peg = prism(SIDES, PEG, -1.0, 5.0)
-    for letter, (one, two) in {"A": (1.01, 1.01), "C": (0.99, 1.01), "D": (0.99, 0.99)}.items():
+    for letter, (one, two) in {"A": (1.01, 1.01), "D": (0.99, 0.99)}.items():  # C below
         problem = Problem(peg, bored, tolerance=0.01, requirement=letter, motion=Translation("x"), goal="touch")
         solution = fo.solve(problem)
         assert solution.usable, solution.certificate

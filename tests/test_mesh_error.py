@@ -55,7 +55,8 @@ def taper_of_step_files(folder: Path) -> tuple[fo.Body, fo.Body]:
     shape = revolved([(0, 0), (WIDE, 0), (top, LONG), (0, LONG)], np.eye(3))
     plug = read(folder, shape, seed=[0, 0, 0], deviation=0.1, name="plug")
     profile = [(WIDE, 0), (16, 0), (16, LONG), (top, LONG)]
-    socket = read(folder, revolved(profile, about_z(0.07)), seed=[0, 0, 0], deviation=0.1, name="socket")
+    kept = {"deviation": 0.1, "decomposition": "surface"}
+    socket = read(folder, revolved(profile, about_z(0.07)), seed=[0, 0, 0], name="socket", **kept)
     return plug, socket
 
 
