@@ -259,7 +259,7 @@ def test_two_processes_make_the_same_map():
     assert json.dumps(one) == json.dumps(two)
 
 
-@pytest.mark.parametrize(("count", "limit"), [(0, 1.0), (20, 0.03), (26, 1.0), (60, 0.03), (130, 1.0)])
+@pytest.mark.parametrize(("count", "limit"), [(0, 1.0), (26, 1.0), (60, 0.03), (130, 1.0)])
 def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkeypatch, count, limit):
     """A yield of 37.5 % (37.4 to 37.6 %) was told where half of all pairs pass."""
     solved, looks = sampling.sample_at, iter(range(count))
