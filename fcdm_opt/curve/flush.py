@@ -12,11 +12,11 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import (
     Contact,
+    contact_at,
     contact_set,
     located,
     placed_elements,
     supporting_contact,
-    touching_contact,
     touching_pairs,
 )
 from fcdm_opt.curve.features import Feature
@@ -173,7 +173,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     found: dict[Feature, Flush] = {}
     for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
         one, two, tight = movable.parts[i], static.parts[j], rows[separations >= -slack, :3]
-        touching = touching_contact(one, two, tight, pose, DEFAULT.planarity)
+        touching = contact_at(one, two, rows[separations.argmax(), :3], pose, rho, DEFAULT.planarity)
         touching = located(one, two, pose, touching, rho)
         size = dimension(contact_set(one, two, pose, touching, rho), least)
         hosts: tuple[Host, ...] = ()
