@@ -65,7 +65,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.met_at_rest:
         return task.answer(task.rest, STAGE, modelled=task.modelled(), status=Status.ALREADY_SATISFIED)
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
-    if answer.q is not None or (answer.lower_bound < farthest(task) and not direction_search.nothing(task)):
+    if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
