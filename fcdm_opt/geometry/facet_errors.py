@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import norms, unit_normals
+from fcdm_opt.geometry.measures import least_vector, norms, unit_normals
 from fcdm_opt.geometry.naming import FEWEST, MANY, ROUND, Label, Round, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
@@ -286,25 +286,11 @@ def _moves(
         rows = order[ends[v] : ends[v + 1]]
         own, k = np.unique(faces[rows], return_index=True)
         n, h = side * normals[rows[k] // 3], np.abs(off[own])
-        move = _least_move(np.vstack([n, -n[flat[own]]]), np.concatenate([h, np.zeros(int(flat[own].sum()))]))
+        move = least_vector(np.vstack([n, -n[flat[own]]]), np.concatenate([h, np.zeros(int(flat[own].sum()))]))
         if move is None:
             return None
         moves[v] = move
     return moves
-
-
-def _least_move(normals: Array, least: Array) -> Array | None:
-    """Return the shortest m with normals m >= least; None where there is none.
-
-    By the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23).
-    """
-    from scipy.optimize import nnls
-
-    scale = float(least.max())
-    system = np.vstack([normals.T, least / scale])
-    shares = nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))[0]
-    rest = system @ shares - [0.0, 0.0, 0.0, 1.0]
-    return None if np.linalg.norm(rest) <= DEFAULT.nominal else -scale * rest[:3] / rest[3]
 
 
 # ------------------------------------------------------------------------------------------------------- in words
