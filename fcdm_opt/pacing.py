@@ -45,11 +45,15 @@ class TimeOverError(FcdmError):
 
 
 class _Given(NamedTuple):
-    """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged."""
+    """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged.
+
+    `kept`: what is done has something to keep, and is not to be ended by `check`.
+    """
 
     end: float
     seconds: float
     last: float
+    kept: bool = False
 
 
 Listener = Callable[[str, int, int], None]
@@ -145,6 +149,14 @@ def judging() -> Iterator[None]:
 
 
 @contextmanager
+def telling() -> Iterator[None]:
+    """Let what was found be told meanwhile whatever the time is: `check` passes, `over` leaves out what may be."""
+    known = _limit.get()
+    with _set(_limit, known._replace(end=known.last, kept=True)):
+        yield
+
+
+@contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
     with _set(_limit, _Given(*[math.inf] * 3)):
@@ -179,5 +191,5 @@ def stopped() -> str:
 
 def check() -> None:
     """Raise `TimeOverError` where the time given is over."""
-    if over():
+    if over() and not _limit.get().kept:
         raise TimeOverError

@@ -107,7 +107,10 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = None if pacing.over() else with_insides(problem, pose)
+        lies = None
+        with suppress(pacing.TimeOverError):
+            pacing.check()
+            lies = with_insides(problem, pose)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
@@ -193,7 +196,7 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
-    with pacing.unlimited():  # whatever was found is told
+    with pacing.telling():
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
     watch.lap("prove")
     solution, certificate = judged(solution)

@@ -178,10 +178,14 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
 def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
     """Return what a goal and a motion lead to; None where it cannot be asked."""
     solutions: dict[str, Solution | None] = {}
+    answer: Solution | None = None
     bodies = situation.movable, situation.static
     asked = {"goal": goal, "motion": motion, "tolerance": TOLERANCE, "unit": situation.unit}
     asked |= {"contacts": contacts} if contacts else {}
     for letter in SIGNS:
+        if answer is not None and answer.stopped and pacing.over():
+            solutions[letter] = answer  # no more could be said of this case
+            continue
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
