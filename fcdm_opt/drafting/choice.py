@@ -187,7 +187,8 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
             solutions[letter] = answer  # no more could be said of this case
             continue
         try:
-            problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
+            with pacing.telling():
+                problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
                 tight = len(motion.names) > 1 and misfit(problem) is not None
                 # what does not fit is found far away, if at all

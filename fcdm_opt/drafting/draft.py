@@ -139,8 +139,9 @@ def draft(
     situation = Situation(one, two, lengths)
     warned, state = remarks(situation, lengths), state_text(situation, lengths)
     nominal, goals = _nominal(situation), _goals(situation)
-    choice = chosen(situation)  # in the time that is left
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
+    opposite = {role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)}
+    choice = chosen(situation)  # in the time that is left
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
@@ -156,7 +157,7 @@ def draft(
         asked=unit is not None,
         deviation=deviation,
         parts=list(zip(("movable", "static"), bodies, places, map(_bottom, bodies), strict=True)),
-        opposite={role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
+        opposite=opposite,
         situation=situation,
         state=state,
         tilt=tilted,

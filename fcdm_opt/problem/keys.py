@@ -445,6 +445,7 @@ class ProblemFile(Entry, title="Problem file"):
         parts = self._parts(file)
         made = []
         for key, case in self.named_cases(file).items():
+            pacing.at(f"looking how the parts of {key} lie")
             pacing.check()
             try:
                 made.append(made_of(**case.asked(parts, self.defaults)))
