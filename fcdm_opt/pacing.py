@@ -128,7 +128,7 @@ def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") 
     if seconds is not None:
         now, known = clock(), _limit.get()
         last = min(known.last, now + max(share, JUDGED) * seconds)
-        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last))
+        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last, kept=False))
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def solve_command(
         if certify:
             inquiry.wrote(f"{assembly.name}: the bound is the solver's word, no evidence is kept of assemblies")
         if inquiry.pictures:
-            with pacing.unlimited():
+            with pacing.telling():
                 figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")
                 inquiry.pictures.add(f"{file.path.stem}-{assembly.name}", figure, ending="-scene")
         return solution
@@ -113,7 +113,7 @@ def solve_command(
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         tabled(file, problem.name, row.solution)
         if inquiry.pictures:
-            with pacing.unlimited():  # drawn from what is known
+            with pacing.telling():
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
