@@ -27,7 +27,9 @@ DIRECTION = (
 )
 
 
-def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
+def curve_command(
+    files: Files, time: Time = None, as_json: AsJson = False, out: Out = None, case: Cases = None
+) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     from fcdm_opt.show.tables import print_curves
 
@@ -126,6 +128,7 @@ def solve_command(
 def range_command(
     files: Files,
     direction: Annotated[str | None, option("--direction", "NAME=VALUE,...", DIRECTION)] = None,
+    time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
