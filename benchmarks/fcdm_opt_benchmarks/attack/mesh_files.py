@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +26,7 @@ from fcdm_opt_benchmarks.attack.raw_solids import RawSolid, block, depth_at_most
 from fcdm_opt_benchmarks.shapes import Array
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
+QUESTIONS = "touch", "clear"
 POCKET, LARGER = 1.03, 1.002
 SLACK = 2e-6  # of the size: what a motion may miss; file's digits and repairs are told by the package and added
 SHARES = (0.25, 0.5, 0.75, 0.95)  # of the way, at which nothing may do as well
@@ -158,8 +160,13 @@ def _answered(work: Callable[..., Any], arguments: tuple[Any, ...], seconds: flo
 
 def outcomes(files: list[Path], seconds: float) -> Iterator[MeshOutcome]:
     """Yield what each file's questions came to."""
+    with tempfile.TemporaryDirectory() as folder:  # libraries and kernels are loaded once, before processes copy this
+        cut = Path(folder) / "ball.stl"
+        trimesh.creation.icosphere(1).export(cut)
+        for question in QUESTIONS:
+            _asked(cut, question, 2, seconds)
     for number, file in enumerate(files):
-        for question in ("touch", "clear"):
+        for question in QUESTIONS:
             axis = number % 3 if question == "touch" else 2
             start = time.perf_counter()
             kind, words = _answered(_asked, (file, question, axis, seconds / 2), seconds)
