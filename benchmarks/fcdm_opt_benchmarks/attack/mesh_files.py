@@ -28,7 +28,7 @@ from fcdm_opt_benchmarks.shapes import Array
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
 QUESTIONS = "touch", "clear"
-POCKET, LARGER, ROOM = 1.03, 1.002, 1.01
+POCKET, OPEN, LARGER, ROOM = 1.03, 0.05, 1.002, 1.01
 SLACK = 2e-6  # of the size: what a motion may miss; file's digits and repairs are told by the package and added
 SHARES = (0.25, 0.5, 0.75, 0.95)  # of the way, at which nothing may do as well
 
@@ -61,7 +61,8 @@ def pocket(own: RawSolid) -> RawSolid:
     hull = RawSolid.of(own.solid().hull(), middle).scaled(POCKET)
     low, high = hull.vertices.min(axis=0), hull.vertices.max(axis=0)
     pad = 0.2 * float((high - low).max())
-    return RawSolid.of(block(low - pad, [*(high + pad)[:2], high[2]]) - hull.solid(), middle)
+    top = high[2] - OPEN * (high[2] - low[2])  # where its tip touched the top the block would be no solid
+    return RawSolid.of(block(low - pad, [*(high + pad)[:2], top]) - hull.solid(), middle)
 
 
 def mould(own: RawSolid) -> RawSolid:
