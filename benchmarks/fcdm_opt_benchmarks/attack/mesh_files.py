@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import manifold3d as m3
 import numpy as np
 import trimesh
 
@@ -51,7 +52,9 @@ def solid_of(file: Path) -> RawSolid | None:
     loaded.merge_vertices(merge_tex=True, merge_norm=True)
     loaded.apply_scale(1000.0 if file.suffix.lower() == ".glb" else 1.0)  # in metres
     own = RawSolid(np.array(loaded.vertices), np.array(loaded.faces, dtype=np.int64), loaded.vertices.mean(axis=0))
-    solid = own.solid()
+    solid, shells = own.solid(), own.solid().decompose()
+    if len(shells) > 1 and all(shell.volume() > 0.0 for shell in shells):  # they may overlap
+        solid = m3.Manifold.batch_boolean(shells, m3.OpType.Add)
     return None if solid.is_empty() or solid.volume() <= 0.0 else RawSolid.of(solid, own.seed)
 
 
