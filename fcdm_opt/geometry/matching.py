@@ -49,7 +49,15 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
     lies = _incidences(bodies, points, faces, np.repeat(loose, counts), ways)
     if lies is None:
         return bodies
-    places = np.split(settled(points, lies, max(body.rounding for body in bodies)), starts[1:-1])
+    most = np.repeat([APART * body.rounding for body in bodies], counts)
+    held = np.asarray(lies.held)
+    while True:
+        place = settled(points, replace(lies, held=held), max(body.rounding for body in bodies))
+        far = (norms(place - points) > most) & ~held
+        if not far.any():
+            break
+        held = held | far  # where planes hardly cross: their digits do not tell that it is elsewhere
+    places = np.split(place, starts[1:-1])
     try:
         return tuple(_moved(body, own) for body, own in zip(bodies, places, strict=True))
     except InputError:  # of slivers finer than the digits none may be left
