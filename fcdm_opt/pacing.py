@@ -59,7 +59,7 @@ class _Given(NamedTuple):
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
-_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(*[math.inf] * 3))  # noqa: B039 (immutable)
+_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf, math.inf))  # noqa: B039 (immutable)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -159,7 +159,7 @@ def telling() -> Iterator[None]:
 @contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_limit, _Given(*[math.inf] * 3)):
+    with _set(_limit, _Given(math.inf, math.inf, math.inf)):
         yield
 
 

@@ -152,12 +152,14 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
         further = None if pacing.over() else more_parts(problem, pose, least, most)
+        late = pacing.over()
         if further is None:
             break
         problem, most = further, 2 * most
     solution = _solved(problem, how, answer)
-    if wanted and apart and solution.status is Status.INFEASIBLE:  # of the parts modelled: others may touch farther off
-        return replace(solution, status=Status.NOT_FOUND, lower_bound=0.0)
+    if wanted and apart and (late or solution.status is Status.INFEASIBLE):  # of the parts modelled: others may touch
+        status = Status.NOT_FOUND if solution.status is Status.INFEASIBLE else solution.status
+        return replace(solution, status=status, lower_bound=0.0)
     return solution
 
 
