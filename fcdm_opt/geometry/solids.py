@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
@@ -327,6 +328,8 @@ class PlacedSolids:
         starts = np.array(self._common()).reshape(-1, 3)
         values, best = self._depths(starts), 0.0
         for k in np.argsort(-values, kind="stable")[:STARTS].tolist():
+            if pacing.over():  # each bounds it, the more the nearer
+                return max(best, float(values.max()))
             best = max(best, self._deepest(starts[k], float(values[k])))
         return best
 
