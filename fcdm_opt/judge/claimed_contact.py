@@ -137,7 +137,7 @@ class Claim:
 
     @staticmethod
     def _separated(host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
-        """Return the host with the direction at its elements in which the parts are farthest apart as contact normal."""
+        """Return the host with the direction at its elements in which its parts are farthest apart as normal."""
         return host.towards(scaled.best_direction(rho, transform, host.parts, (host.first, host.second)))
 
     @property
