@@ -170,12 +170,12 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
             if not abs(separations.max()) <= slack:
                 continue
             tight = rows[separations >= -slack, :3]
-            touching = touching_contact(one, two, tight, pose, DEFAULT.planarity)
+            touching = touching_contact(one, two, tight, pose)
             touching = located(one, two, pose, touching, rho)
             size = dimension(contact_set(one, two, pose, touching, rho), least)
             hosts: tuple[Host, ...] = ()
             for normal in distinct(tight) if size else ():
-                contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
+                contact = supporting_contact(one, two, normal, pose)
                 contact = located(one, two, pose, contact, rho)
                 feature = contact.feature
                 known = found.get(feature)
