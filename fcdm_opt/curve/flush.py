@@ -173,12 +173,12 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     found: dict[Feature, Flush] = {}
     for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
         one, two, tight = movable.parts[i], static.parts[j], rows[separations >= -slack, :3]
-        touching = contact_at(one, two, rows[separations.argmax(), :3], pose, rho, DEFAULT.planarity)
+        touching = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
         touching = located(one, two, pose, touching, rho)
         size = dimension(contact_set(one, two, pose, touching, rho), least)
         hosts: tuple[Host, ...] = ()
         for normal in distinct(tight) if size else ():
-            contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
+            contact = supporting_contact(one, two, normal, pose)
             contact = located(one, two, pose, contact, rho)
             feature = contact.feature
             known = found.get(feature)
