@@ -45,17 +45,21 @@ class TimeOverError(FcdmError):
 
 
 class _Given(NamedTuple):
-    """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged."""
+    """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged.
+
+    `kept`: what is done has something to keep, and is not to be ended by `check`.
+    """
 
     end: float
     seconds: float
     last: float
+    kept: bool = False
 
 
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
-_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(*[math.inf] * 3))  # noqa: B039 (immutable)
+_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf, math.inf))  # noqa: B039 (immutable)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -124,7 +128,7 @@ def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") 
     if seconds is not None:
         now, known = clock(), _limit.get()
         last = min(known.last, now + max(share, JUDGED) * seconds)
-        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last))
+        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last, kept=False))
 
 
 @contextmanager
@@ -145,9 +149,17 @@ def judging() -> Iterator[None]:
 
 
 @contextmanager
+def telling() -> Iterator[None]:
+    """Let what was found be told meanwhile whatever the time is: `check` passes, `over` leaves out what may be."""
+    known = _limit.get()
+    with _set(_limit, known._replace(end=known.last, kept=True)):
+        yield
+
+
+@contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_limit, _Given(*[math.inf] * 3)):
+    with _set(_limit, _Given(math.inf, math.inf, math.inf)):
         yield
 
 
@@ -179,5 +191,5 @@ def stopped() -> str:
 
 def check() -> None:
     """Raise `TimeOverError` where the time given is over."""
-    if over():
+    if over() and not _limit.get().kept:
         raise TimeOverError

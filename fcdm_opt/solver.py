@@ -107,7 +107,10 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = None if pacing.over() else with_insides(problem, pose)
+        lies = None
+        with suppress(pacing.TimeOverError):
+            pacing.check()
+            lies = with_insides(problem, pose)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
@@ -149,12 +152,14 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
         further = None if pacing.over() else more_parts(problem, pose, least, most)
+        late = pacing.over()
         if further is None:
             break
         problem, most = further, 2 * most
     solution = _solved(problem, how, answer)
-    if wanted and apart and solution.status is Status.INFEASIBLE:  # of the parts modelled: others may touch farther off
-        return replace(solution, status=Status.NOT_FOUND, lower_bound=0.0)
+    if wanted and apart and (late or solution.status is Status.INFEASIBLE):  # of the parts modelled: others may touch
+        status = Status.NOT_FOUND if solution.status is Status.INFEASIBLE else solution.status
+        return replace(solution, status=status, lower_bound=0.0)
     return solution
 
 
@@ -193,7 +198,7 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
-    with pacing.unlimited():  # whatever was found is told
+    with pacing.telling():
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
     watch.lap("prove")
     solution, certificate = judged(solution)

@@ -455,6 +455,11 @@ def test_a_motion_where_none_is_to_be_used_is_reported():
     assert raw_kinds(name, status="OUTSIDE_FIT", usable=False) == set()
 
 
+def test_what_a_mesh_leaves_open_and_is_said_to_is_no_wrong_amount():
+    name = next(own for own in raw_names(9) if "round" in own and raw_scene(own).least)
+    assert raw_kinds(name, amount=9.0, low=np.nan) == {"left open by the mesh"}
+
+
 def test_a_raw_scene_is_drawn_from_its_name_alone():
     full = raw_names(attack.RAW * attack.ROUNDS)
     assert len(set(full)) == len(full) >= 1500

@@ -21,6 +21,7 @@ from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Certificate, Solution, Status
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 NOMINAL = {  # published features of SW3 and SW1
@@ -417,3 +418,16 @@ def test_a_vertex_on_a_vertex_is_judged_along_all_its_lines() -> None:
     assert certificate.passed, tell(certificate)
     away = replace(made, transform=problem.motion.transform([x + 1e-6, y], one.seed, two.seed))
     assert {"touching", "contact 1"} <= failed(verify(away))
+
+
+@pytest.mark.parametrize(("rise", "aside"), [(1e-12, 1e-10), (1e-9, 1e-9), (3e-9, 3e-9)])
+def test_ridges_parallel_but_for_the_last_digits_touch_whatever_their_cross_product_is(
+    rise: float, aside: float
+) -> None:
+    """Their cross product leads across where they differ upwards as much as sideways, which no gap is seen along."""
+    ridge = [[-1, 0, 1], [1, 0, 1], *([x, y, 3] for x in (-1, 1) for y in (-1, 1))]
+    other = [[-0.3, 0, 0], [0.3, aside, rise], *([x, y, -2] for x in (-0.3, 0.3) for y in (-1, 1))]
+    bodies = Body.convex(np.array(ridge, float)), Body.convex(np.array(other, float))
+    solution = solve(Problem(*bodies, nominal="drawn", target=(1.0, 1.0), goal="touch", motion=Translation("z")))
+    assert solution.status is Status.SOLVED, tell(verify(solution))
+    assert abs(solution.parameters["TZ"] + 1.0) <= 1e-8

@@ -357,6 +357,18 @@ def test_the_cards_show_nothing_green_of_a_motion_outside_the_fit() -> None:
     assert "outside" not in good
 
 
+def test_how_far_a_peg_may_be_shifted_hung_on_how_its_walls_were_cut() -> None:
+    """A peg 9 wide between walls 10 apart and 6 thick, until its middle is at a wall's: 8, however thin its slices."""
+    peg = fo.Body.convex(block((-4.5, 4.5), (-4.5, 4.5), (0.0, 8.0)))
+    for slices in (1, 3):
+        cuts = np.linspace(5.0, 11.0, slices + 1)
+        walls = [block(tuple(sorted((sign * a, sign * b))), (-20.0, 20.0), (0.0, 9.0)) for sign in (1.0, -1.0)
+                 for a, b in pairwise(cuts)]  # fmt: skip
+        plate = fo.Body.from_parts([*walls, block((-20.0, 20.0), (-20.0, 20.0), (-3.0, 0.0))], seed=[0.0, 0.0, 1.0])
+        problem = fo.Problem(peg, plate, tolerance=0.01, requirement="A", motion=ACROSS, goal="clear")
+        assert passage(problem, np.array([1.0, 0.0, 0.0])) == pytest.approx((-8.0, 8.0), abs=1e-3)
+
+
 def test_a_key_stays_in_its_slot_until_a_wall_s_middle_or_a_tenth_of_its_depth() -> None:
     problem = fo.load_problems(Path(__file__).parents[1] / "problems" / "slot_and_key.toml")[0]
     across, along = (passage(problem, np.array(way)) for way in ((2.0, 0.0, 0.0), (0.0, 1.0, 0.0)))

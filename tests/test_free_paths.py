@@ -82,13 +82,10 @@ def test_rays_of_a_free_path_are_no_dearer(number: int) -> None:
     assert task.amount(free.q) <= task.amount(coherent.q) * (1.0 + EQUAL)
 
 
-def test_a_ray_that_finds_nothing_leaves_a_free_path_to_other_stages() -> None:
-    """Along a ray the contact may come back after it is lost: no rays, no proof."""
+def test_where_no_direction_has_a_coherent_motion_none_is_found() -> None:
     asked = fo.load_problems(EXAMPLE)[1].changed(tolerance=0.06)
-    task = Task.of(asked)
-    assert direction_search.nothing(task)
-    assert not direction_search.nothing(replace(task, coherent=False))
-    assert fo.solve(asked).status is not Status.SOLVED
+    assert direction_search.least_direction(Task.of(asked)) is None
+    assert not fo.solve(asked).status.found
 
 
 @pytest.mark.parametrize(("tolerance", "room"), [(0.0102, False), (0.0101, True)])

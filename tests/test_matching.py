@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import manifold3d as m3
@@ -144,6 +145,17 @@ def test_a_gap_that_the_digits_tell_stays(tmp_path):
     problem = fo.Problem(*bodies, target=(1, 1), goal="clear", motion=fo.Translation(tuple(turn[:, 2])))
     gap = fo.decision_curve(problem.movable, problem.static).gap((1, 1))
     assert gap == pytest.approx(2e-4 * np.cos(np.pi / 4), abs=5e-6)
+
+
+def test_corners_of_planes_that_hardly_cross_were_moved_by_a_thousand_times_what_digits_leave_open():
+    """A roof of two slopes, .004 rad apart, and its counterpart, whose corner digits tell apart, though no slope."""
+    outlines = ([(0, 0), (8, 0), (8, 4), (x, 4.008), (0, 4)] for x in (4.0, 4.0 + 2.5e-5))
+    one, two = (m3.CrossSection([own]).extrude(5.0) for own in outlines)
+    solids = one, m3.Manifold.cube([8.0, 8.0, 5.0]) - two
+    bodies = [replace(fo.Body.from_mesh(*arrays(own, np.eye(3), 0.0)), rounding=1e-7) for own in solids]
+    for before, after in zip(bodies, matched(bodies), strict=True):
+        off = np.linalg.norm(after.vertices[:, None] - before.vertices, axis=2).min(axis=1)
+        assert off.max() <= 2e-7
 
 
 def test_keep_outs_and_assemblies_match_too(tmp_path):

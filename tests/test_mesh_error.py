@@ -213,6 +213,62 @@ def test_a_ring_on_its_side_touches_where_its_torus_may() -> None:
     assert "smallest possible" not in verdict_text(solution)
 
 
+@pytest.mark.parametrize("count", [16, 32])
+def test_an_elliptic_shaft_of_facets_counted_as_exact(count: int) -> None:
+    """It is lowered onto a table, on its side: its half width across is sqrt((a sin t)^2 + (b cos t)^2)."""
+    angles, turn = 2.0 * np.pi * np.arange(count) / count, 0.6
+    x, y = 10.0 * np.cos(angles), 6.0 * np.sin(angles)
+    across = np.column_stack([x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)])
+    corners = [np.column_stack([across[:, 0], np.full(count, end), across[:, 1]]) for end in (0.0, 20.0)]
+    shaft, table = fo.Body.convex(np.vstack(corners), seed=np.zeros(3)), fo.Body.convex(PLATE - [0.0, 0.0, 30.0])
+    solution = fo.solve(fo.Problem(shaft, table, target=(1.0, 1.0), motion=Z, goal="touch"))
+    top = float(table.vertices[:, 2].max())
+    truth = -top - math.hypot(10.0 * math.sin(turn), 6.0 * math.cos(turn))
+    assert holds(solution, truth)
+    assert solution.amount > truth + 1e-3
+    assert solution.amount_low > truth - 0.4 * (16.0 / count) ** 2  # twice its largest sagitta
+    assert facet_errors(shaft).any(axis=1).sum() == count
+
+
+def test_the_flanks_of_a_gear_counted_as_exact() -> None:
+    """An involute of facets falls short of it by their sagitta; the land between two does not count."""
+    base, angles = 10.0, np.linspace(0.3, 0.9, 7)
+    flank = base * np.column_stack([np.cos(angles) + angles * np.sin(angles), np.sin(angles) - angles * np.cos(angles)])
+    outline = np.vstack([flank, flank[::-1] * [1.0, -1.0] + [0.0, 10.0]])
+    corners = np.vstack([np.column_stack([outline, np.full(14, z)]) for z in (0.0, 5.0)])
+    sides = [[k, (k + 1) % 14, 14 + (k + 1) % 14, 14 + k] for k in range(14)]
+    body = fo.Body.from_mesh(corners, [[*range(14)][::-1], [*range(14, 28)], *sides], seed=np.zeros(3))
+    errors = facet_errors(body)
+    assert errors.any(axis=1).sum() == 12
+    middle = (angles[1:] + angles[:-1]) / 2.0
+    curve = base * np.column_stack([np.cos(middle) + middle * np.sin(middle), np.sin(middle) - middle * np.cos(middle)])
+    steps, off = np.diff(flank, axis=0), curve - (flank[1:] + flank[:-1]) / 2.0
+    sagittae = np.abs(steps[:, 0] * off[:, 1] - steps[:, 1] * off[:, 0]) / np.linalg.norm(steps, axis=1)
+    found = np.sort(errors[errors.any(axis=1), 1])[::2]
+    assert (found > sagittae).all()
+    assert (found < 2.0 * sagittae).all()
+
+
+@pytest.mark.parametrize("kind", ["ball", "cloud"])
+def test_bodies_with_blunt_corners_are_not_taken_for_smooth_ones(kind: str) -> None:
+    random = np.random.default_rng(3)
+    for _ in range(4):
+        points = random.normal(size=(40, 3)) if kind == "cloud" else random.uniform(-1.0, 1.0, (40, 3))
+        assert not facet_errors(fo.Body.convex(points)).any()
+
+
+def test_an_ellipsoid_of_triangles_counted_as_exact() -> None:
+    """Its height along a direction n is |D n|, D the half axes."""
+    mesh, axes = trimesh.creation.icosphere(subdivisions=2), np.array([10.0, 7.0, 5.0])
+    turn = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.7, 0.4]))[:3, :3]
+    body = fo.Body.convex(mesh.vertices * axes @ turn.T, seed=np.zeros(3))
+    errors = facet_errors(body)
+    assert (errors[:, 1] > 0.0).all()
+    table = fo.Body.convex(PLATE - [0.0, 0.0, 30.0])
+    solution = fo.solve(fo.Problem(body, table, target=(1.0, 1.0), motion=Z, goal="touch"))
+    assert holds(solution, -float(table.vertices[:, 2].max()) - float(np.linalg.norm(axes * turn[2])))
+
+
 def test_line_to_line_is_left_open() -> None:
     """A shaft in a bore of its diameter, out of phase: the facets overlap, the cylinders touch all round."""
     shaft = fo.Body.convex(np.vstack([ring(10.0, 32, z, 0.5) for z in (-5.0, 45.0)]), name="shaft")

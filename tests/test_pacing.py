@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import itertools
 import json
@@ -9,6 +10,7 @@ import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +31,13 @@ from fcdm_opt import (
     solve_assembly,
     verify,
 )
-from fcdm_opt.cli import app, showing
+from fcdm_opt.cli import COMMANDS, app, showing
 from fcdm_opt.design.whatif.budget import budget
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry import matching
+from fcdm_opt.geometry.matching import matched
+from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.solution import Status
 
 EXAMPLE = Path(__file__).parents[1] / "problems" / "example1.toml"
@@ -183,6 +189,13 @@ def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
             pacing.check()
         with pacing.unlimited():
             pacing.check()
+        with pacing.telling():
+            assert not pacing.over()  # what was found is told in a little more
+            now[0] = 11.0
+            assert pacing.over()
+            pacing.check()
+            with pytest.raises(pacing.TimeOverError), pacing.within(1.0):
+                pacing.check()
     pacing.check()
     assert pacing.left() == math.inf
 
@@ -193,8 +206,17 @@ def test_what_is_no_time_is_refused(time: Any) -> None:
         solve(in_the_corner(ALL), time=time)
 
 
-def test_a_command_without_time_says_so(tmp_path: Path) -> None:
-    run = CliRunner()
+def test_a_command_without_time_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, read = CliRunner(), ProblemFile.problems
+    unread = run.invoke(app, ["solve", str(EXAMPLE), "--time", "1e-9", "--json"])
+    assert unread.exit_code == 1
+    assert "time limit of 1e-09 s was met" in json.loads(unread.stdout)["error"]
+
+    def in_time(*asked: Any) -> Any:
+        with pacing.unlimited():
+            return read(*asked)
+
+    monkeypatch.setattr(ProblemFile, "problems", in_time)
     none = run.invoke(app, ["solve", str(EXAMPLE), "--time", "1e-9", "--json"])
     assert none.exit_code == 1
     (file,) = json.loads(none.stdout)
@@ -205,6 +227,36 @@ def test_a_command_without_time_says_so(tmp_path: Path) -> None:
     refused = run.invoke(app, ["solve", str(EXAMPLE), "--time", "-1"])
     assert (refused.exit_code, "--time: not a time" in refused.stderr) == (2, True)
     assert pacing.left() == math.inf
+
+
+def test_pose_range_and_stack_had_no_time_limit() -> None:
+    asked = [own for own in itertools.chain(*(each.values() for each in COMMANDS.values())) if callable(own)]
+    without = [own.__name__ for own in asked if "time" not in inspect.signature(own).parameters]
+    assert without == ["schema_command"]
+
+
+def test_init_went_on_where_the_time_was_over_before_it_knew_the_parts(tmp_path: Path) -> None:
+    meshes, out = EXAMPLE.parent / "meshes", tmp_path / "p.toml"
+    files = [str(meshes / name) for name in ("keyway_key.off", "keyway_shaft.ply")]
+    told = CliRunner().invoke(app, ["init", *files, "--out", str(out), "--time", "1e-9"])
+    assert (told.exit_code, out.exists()) == (1, False)
+    assert "time limit of 1e-09 s was met" in told.stderr
+
+
+def test_the_same_walls_were_matched_for_each_case_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = (replace(Body.convex(CUBE + k, seed="centroid"), rounding=1e-7) for k in (0.0, 1.0))
+    first = matched((one, two))
+    monkeypatch.setattr(matching, "_incidences", lambda *_: pytest.fail("asked again"))
+    assert all(a is b for a, b in zip(matched((one, two)), first, strict=True))
+
+
+def test_a_depth_took_its_time_whatever_was_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    cubes = Body.convex(CUBE, seed="centroid"), Body.convex(CUBE + np.array([0.0, 0.0, 0.75]), seed="centroid")
+    whole = PlacedSolids(*cubes, np.ones(2), np.eye(4)).depth
+    assert whole == pytest.approx(0.25)  # on one face, and no shorter way out
+    monkeypatch.setattr(PlacedSolids, "_deepest", lambda *_: pytest.fail("searched on"))
+    with pacing.within(1e-9), pacing.telling():
+        assert 0.0 < PlacedSolids(*cubes, np.ones(2), np.eye(4)).depth <= whole
 
 
 # ------------------------------------------------------------------------------------------------------ signs of life

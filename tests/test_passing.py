@@ -144,6 +144,20 @@ def test_a_split_joint_kept_as_surfaces_was_drawn_through_itself(decomposition: 
     assert near.amount < 0.2
 
 
+@pytest.mark.parametrize("decomposition", ["surface", "exact"])
+def test_a_block_made_too_wide_was_lifted_out_of_a_channel_kept_as_a_surface(decomposition: str) -> None:
+    """Of the channel only some parts are modelled as made, which were not told apart from others than those drawn."""
+    solid = Manifold.cube([20.0, 20.0, 13.0]) - Manifold.cube([10.0, 22.0, 9.0]).translate([5.0, -1.0, 4.0])
+    block, width = box((5, 0, 4.05), (15, 20, 13.05)), fo.Size("width", "movable", faces="+x", tolerance=0.2)
+    asked = {"sizes": [width], "goal": "touch", "motion": fo.Translation("x") >> UP}
+    channel = made(solid, decomposition, name="channel")
+    for wider, status, lift in ((0.1, Status.OUTSIDE_FIT, 8.95), (-0.1, Status.ALREADY_SATISFIED, 0.0)):
+        problem = fo.Problem(fo.Body.convex(block, name="block"), channel, made={"width": wider}, **asked)
+        solution = fo.solve(problem)
+        assert solution.status is status
+        assert solution.parameters["TZ"] == pytest.approx(lift, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("radius", "turn", "sides"), [(10.0, 180.0 / 32.0, 32), (10.05, 0.0, 32), (10.05, 0.0, 24), (9.99, 0.0, 24)]
 )

@@ -2,6 +2,8 @@
 
 import itertools
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof.columns import prove
 from fcdm_opt.proof.enclosure import Enclosure
 from fcdm_opt.proof.exclusion import Cells, Exclusion
+from fcdm_opt.show.texts import bound_text
 from fcdm_opt.tolerances import DEFAULT
 
 T, R, S = fo.Translation, fo.Rotation, fo.Screw
@@ -313,3 +316,14 @@ def test_a_displacement_that_is_a_weighted_amount_in_other_words_is_certified_wi
     assert solution.gap <= 1.001e-4
     assert solution.evidence is None
     assert fo.verify(solution, proof=True).passed
+
+
+@pytest.mark.parametrize("motion", [T("z"), T("x") >> T("z"), T((0.1, 0.2, 0.9))])
+def test_a_closed_form_with_evidence_was_told_as_less_than_exact(motion: Any) -> None:
+    """Evidence ended a ten thousandth short of what was known, and the bound with it."""
+    solution = fo.solve(on_slab(motion=motion), certify=True)
+    assert solution.evidence is not None
+    assert 0.0 <= solution.gap <= 1e-9
+    assert bound_text(solution).endswith("exact")
+    assert fo.verify(solution, proof=True).passed
+    assert not fo.verify(replace(solution, lower_bound=solution.amount * (1.0 + 1e-6)), proof=True).passed

@@ -657,3 +657,14 @@ def test_the_judge_measures_what_is_shared(name):
             here = np.zeros((2, 3)), np.ones((1, 2)), np.eye(4)[None]
             found = judging.contact_flushness(*placed, *rows, plane, nothing, 1, *here)[0].tolist()
             assert found == pytest.approx((0.0, length, width), abs=1e-8)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 4e-12, -4e-12])
+def test_a_face_on_a_face_was_named_so_and_seated_as_an_edge_on_it(tilt: float) -> None:
+    """By a tolerance of its own: drawn a few digits askew, a taper was asked about otherwise than without these."""
+    corners = [(x, y, z) for z in (0.0, 2.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
+    block = Body.convex(np.array([(x, y, z + tilt * x * (z == 0.0)) for x, y, z in corners]), seed=(0.0, 0.0, 1.0))
+    asked = {"nominal": "drawn", "tolerance": 0.1, "requirement": "A", "contacts": "all", "motion": Z}
+    solution = solve(Problem(block, FLOOR.body("two"), goal="seat", box=WIDE, **asked))
+    assert solution.status is Status.SOLVED
+    assert solution.parameters["TZ"] == pytest.approx(0.1 + 0.05, abs=1e-9)

@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
-from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
+from fcdm_opt.curve.contact import Contact, contact_at, contact_set, located, supporting_contact
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -248,8 +248,8 @@ class Holding:
             return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
         opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
         one, two = self.task.movable.parts[parts[0]], opponent.part
-        rho, normals = np.array([self.task.target[0], opponent.scale]), np.array([way.normal for way in ways])
-        contact = located(one, two, pose, touching_contact(one, two, normals, pose, DEFAULT.active), rho)
+        rho = np.array([self.task.target[0], opponent.scale])
+        contact = located(one, two, pose, contact_at(one, two, ways[0].normal, pose, rho, DEFAULT.active), rho)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
         spread = np.zeros(self.layout.size, dtype=bool)
         if len(corners) > 1:  # elements share more than a point: moving a vertex would part them

@@ -229,8 +229,9 @@ class Inquiry:
                     self.codes.append(BAD_INPUT)
                 waiting -= 1
             if rows and print_all is not None and not self.as_json:
-                self.print_head(file)
-                print_all(rows)
+                with pacing.telling():
+                    self.print_head(file)
+                    print_all(rows)
         self.finish()
 
     def finish(self) -> None:

@@ -209,6 +209,7 @@ def pose_command(
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
     nominals: Nominals = "1,1",
+    time: Time = None,
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
@@ -234,7 +235,7 @@ def pose_command(
     _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
-def faces_command(files: Files, as_json: AsJson = False, out: Out = None) -> None:
+def faces_command(files: Files, time: Time = None, as_json: AsJson = False, out: Out = None) -> None:
     """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
     from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
 
@@ -260,6 +261,7 @@ def stack_command(
     share: Annotated[float | None, option("--share", "S", "With --cost: share of pairs that must fit.")] = None,
     cut: Annotated[str | None, option("--slice", "SIZE,SIZE", "With --out: the two sizes of the slice.")] = None,
     seed: Seed = 1,
+    time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,

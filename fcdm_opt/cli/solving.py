@@ -27,7 +27,9 @@ DIRECTION = (
 )
 
 
-def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
+def curve_command(
+    files: Files, time: Time = None, as_json: AsJson = False, out: Out = None, case: Cases = None
+) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     from fcdm_opt.show.tables import print_curves
 
@@ -99,7 +101,7 @@ def solve_command(
         if certify:
             inquiry.wrote(f"{assembly.name}: the bound is the solver's word, no evidence is kept of assemblies")
         if inquiry.pictures:
-            with pacing.unlimited():
+            with pacing.telling():
                 figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")
                 inquiry.pictures.add(f"{file.path.stem}-{assembly.name}", figure, ending="-scene")
         return solution
@@ -113,7 +115,7 @@ def solve_command(
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         tabled(file, problem.name, row.solution)
         if inquiry.pictures:
-            with pacing.unlimited():  # drawn from what is known
+            with pacing.telling():
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
@@ -126,6 +128,7 @@ def solve_command(
 def range_command(
     files: Files,
     direction: Annotated[str | None, option("--direction", "NAME=VALUE,...", DIRECTION)] = None,
+    time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,

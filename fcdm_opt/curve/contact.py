@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
@@ -197,6 +197,21 @@ class Meeting(NamedTuple):
     contact: Contact
 
 
+def touching_pairs(
+    movable: Body, static: Body, pose: Array, rho: Array, slack: float
+) -> Iterator[tuple[tuple[int, int], Ints, Array, Array]]:
+    """Yield the part pairs that touch at a scale pair to within `slack`, each with its facet directions.
+
+    Sites and rows, see `kernels.facet_rows`, and the separation along each.
+    """
+    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
+    for i, j in np.argwhere(near).tolist():
+        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
+        separations = rows[:, 5] - rows[:, 3:5] @ rho
+        if abs(separations.max()) <= slack:
+            yield (i, j), sites, rows, separations
+
+
 def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
     """Return the part pairs that touch at a scale pair to within `slack`, each with what touches.
 
@@ -212,22 +227,11 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         Length; parts this near touch, and directions this near to the widest are tight.
     """
     found, off = list[Meeting](), list[float]()
-    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
-    for i, j in np.argwhere(near).tolist():
+    for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
         one, two = movable.parts[i], static.parts[j]
-        rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
-        separations = rows[:, 5] - rows[:, 3:5] @ rho
-        if abs(separations.max()) <= slack:
-            normals = rows[np.abs(separations) <= slack, :3]
-            contact = touching_contact(one, two, normals, pose)
-            if _misses(one, two, pose, contact, rho) > slack:
-                # a face leans so little on another that what touches beside their edges is as near as they are
-                normal = rows[separations.argmax(), :3]
-                contact = supporting_contact(one, two, normal, pose)
-                if _misses(one, two, pose, contact, rho) > slack:
-                    contact = _shared_contact(one, two, normal, pose, rho)
-            found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
-            off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
+        contact = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
+        found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
+        off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
     tight = slack * DEFAULT.tight
     most = tight if min(off, default=0.0) <= tight else math.inf
     return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
@@ -310,32 +314,6 @@ def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     X, Y = placed_elements(one, two, pose, contact, rho)
     first, second = _nearest_points(X, Y)
     return float(np.linalg.norm(first - second))
-
-
-def _shared_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, rho: Array) -> Contact:
-    """Return the elements at a point that two parts share, where what supports them is on several faces of one plane.
-
-    Rounding makes several faces of a drawn one, of corners far from the origin.
-    """
-    tops = _top(one, normal @ pose[:9].reshape(3, 3), DEFAULT.tie), _top(two, -normal, DEFAULT.tie)
-    name = Feature(one.elements["V"][tops[0][0]], two.elements["V"][tops[1][0]])
-    every = Contact(name, tuple(tops[0]), tuple(tops[1]))
-    points = _nearest_points(*placed_elements(one, two, pose, every, rho))
-    own = [
-        _element_at(part, set(top), point)
-        for part, top, point in zip((one, two), tops, _drawn(one, two, pose, points, rho), strict=True)
-    ]
-    return contact_between(one, two, pose, *own)
-
-
-def _element_at(part: ConvexPart, top: set[int], point: Array) -> set[int]:
-    """Return the vertices of the face among some vertices that is nearest to a point, or else of the edge or vertex."""
-    loops = [loop for loop in part.loops if top.issuperset(loop)]
-    loops = loops or [tuple(ends) for ends in part.edges[:, :2].tolist() if top.issuperset(ends)]
-    loops = loops or [(k,) for k in top]
-    place = point[None]
-    gaps = [np.subtract(*_nearest_points(part.vertices[list(loop)], place)) for loop in loops]
-    return set(loops[int((np.array(gaps) ** 2).sum(axis=1).argmin())])
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import located
 from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, visible
@@ -114,6 +115,7 @@ class Union:
             return []
         chains = []
         for chain in self._visible.chains:
+            pacing.check()
             made = []
             for stretch in chain:
                 k, number = self._visible.owners[stretch.piece].tolist()

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_set, located, placed_elements, supporting_contact, touching_contact
+from fcdm_opt.curve.contact import (
+    Contact,
+    contact_at,
+    contact_set,
+    located,
+    placed_elements,
+    supporting_contact,
+    touching_pairs,
+)
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -163,28 +171,23 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
     slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ reach)
     found: dict[Feature, Flush] = {}
-    for i, one in enumerate(movable.parts):
-        for j, two in enumerate(static.parts):
-            rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
-            separations = rows[:, 5] - rows[:, 3:5] @ rho
-            if not abs(separations.max()) <= slack:
+    for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
+        one, two, tight = movable.parts[i], static.parts[j], rows[separations >= -slack, :3]
+        touching = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
+        touching = located(one, two, pose, touching, rho)
+        size = dimension(contact_set(one, two, pose, touching, rho), least)
+        hosts: tuple[Host, ...] = ()
+        for normal in distinct(tight) if size else ():
+            contact = supporting_contact(one, two, normal, pose)
+            contact = located(one, two, pose, contact, rho)
+            feature = contact.feature
+            known = found.get(feature)
+            if not _is_plane(movable, static, feature, touching.feature) or (known and known.dimension >= size):
                 continue
-            tight = rows[separations >= -slack, :3]
-            touching = touching_contact(one, two, tight, pose, DEFAULT.planarity)
-            touching = located(one, two, pose, touching, rho)
-            size = dimension(contact_set(one, two, pose, touching, rho), least)
-            hosts: tuple[Host, ...] = ()
-            for normal in distinct(tight) if size else ():
-                contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
-                contact = located(one, two, pose, contact, rho)
-                feature = contact.feature
-                known = found.get(feature)
-                if not _is_plane(movable, static, feature, touching.feature) or (known and known.dimension >= size):
-                    continue
-                hosts = hosts or tuple(_hosts(movable, static, touching))
-                found[feature] = Flush(
-                    feature, touching.feature, (i, j), contact, frozen(normal), size, least, hosts, (one, two)
-                )
+            hosts = hosts or tuple(_hosts(movable, static, touching))
+            found[feature] = Flush(
+                feature, touching.feature, (i, j), contact, frozen(normal), size, least, hosts, (one, two)
+            )
     shared = {flush.feature: flush.shared(pose, rho) for flush in found.values()}
     return tuple(
         flush

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels, mattering
 from fcdm_opt.curve.region import Region, pair_region
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
@@ -67,6 +68,7 @@ def relevant_pairs(
     cells, hiding, shared = list[tuple[Cell, list[int]]](), set[int](), set[int]()
     stack = [(box, 0, np.arange(len(movable.parts) * len(static.parts)))]
     while stack:
+        pacing.check()
         cell, depth, codes = stack.pop()
         depths = pairs.depths(codes, cell)
         open_ = depths > -np.inf

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, contact_at, contact_between, touching_contact
 from fcdm_opt.curve.features import Feature
@@ -152,6 +153,7 @@ class Region:
         """The pair's curve in rational arithmetic, with proofs."""
         from fcdm_opt.curve.exact import exact_curve
 
+        pacing.check()
         return exact_curve(self.one, self.two, self.transform)
 
     @cached_property

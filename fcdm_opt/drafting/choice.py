@@ -178,12 +178,17 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
 def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
     """Return what a goal and a motion lead to; None where it cannot be asked."""
     solutions: dict[str, Solution | None] = {}
+    answer: Solution | None = None
     bodies = situation.movable, situation.static
     asked = {"goal": goal, "motion": motion, "tolerance": TOLERANCE, "unit": situation.unit}
     asked |= {"contacts": contacts} if contacts else {}
     for letter in SIGNS:
+        if answer is not None and answer.stopped and pacing.over():
+            solutions[letter] = answer  # no more could be said of this case
+            continue
         try:
-            problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
+            with pacing.telling():
+                problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
                 tight = len(motion.names) > 1 and misfit(problem) is not None
                 # what does not fit is found far away, if at all

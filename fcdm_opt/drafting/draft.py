@@ -134,12 +134,14 @@ def draft(
 
     bodies = beside.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
+    pacing.check()
     one, two = matched(bodies)
     situation = Situation(one, two, lengths)
-    choice = chosen(situation)
-    warned = remarks(situation, lengths)
-    state = state_text(situation, lengths)
+    warned, state = remarks(situation, lengths), state_text(situation, lengths)
+    nominal, goals = _nominal(situation), _goals(situation)
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
+    opposite = {role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)}
+    choice = chosen(situation)  # in the time that is left
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
@@ -155,13 +157,13 @@ def draft(
         asked=unit is not None,
         deviation=deviation,
         parts=list(zip(("movable", "static"), bodies, places, map(_bottom, bodies), strict=True)),
-        opposite={role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
+        opposite=opposite,
         situation=situation,
         state=state,
         tilt=tilted,
-        nominal=_nominal(situation),
+        nominal=nominal,
         tolerance=TOLERANCE,
-        goals=_goals(situation),
+        goals=goals,
         choice=choice,
         because=_because(situation, choice),
         motions=_motions(situation, choice),

@@ -338,7 +338,9 @@ class Body(_Sealed, Shown):
             return as_body(vertices, decomposition=decomposition, seed=seed, name=name)
         mesh = checked_mesh(vertices, faces, name=name)
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
+        pacing.check()
         made = decompose(mesh, origin, method=decomposition)
+        pacing.check()
         apart = made.method == "coacd"
         if made.made is not None:
             return cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)

@@ -214,7 +214,7 @@ class Arrangement:
         """Return a cell without points that are no corners: another point is on all their planes, and on more."""
         on = self.on(cell)
         asked = np.arange(len(cell.points)) if doubtful is None else np.flatnonzero(doubtful)
-        shared = on[:, asked].T @ on
+        shared = _in_common(on[:, asked], on)
         count = on.sum(axis=0)
         better = (count > count[asked][:, None]) | (np.arange(len(count)) < asked[:, None])
         needless = asked[((shared == count[asked][:, None]) & better).any(axis=1)]
@@ -229,9 +229,9 @@ class Arrangement:
             return (cell if below.any() else None), (cell if above.any() else None)
         on = self.on(cell)
         low, high = np.flatnonzero(below), np.flatnonzero(above)
-        i, j = np.nonzero(on[:, low].T @ on[:, high] >= 2)
+        i, j = np.nonzero(_in_common(on[:, low], on[:, high]) >= 2)
         both = on[:, low[i]] * on[:, high[j]]  # of edges no third corner is on all planes that the ends share
-        edges = ((both.T @ on) == both.sum(axis=0)[:, None]).sum(axis=1) == 2
+        edges = (_in_common(both, on) == both.sum(axis=0)[:, None]).sum(axis=1) == 2
         ends = cell.points[low[i[edges]]].tolist(), cell.points[high[j[edges]]].tolist()
         made = [self.cut(a, b, plane) for a, b in zip(*ends, strict=True)]
 
@@ -283,6 +283,12 @@ class Arrangement:
             for k, side in enumerate((-1, 1)):
                 parts[k].append(facet._replace(loop=tuple(v for v in loop if sign[v] * side >= 0)))
         return parts
+
+
+def _in_common(ones: Array, others: Array) -> Array:
+    """Return how many planes each of some points shares with each of others, of zeros and ones (planes, points)."""
+    with np.errstate(invalid="ignore"):  # which BLAS seldom raises, of what is beside these in its registers
+        return np.asarray(ones.T @ others)
 
 
 def _sides(heights: Array, slack: float) -> Signs:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry import judging
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, exactly
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
@@ -243,15 +243,15 @@ class ScaledPair:
         """
         frame = self._frame(rho, transform)
         least = np.full(1, np.inf)
-        T, (here, there), (rho_1, rho_2) = _exactly(transform), _exactly(self._seeds), _exactly(np.asarray(rho))
+        T, (here, there), (rho_1, rho_2) = exactly(transform), exactly(self._seeds), exactly(np.asarray(rho))
         bounds = judging.nearness(*self._solids, self._framed(np.asarray(rho)[None], transform[None]))
         for pair, _ in judging.nearest_first(bounds.reshape(1, -1) - DEFAULT.tie, least):
             one, two = self._hulls[0][pair // len(self._hulls[1])], self._hulls[1][pair % len(self._hulls[1])]
             places = _best_directions(one, two, frame)
             if not places:
                 return float("nan")
-            first = (here + rho_1 * (_exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
-            second = there + rho_2 * (_exactly(two.part.vertices) - there)
+            first = (here + rho_1 * (exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
+            second = there + rho_2 * (exactly(two.part.vertices) - there)
             gap = max(_exact_gap(first, second, place) for place in places)
             least[0] = min(least[0], gap / frame.unit)
         return float(least[0] * frame.unit)
@@ -486,10 +486,6 @@ def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:
 
 
 # ---------------------------------------------------------------------------------------------------- exact arithmetic
-
-
-def _exactly(numbers: Array) -> NDArray[np.object_]:
-    return np.vectorize(Fraction, otypes=[object])(numbers)
 
 
 def _exact_gap(first: NDArray[np.object_], second: NDArray[np.object_], direction: Direction) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import unit_normals
@@ -240,6 +241,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
     named_vertices = {row: vertex(row) for row in rows.tolist()}
     elements = []
     for hull in hulls:
+        pacing.check()
         sides = [edge(a, b) for a, b in hull.used[hull.edges[:, :2]].tolist()]
         loops = [face(hull.used[list(loop)].tolist()) for loop in hull.loops]
         spans = {

@@ -1,8 +1,10 @@
 """How far facets leave the round faces that they stand for, and bodies that the true one lies between.
 
 STEP files say what their faces are. Of a mesh, facets side by side whose corners all lie on one cylinder, cone, sphere
-(`naming.round_faces`) or torus are taken for that surface. With each facet moved by its own error, inward where it
-sticks out and outward where it falls short, a body becomes one that the true body holds, and one that holds it.
+(`naming.round_faces`) are taken for that surface; of others that turn evenly, as on the flanks of gears and on
+free-form faces, what they leave is estimated from how they turn (`_bent`). With each facet moved by its own error,
+inward where it sticks out and outward where it falls short, a body becomes one that the true body holds, and one that
+holds it.
 """
 
 from __future__ import annotations
@@ -14,24 +16,28 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, frozen
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import norms, unit_normals
-from fcdm_opt.geometry.naming import FEWEST, MANY, ROUND, Label, Round, neighbours, normals_of_faces, round_faces
-from fcdm_opt.geometry.polygons import components
+from fcdm_opt.geometry.measures import cross, least_vector, norms, unit_normals, units
+from fcdm_opt.geometry.naming import FEWEST, MANY, Label, neighbours, normals_of_faces, round_faces
+from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.resizing import largest_ball
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED, Swept
+from fcdm_opt.geometry.tessellation import TESSELLATED
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
 GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # of the angle between facets of a round face, at most
-SOME, MOST_STEPS = 300, 20  # corners that a torus is fitted to, and steps of it
-TOO_LARGE = 100.0  # times what is seen of a torus: its radii are not told by that
+STRIP = 4  # facets side by side that are taken for a smooth face
+EVEN = 0.8  # of how they turn, at least so much is explained by how they are bent
+CREASE = 0.4  # of the turn between two facets, beyond which their bends do not explain it
+UNEVEN = 2.5  # facets side by side of which one is larger by more than that are not cut from a smooth face
+MARGIN = 1.5  # on what bends tell: they change from facet to facet
+NARROW = 1e-3  # of the extent of a facet: narrower, no bend across is told
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
@@ -67,7 +73,6 @@ def _recognised(body: Body) -> Array | None:
         return frozen(errors)
     normals, (corners, owners) = normals_of_faces(body), body.face_triangles
     rounds = round_faces(body)
-    rounds = [*rounds, *_tori(body, normals, {face for each in rounds for face in each.faces})]
     if not all(face in body.face_rows for own in rounds for face in own.faces):
         return None  # of solids side by side: faces that another one covers in part are none of the whole
     for own in rounds:
@@ -84,64 +89,133 @@ def _recognised(body: Body) -> Array | None:
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & (most <= ALIKE * np.median(most))]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
+    rows, found = _smooth(body, normals, {face for own in rounds for face in own.faces})
+    errors[rows] = np.maximum(errors[rows], found)
     return frozen(np.where(errors > DEFAULT.drawn * body.size, errors, 0.0))
 
 
-def _groups(pairs: Ints, count: int) -> list[Ints]:
-    """Return the groups of `FEWEST` facets at least that pairs join."""
-    group = components(pairs, count)
-    return [own for k in np.unique(group) if len(own := np.flatnonzero(group == k)) >= FEWEST]
+def _groups(pairs: Ints, count: int, fewest: int = FEWEST) -> list[Ints]:
+    """Return the groups of so many facets at least that pairs join."""
+    return [own for own in groups_of(components(pairs, count)) if len(own) >= fewest] if count else []
 
 
-def _tori(body: Body, normals: dict[Label, Array], known: Set[Label]) -> list[Round]:
-    """Return the tori that facets side by side stand for which no other round face has: fillets round a shaft, say."""
-    facets = sorted(face for face in normals if len(face) < MANY and face not in known)
-    looks, pairs = np.array([normals[face] for face in facets]).reshape(-1, 3), neighbours(facets)[0]
-    turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
-    found = []
-    for group in _groups(pairs[(turn > GENTLE) & (turn < 1.0 - ROUND)], len(facets)):
-        faces = [facets[k] for k in group.tolist()]
-        corners = body.vertices[np.unique([v - 1 for face in faces for v in face])]
-        middles = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces])
-        surface = _torus(corners, middles, looks[group]) if len(corners) >= 2 * MANY else None
-        if surface is not None:
-            found.append(Round(f"torus radius {surface.radius:.4g}", surface, faces))
-    return found
+def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple[Ints, Array]:
+    """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2).
 
-
-def _torus(corners: Array, middles: Array, normals: Array) -> Swept | None:
-    """Return the torus that corners lie on, None where they lie on none.
-
-    Its axis is the line that all normals meet, whose Pluecker coordinates are linear least squares. Normals of facets
-    do so where these are alike on both sides of a meridian; else they tell where Newton's method begins.
+    Of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
+    which turn anyhow, do not.
     """
-    from scipy.optimize import least_squares
+    faces = sorted(face for face in normals if len(face) < MANY and face not in known and face in body.face_rows)
+    if len(faces) < STRIP:
+        return np.empty(0, np.int64), np.empty((0, 2))
+    looks, (pairs, ends) = np.array([normals[face] for face in faces]), neighbours(faces)
+    smooth = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1) > GENTLE
+    for _ in range(2):  # once more without the creases
+        pairs, ends = pairs[smooth], ends[smooth]
+        group = components(pairs, len(faces))
+        errors, turning, smooth = _bent(body.vertices, faces, looks, pairs, ends, group)
+        its = group[pairs[:, 0]]
+        whole, explained = (np.bincount(its, own) for own in (turning, turning & smooth))
+        smooth &= (explained >= EVEN * whole)[its]
+    kept = [np.empty(0, np.int64)]
+    (one, two), beside = np.concatenate([pairs, pairs[:, ::-1]]).T, np.full_like(errors, np.inf)
+    np.minimum.at(beside, one, errors[two])  # at the ends of a face half of the turn is seen
+    errors = np.maximum(errors, np.where(np.isinf(beside), 0.0, beside))
+    telling = np.array([1.0 if len(face) > 3 else 1.0 / 3.0 for face in faces])  # triangles turn as bends let them
+    for own in _groups(pairs, len(faces), STRIP):
+        most = errors[own].max(axis=1)
+        if telling[own].sum() >= STRIP:
+            kept.append(own[most <= ALIKE * np.median(most)])
+    rows = np.concatenate(kept)
+    return np.array([body.face_rows[faces[k]] for k in rows.tolist()], np.int64), errors[rows]
 
-    origin, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
-    points, places = (corners - origin) / size, (middles - origin) / size
-    lines = np.column_stack([np.cross(places, normals), normals])
-    axis, moment = np.split(np.linalg.svd(lines, full_matrices=False)[2][-1], 2)
-    if not np.linalg.norm(axis) > ROUND:
-        return None
-    base = np.cross(axis, moment) / (axis @ axis)
 
-    def circle(line: Array, points: Array) -> tuple[Array, Array]:
-        way = line[3:] / np.linalg.norm(line[3:])
-        along = (points - line[:3]) @ way
-        far = norms(points - line[:3] - along[:, None] * way)
-        a, b, c = np.linalg.lstsq(np.column_stack([2.0 * far, 2.0 * along, np.ones(len(far))]), far**2 + along**2)[0]
-        radius = np.sqrt(max(c + a * a + b * b, 0.0))
-        return np.array([a, b, radius]), np.hypot(far - a, along - b) - radius
+def _bent(
+    points: Array, faces: list[Label], looks: Array, pairs: Ints, ends: Ints, group: Ints
+) -> tuple[Array, Flags, Flags]:
+    """Return how far facets leave a smooth face, (f, 2), which pairs turn, and of which bends explain it, (m,) each.
 
-    line = np.concatenate([base, axis / np.linalg.norm(axis)])
-    if np.abs(circle(line, points)[1]).max() > ROUND**2:
-        some = points[:: max(1, len(points) // SOME)]
-        line = least_squares(lambda own: circle(own, some)[1], line, xtol=DEFAULT.nominal, max_nfev=MOST_STEPS).x
-    (ring, height, radius), off = circle(line, points)
-    way = line[3:] / np.linalg.norm(line[3:])
-    if np.abs(off).max() > ROUND * radius or not 0.0 <= ring <= TOO_LARGE or radius > TOO_LARGE:
-        return None
-    return Swept(origin + size * (line[:3] + height * way), way, None, float(size * ring), float(size * radius))
+    The bend of a facet is the second fundamental form that takes its sides into the changes of the normals at its
+    corners, least squares (Rusinkiewicz, Estimating curvatures and their derivatives on triangle meshes, 2004); these
+    are means over the group of facets there (with the weights of Max, Weights for computing vertex normals, 1999).
+    Facets with corners on a face of that form leave it by what a parabola leaves its chords. Two of them turn by what
+    is missing, at their common side, between the chord across it and the side.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    faces : list of tuple of int
+        Numbers of the corners of each facet, from 1.
+    looks : (f, 3) array
+        Their unit normals.
+    pairs, ends : (m, 2) arrays of int
+        Which of them meet, and in which rows of points.
+    group : (f,) array of int
+        Which facets may be of one smooth face.
+    """
+    count, first = len(faces), units(cross(looks, np.eye(3)[np.abs(looks).argmin(axis=1)]))
+    frames = np.stack([first, cross(looks, first)], axis=1)
+    sets = list[tuple[Ints, Ints, Array]]()  # facets of as many corners: which, these in order around, and flat
+    for places, corners in by_size(faces):
+        flat = np.einsum("fji,fki->fkj", frames[places], points[corners - 1])
+        x, y = np.moveaxis(flat - flat.mean(axis=1, keepdims=True), -1, 0)
+        order = np.argsort(np.arctan2(y, x), axis=1)
+        sets.append((places, np.take_along_axis(corners - 1, order, 1), np.take_along_axis(flat, order[..., None], 1)))
+    spots = [group[places, None] * len(points) + rows for places, rows, _ in sets]
+    spots = np.split(
+        np.unique(np.concatenate([own.ravel() for own in spots]), return_inverse=True)[1],
+        np.cumsum([own.size for own in spots])[:-1],
+    )
+    sums, areas = np.zeros((1 + max(int(own.max()) for own in spots), 3)), np.empty(count)
+    for spot, (places, _, flat) in zip(spots, sets, strict=True):
+        x, y = np.moveaxis(flat, -1, 0)
+        back, on = np.roll(flat, 1, axis=1) - flat, np.roll(flat, -1, axis=1) - flat
+        area = np.abs(back[..., 0] * on[..., 1] - back[..., 1] * on[..., 0])
+        areas[places] = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2.0
+        weights = area / np.maximum((back**2).sum(axis=2) * (on**2).sum(axis=2), SMALLEST)
+        np.add.at(sums, spot.reshape(area.shape), weights[..., None] * looks[places, None])
+    corner_normals, form, errors = units(sums), np.zeros((count, 3)), np.zeros((count, 2))
+    for spot, (places, rows, flat) in zip(spots, sets, strict=True):
+        i, j = np.triu_indices(rows.shape[1], 1)
+        sides, own = flat[:, j] - flat[:, i], corner_normals[spot.reshape(rows.shape)]
+        x, y = np.moveaxis(sides, -1, 0)
+        system = np.stack([x, y, 0.0 * x, 0.0 * x, x, y], axis=-1).reshape(len(places), -1, 3)
+        changes = np.einsum("fji,fki->fkj", frames[places], own[:, j] - own[:, i]).reshape(len(places), -1, 1)
+        form[places] = (np.linalg.pinv(system, rcond=NARROW) @ changes)[..., 0]
+        inner = _squared(form[places], flat - flat.mean(axis=1, keepdims=True)).mean(axis=1) / 2.0
+        heights = np.column_stack([_squared(form[places], sides) / 8.0, inner])
+        errors[places] = MARGIN * np.column_stack([-heights.min(axis=1), heights.max(axis=1)])
+    padded = points[np.array([(face * MANY)[:MANY] for face in faces]) - 1]
+    (one, two), start = np.concatenate([pairs, pairs[:, ::-1]]).T, np.tile(points[ends[:, 0]], (2, 1))
+    side = np.tile(np.diff(points[ends], axis=1)[:, 0], (2, 1))
+    along, length, k = units(side), norms(side), np.arange(len(one))
+    tops = list[Array]()  # of either facet the corner farthest from the side: along it, and off it
+    for facet in (one, two):
+        local = padded[facet] - start[:, None]
+        off = np.einsum("kci,ki->kc", local, cross(along, looks[facet]))
+        far = np.abs(off).argmax(axis=1)
+        tops += [np.einsum("ki,ki->k", local[k, far], along), off[k, far]]
+    way, depth, other = -np.sign(tops[1])[:, None] * cross(along, looks[one]), np.abs(tops[1]), np.abs(tops[3])
+    share = depth / (depth + other)
+    place = (tops[0] + share * (tops[2] - tops[0])) / length
+    chord = (tops[2] - tops[0])[:, None] * along + (depth + other)[:, None] * way
+    bulges = [
+        _squared(form[one], np.einsum("kji,ki->kj", frames[one], own)[:, None])[:, 0] * part * (1.0 - part) / 2.0
+        for own, part in ((chord, share), (side, place))
+    ]
+    turns = ((looks[two] - looks[one]) * way).sum(axis=1)
+    off = np.abs((bulges[0] - bulges[1]) / (depth * (1.0 - share)) - turns).reshape(2, -1).min(axis=0)
+    turns, largest = np.abs(turns).reshape(2, -1).max(axis=0), np.zeros(count)
+    np.maximum.at(largest, one, np.tile(turns, 2))
+    usual, alike = largest[pairs].max(axis=1) / ALIKE, areas[pairs].max(axis=1) <= UNEVEN * areas[pairs].min(axis=1)
+    return np.maximum(errors, 0.0), turns >= usual, alike & (off <= CREASE * np.maximum(turns, usual))
+
+
+def _squared(form: Array, steps: Array) -> Array:
+    """Return quadratic forms, (f, 3), of steps in the plane, (f, m, 2): (f, m)."""
+    (a, b, c), (x, y) = form.T[..., None], np.moveaxis(steps, -1, 0)
+    squared: Array = a * x * x + 2.0 * b * x * y + c * y * y
+    return squared
 
 
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
@@ -286,25 +360,11 @@ def _moves(
         rows = order[ends[v] : ends[v + 1]]
         own, k = np.unique(faces[rows], return_index=True)
         n, h = side * normals[rows[k] // 3], np.abs(off[own])
-        move = _least_move(np.vstack([n, -n[flat[own]]]), np.concatenate([h, np.zeros(int(flat[own].sum()))]))
+        move = least_vector(np.vstack([n, -n[flat[own]]]), np.concatenate([h, np.zeros(int(flat[own].sum()))]))
         if move is None:
             return None
         moves[v] = move
     return moves
-
-
-def _least_move(normals: Array, least: Array) -> Array | None:
-    """Return the shortest m with normals m >= least; None where there is none.
-
-    By the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23).
-    """
-    from scipy.optimize import nnls
-
-    scale = float(least.max())
-    system = np.vstack([normals.T, least / scale])
-    shares = nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))[0]
-    rest = system @ shares - [0.0, 0.0, 0.0, 1.0]
-    return None if np.linalg.norm(rest) <= DEFAULT.nominal else -scale * rest[:3] / rest[3]
 
 
 # ------------------------------------------------------------------------------------------------------- in words

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import not_separated, overlapping
 from fcdm_opt.geometry.measures import unit_normals
-from fcdm_opt.geometry.polygons import components, fans
+from fcdm_opt.geometry.polygons import fans
 from fcdm_opt.tolerances import DEFAULT
-
-CORNERS = 8  # of each closed surface that are listed
 
 
 class Facets:
@@ -39,21 +36,6 @@ class Facets:
         self.points = np.concatenate([part.vertices for part in body.parts]) - body.seed
         self.triangles = np.concatenate([start + fans(own) for start, own in zip(starts.tolist(), loops, strict=False)])
         self.owners = np.repeat(np.arange(len(loops)), [sum(len(loop) - 2 for loop in own) for own in loops])
-
-    @cached_property
-    def shells(self) -> list[Ints]:
-        """Rows of some corners of each closed surface, those at its ends along the axes too."""
-        used = np.unique(self.triangles)
-        same = distinct_rows(self.points[used])[1]
-        place = np.zeros(len(self.points), np.int64)
-        place[used] = same
-        corners = place[self.triangles]
-        group = components(np.concatenate([corners[:, :2], corners[:, 1:]]), int(same.max()) + 1)[same]
-        found = []
-        for own in (used[group == k] for k in range(group.max() + 1)):
-            ends = [place(self.points[own], axis=0) for place in (np.argmin, np.argmax)]
-            found.append(np.unique(np.concatenate([own[:: max(1, len(own) // CORNERS)], own[np.concatenate(ends)]])))
-        return found
 
 
 _KNOWN: WeakKeyDictionary[Body, Facets] = WeakKeyDictionary()

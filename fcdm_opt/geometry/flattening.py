@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
@@ -101,6 +102,7 @@ def settled(points: Array, lies: Incidences, slack: float) -> Array:
     free = np.ones(len(points), bool) if lies.held is None else ~lies.held
     normals, levels = lies.fitted(place)
     for step in range(ROUNDS):
+        pacing.check()
         heights = (normals[lies.plane] * place[lies.corner]).sum(axis=1) - levels[lies.plane]
         off = (np.abs(heights) > enough) & free[lies.corner]
         if not off.any():

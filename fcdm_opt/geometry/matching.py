@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from fcdm_opt.geometry.polygons import components, coplanar
 from fcdm_opt.tolerances import DEFAULT
 
 APART = 2.0  # times the rounding of both: planes through rounded corners, looked at where the other's corners are
+REMEMBERED = 4  # questions: the cases of a file are about the same bodies, and so is one with more parts modelled
 
 
 def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, ...]:
@@ -33,20 +35,33 @@ def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, .
     and others are moved to them. The seeds stay; so do all bodies where no planes are that near each other, or they
     are the same already.
     """
+    return _matched(tuple(bodies), tuple(tuple(way.tolist()) for way in ways))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> tuple[Body, ...]:
     loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.skin)) for body in bodies]
     if len(bodies) < 2 or not any(loose):
-        return tuple(bodies)
+        return bodies
     counts = [len(body.vertices) for body in bodies]
     points, starts = np.concatenate([body.vertices for body in bodies]), np.cumsum([0, *counts])
     faces = [[start + own for own in _faces(body)] for body, start in zip(bodies, starts.tolist(), strict=False)]
     lies = _incidences(bodies, points, faces, np.repeat(loose, counts), ways)
     if lies is None:
-        return tuple(bodies)
-    places = np.split(settled(points, lies, max(body.rounding for body in bodies)), starts[1:-1])
+        return bodies
+    most = np.repeat([APART * body.rounding for body in bodies], counts)
+    held = np.asarray(lies.held)
+    while True:
+        place = settled(points, replace(lies, held=held), max(body.rounding for body in bodies))
+        far = (norms(place - points) > most) & ~held
+        if not far.any():
+            break
+        held = held | far  # where planes hardly cross: their digits do not tell that it is elsewhere
+    places = np.split(place, starts[1:-1])
     try:
         return tuple(_moved(body, own) for body, own in zip(bodies, places, strict=True))
     except InputError:  # of slivers finer than the digits none may be left
-        return tuple(bodies)
+        return bodies
 
 
 def _faces(body: Body) -> list[Ints]:
@@ -57,7 +72,7 @@ def _faces(body: Body) -> list[Ints]:
 
 
 def _incidences(
-    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], free: Flags, ways: Sequence[Array]
+    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], free: Flags, ways: Sequence[Sequence[float]]
 ) -> Incidences | None:
     """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
     every = [own for some in faces for own in some]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from flint import fmpq
@@ -39,6 +40,21 @@ def unit_normals(polygons: Array) -> Array:
     total = cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
     normals: Array = total / norms(total)[..., None]
     return normals
+
+
+def least_vector(rows: Array, levels: Array) -> Array | None:
+    """Return the shortest x, (k,), with rows x >= levels, rows (m, k); None where there is none.
+
+    By the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23).
+    """
+    from scipy.optimize import nnls
+
+    scale = max(float(np.abs(levels).max()), SMALLEST)
+    system, goal = np.vstack([rows.T, levels / scale]), np.append(np.zeros(rows.shape[1]), 1.0)
+    rest = system @ nnls(system, goal)[0] - goal
+    if np.linalg.norm(rest) <= DEFAULT.nominal or not rest[-1] < 0.0:
+        return None
+    return np.asarray(-scale * rest[:-1] / rest[-1])
 
 
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:

@@ -15,7 +15,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
+from fcdm_opt import pacing
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
@@ -148,8 +149,8 @@ def _turns(points: Array, corners: Array, k: int) -> Ints:
     exact = (u[:, 0] == 0) | (v[:, 1] == 0) | (u[:, 1] == 0) | (v[:, 0] == 0)  # a difference of 0 is no rounding
     sign = np.sign(left - right).astype(np.int64)
     for i in np.flatnonzero(~exact & (np.abs(left - right) <= TURN_ERROR * (np.abs(left) + np.abs(right)))).tolist():
-        p, q, o = (_rational(own[i, :2]) for own in (a, b, points))
-        sign[i] = _sign((p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0]))
+        p, q = exactly(np.array([a[i, :2], b[i, :2]])) - exactly(points[i, :2])
+        sign[i] = _sign(p[0] * q[1] - p[1] * q[0])
     moved = np.where(a[:, 1] != b[:, 1], np.sign(a[:, 1] - b[:, 1]), np.sign(b[:, 0] - a[:, 0]))
     return np.where(sign == 0, moved.astype(np.int64), sign)
 
@@ -162,35 +163,20 @@ def _heights(points: Array, corners: Array) -> Ints:
     value = terms.sum(axis=1)
     sign = np.sign(value).astype(np.int64)
     for i in np.flatnonzero(np.abs(value) <= HEIGHT_ERROR * size.sum(axis=1)).tolist():
-        o = _rational(points[i])
-        rows = [[x - y for x, y in zip(_rational(own), o, strict=True)] for own in corners[i]]
-        sign[i] = _sign(_dot(rows[0], _cross(rows[1], rows[2])))
+        p, q, r = exactly(corners[i]) - exactly(points[i])
+        sign[i] = _sign(p @ cross(q, r))
     return sign
 
 
 def _holds(corners: Array, point: Array) -> bool:
     """Tell whether a triangle holds a point of its plane, rim included."""
-    rows = [_rational(own) for own in (*corners, point)]
-    sides = [[x - y for x, y in zip(rows[(k + 1) % 3], rows[k], strict=True)] for k in range(3)]
-    normal = _cross(sides[0], sides[1])
-    spokes = ([x - y for x, y in zip(rows[3], own, strict=True)] for own in rows[:3])
-    return all(_dot(normal, _cross(side, spoke)) >= 0 for side, spoke in zip(sides, spokes, strict=True))
-
-
-def _rational(values: Array) -> list[Fraction]:
-    return [Fraction(x) for x in values.tolist()]
+    ends = exactly(corners)
+    sides = np.roll(ends, -1, axis=0) - ends
+    return bool((cross(sides, exactly(point) - ends) @ cross(sides[0], sides[1]) >= 0).all())
 
 
 def _sign(x: Fraction) -> int:
     return (x > 0) - (x < 0)
-
-
-def _dot(u: list[Fraction], v: list[Fraction]) -> Fraction:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def _cross(u: list[Fraction], v: list[Fraction]) -> list[Fraction]:
-    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 
 
 def kept_as_surface(*bodies: Body) -> bool:
@@ -342,6 +328,8 @@ class PlacedSolids:
         starts = np.array(self._common()).reshape(-1, 3)
         values, best = self._depths(starts), 0.0
         for k in np.argsort(-values, kind="stable")[:STARTS].tolist():
+            if pacing.over():  # each bounds it, the more the nearer
+                return max(best, float(values.max()))
             best = max(best, self._deepest(starts[k], float(values[k])))
         return best
 

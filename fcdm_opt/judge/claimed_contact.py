@@ -108,12 +108,22 @@ class Claim:
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
         self.feature = feature
         self._seeds = carried.seeds
-        hosts = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
-        if len(hosts) > 1:  # the best first
-            errors = [self._errors(host, rho[None], transform[None])[0] for host in hosts]
-            best = int(np.argmin(errors))
-            hosts = [hosts[best], *hosts[:best], *hosts[best + 1 :]]
-        self._hosts = hosts
+        self._hosts = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
+        if len(self._hosts) < 2 and feature.kind != "E1E2":
+            return
+        least = self._best_first(rho, transform)
+        if feature.kind == "E1E2" and not least <= judging.TOUCH * scaled.reaches.min():
+            # edges that are nearly parallel cross in any direction
+            self._hosts = [self._separated(host, scaled, rho, transform) for host in self._hosts]
+            self._best_first(rho, transform)
+
+    def _best_first(self, rho: Array, transform: Array) -> float:
+        """Put the part pair with the least error first, and return that; infinite without any."""
+        errors = [self._errors(host, rho[None], transform[None])[0] for host in self._hosts]
+        if not errors:
+            return np.inf
+        self._hosts.insert(0, self._hosts.pop(int(np.argmin(errors))))
+        return float(min(errors))
 
     def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
         """Return the host with its contact normal at this pose."""
@@ -123,6 +133,11 @@ class Claim:
             sign = judging.edge_sign(host.one, host.two, host.across, host.along, transform)
             if sign != UNKNOWN:
                 return host._replace(sign=sign)
+        return self._separated(host, scaled, rho, transform)
+
+    @staticmethod
+    def _separated(host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
+        """Return the host with the direction at its elements in which its parts are farthest apart as normal."""
         return host.towards(scaled.best_direction(rho, transform, host.parts, (host.first, host.second)))
 
     @property

@@ -20,14 +20,12 @@ from functools import lru_cache
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve import kernels
-from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import PlacedSolids
-from fcdm_opt.judge.passing import passes
+from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -39,8 +37,6 @@ LEFT = 0.1
 """Parts that reach into each other by less than this share of what they do as drawn are held no more."""
 TURN, MOST_STEPS = 0.2, 32
 """A motion that turns is looked at in steps of at most so many radians, and in no more steps than this."""
-FEW = 64
-"""Pairs of convex parts that are looked at first: none passes where the bodies do not."""
 ALIKE = 0.1
 """Displacements that differ by less than this share of one of them are looked along once."""
 
@@ -74,24 +70,18 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
 
     Infinite where the parts are no fit, or touch it no deeper than sizes may change.
     """
-    if problem.movable.hollow or problem.static.hollow or not holds(problem):
+    if not holds(problem):
         return -np.inf, np.inf
-    drawn, slack = relative_pose(problem.movable, problem.static, REST), DEFAULT.side * problem.size
-    length = float(np.linalg.norm(way))
-    ends = [-np.inf, np.inf]
-    for one in problem.movable.parts:
-        for two in problem.static.parts:
-            barred = _barred(one, two, drawn, problem.nominal_pair, way / length, slack)
-            if barred is not None:
-                middle = sum(barred) / 2.0 / length
-                side = int(middle > 0.0)
-                ends[side] = min(ends[side], middle, key=abs)
+    length, ends = float(np.linalg.norm(way)), [-np.inf, np.inf]
+    one, two = _corners(problem, 0.0, REST)
     points, others = problem.movable.vertices, problem.static.vertices
     largest = [
         (max(map(abs, own.tolerance or (0.0,))), 1.0 if own.is_length else problem.size) for own in problem.sizes
     ]
     change = sum(most * unit for most, unit in largest)
     for side, sign in enumerate((-1.0, 1.0)):
+        past = past_after(one, two, sign * way / length, DEFAULT.side * problem.size)
+        ends[side] = min(ends[side], sign * past / length, key=abs)
         deep = _depth(points, others, sign * way / length)
         if deep > GROWTH * change:
             ends[side] = min(ends[side], sign * (1.0 - LEFT) * deep / length, key=abs)
@@ -103,8 +93,6 @@ def _goes_through(problem: Problem, q: Array) -> bool:
     motion, seeds, size = problem.motion, (problem.movable.seed, problem.static.seed), problem.size
     turned = float(np.abs(q[motion.turning]).sum())
     steps = min(1 + int(turned / TURN), MOST_STEPS)
-    if steps == 1 and not _parts_pass(problem, motion.transform(q, *seeds)):
-        return False
     before = _corners(problem, 0.0, REST)
     for share in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
         pacing.check()
@@ -113,35 +101,6 @@ def _goes_through(problem: Problem, q: Array) -> bool:
         if any(passes(one, two, way, DEFAULT.snap * size) for way in _displacements(one, two, size, turned > 0.0)):
             return True
         before = after
-    return False
-
-
-def _parts_pass(problem: Problem, T: Array) -> bool:
-    """Tell whether a convex part of one body passes one of the other, as it does where a body does; soon told of few.
-
-    By the displacement of its centre. True of more parts, and of those that are surface alone, without a look.
-    """
-    bodies, sizes = (problem.movable, problem.static), np.array([problem.nominal_pair, problem.target])
-    if any(body.hollow or body.whole for body in bodies) or len(bodies[0].parts) * len(bodies[1].parts) > FEW:
-        return True
-    slack, drawn, made = DEFAULT.side * problem.size, *(relative_pose(*bodies, pose) for pose in (REST, T))
-    obstacles = [(two, _placed(two, sizes[0, 1]), _placed(two, sizes[1, 1])) for two in bodies[1].parts]
-    for one in bodies[0].parts:
-        rest, end = (_placed(one, rho) for rho in sizes[:, 0])
-        end = end @ T[:3, :3].T + T[:3, 3]
-        swept = np.vstack([rest, end])
-        low, high = swept.min(axis=0), swept.max(axis=0)
-        for two, before, after in obstacles:
-            way = (end - rest).mean(axis=0) - (after - before).mean(axis=0)
-            length = float(np.linalg.norm(way))
-            obstacle = np.vstack([before, after])
-            if not length > slack or (obstacle.min(axis=0) > high).any() or (obstacle.max(axis=0) < low).any():
-                continue
-            first = _barred(one, two, drawn, sizes[0], way / length, slack)
-            if first is not None and 0.0 < sum(first) / 2.0 < length:
-                last = _barred(one, two, made, sizes[1], way / length, slack)
-                if last is not None and sum(last) < 0.0:
-                    return True
     return False
 
 
@@ -212,30 +171,6 @@ def _comes_off(problem: Problem, T: Array) -> bool:
         return False
     overlap = PlacedSolids(*drawn_bodies(problem), problem.nominal_pair, REST).depth  # to be taken apart by the motion
     return deep > GROWTH * (change + overlap)
-
-
-def _barred(
-    one: ConvexPart, two: ConvexPart, pose: Array, rho: Array, ahead: Array, slack: float
-) -> tuple[float, float] | None:
-    """Return from where to where two parts overlap when the first is shifted along a unit vector, None for nowhere.
-
-    Exact: along each facet direction of the Minkowski difference their separation is linear in the shift.
-    """
-    _, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
-    gaps = rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1] + slack
-    speeds = rows[:, :3] @ ahead
-    along = np.abs(speeds) <= DEFAULT.tie
-    if (gaps[along] >= 0.0).any():
-        return None
-    ends, closing = gaps[~along] / speeds[~along], speeds[~along] > 0.0
-    first, last = float(ends[closing].max(initial=-np.inf)), float(ends[~closing].min(initial=np.inf))
-    return (first, last) if first < last else None
-
-
-def _placed(part: ConvexPart, rho: float) -> Array:
-    """Return the corners of a part scaled about the body's seed, at rest, (n, 3)."""
-    placed: Array = part.seed + rho * (part.vertices - part.seed)
-    return placed
 
 
 def _depth(points: Array, others: Array, ahead: Array) -> float:

@@ -21,6 +21,8 @@ AT_ONCE = 1 << 16
 """Pairs of boxes up to which all are compared."""
 AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in 0.1 + np.arange(6) * np.pi / 3.0])
 """Lines about one, at a distance of 1."""
+NEXT, LAST = [1, 2, 0], [2, 0, 1]
+"""The corners of a triangle after each, and before it."""
 UNEVEN = np.sqrt(np.arange(2.0, 17.0))
 """Weights of the points that a line is put in the middle of: not on a line of symmetry, where edges are."""
 
@@ -40,18 +42,43 @@ def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack
     slack : float
         Length up to which facets count as touching.
     """
-    length = float(np.linalg.norm(way))
-    across = np.linalg.svd(way[None] / length)[2][1]
-    frame = np.column_stack([across, np.cross(way / length, across), way / length])
+    length, frame = float(np.linalg.norm(way)), _frame(way)
     first, second = (_Seen.along(*own, frame) for own in (one, two))
     pairs = _crossed(first, second, length, slack)
     if not len(pairs):
         return False
     lines, radii = _lines(first, second, pairs, length)
-    past = _past(first, second, lines, slack)
+    if not (len(lines) and (past := _past(first, second, lines, slack)).any()):
+        return False
     lines, radii = lines[past], radii[past]
     around = _past(first, second, (lines[:, None] + radii[:, None, None] * AROUND).reshape(-1, 2), slack)
     return bool((around.reshape(-1, len(AROUND)).all(axis=1) | (radii <= slack)).any())
+
+
+def past_after(one: Array, two: Array, ahead: Array, slack: float) -> float:
+    """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite.
+
+    Parameters
+    ----------
+    one, two : (t, 3, 3) arrays
+        As of `passes`, at rest.
+    ahead : (3,) array
+    slack : float
+    """
+    length = float(np.ptp(np.concatenate([one, two]).reshape(-1, 3), axis=0).sum())  # beyond all of it
+    first, second = (_Seen.along(*own, _frame(ahead)) for own in ((one, one + length * ahead), (two, two)))
+    pairs = _crossed(first, second, length, slack)
+    if not len(pairs):
+        return np.inf
+    apart = -_between(first, second, _lines(first, second, pairs, length)[0], slack)[1][:, 0]
+    return float(apart[apart > slack].min(initial=np.inf))
+
+
+def _frame(way: Array) -> Array:
+    """Return a right-angled frame whose last column is along a way."""
+    ahead = way / np.linalg.norm(way)
+    across = np.linalg.svd(ahead[None])[2][1]
+    return np.column_stack([across, np.cross(ahead, across), ahead])
 
 
 class _Seen(NamedTuple):
@@ -76,7 +103,7 @@ class _Seen(NamedTuple):
     def shares(self, rows: Ints, points: Array) -> Array:
         """Return which shares of a facet's corners make up points across the way, (k, m, 3), of points (k, m, 2)."""
         x, y = np.moveaxis(self.flat[rows][:, None] - points[:, :, None], -1, 0)
-        doubled = np.roll(x, -1, 2) * np.roll(y, -2, 2) - np.roll(y, -1, 2) * np.roll(x, -2, 2)
+        doubled = x[..., NEXT] * y[..., LAST] - y[..., NEXT] * x[..., LAST]
         shares: Array = doubled / self.areas[rows][:, None, None]
         return shares
 
@@ -121,7 +148,7 @@ def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
         facing = np.flatnonzero(sign * own.areas > slack * slack)
         heights, flat = own.corners[facing, ..., 2].reshape(-1, 6), own.flat[facing]
         low.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - spare]))
-        high.append(np.column_stack([flat.max(axis=1), heights.max(axis=1)]))
+        high.append(np.column_stack([flat.max(axis=1), heights.max(axis=1) - slack]))
         rows.append(facing)
     i, j = _meeting(low, high)
     wide = (np.minimum(high[0][i], high[1][j]) - np.maximum(low[0][i], low[1][j]))[:, :2].min(axis=1)
@@ -154,7 +181,7 @@ def _lines(one: _Seen, two: _Seen, pairs: Ints, length: float) -> tuple[Array, A
     """
     i, j = pairs.T
     corners = one.flat[i][:, :, None], two.flat[j][:, None]
-    sides = np.roll(corners[0], -1, axis=1) - corners[0], np.roll(corners[1], -1, axis=2) - corners[1]
+    sides = corners[0][:, NEXT] - corners[0], corners[1][:, :, NEXT] - corners[1]
     (ux, uy), (vx, vy), (dx, dy) = (np.moveaxis(own, -1, 0) for own in (*sides, corners[1] - corners[0]))
     with np.errstate(all="ignore"):  # sides in parallel do not cross
         place = np.clip(np.nan_to_num((dx * vy - dy * vx) / (ux * vy - uy * vx)), -1.0, 2.0)
@@ -176,12 +203,17 @@ def _lines(one: _Seen, two: _Seen, pairs: Ints, length: float) -> tuple[Array, A
 
 def _past(one: _Seen, two: _Seen, lines: Array, slack: float) -> Flags:
     """Tell on which lines the middle of a chord of the first is before that of one of the second, then behind it."""
+    line, between = _between(one, two, lines, slack)
+    found = np.zeros(len(lines), np.bool_)
+    found[line[(between[:, 0] < -slack) & (between[:, 1] > slack)]] = True
+    return found
+
+
+def _between(one: _Seen, two: _Seen, lines: Array, slack: float) -> tuple[Ints, Array]:
+    """Return for each two chords on a line the line, (k,), and how far ahead the first's middle is, (k, 2)."""
     (line, middles), (other, centres) = (own.chords(lines, slack) for own in (one, two))
     first, last = (np.searchsorted(other, line, side=side) for side in ("left", "right"))
     counts = last - first
     i = np.repeat(np.arange(len(line)), counts)
     j = np.arange(len(i)) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    between = middles[i] - centres[j]
-    found = np.zeros(len(lines), np.bool_)
-    found[line[i[(between[:, 0] < -slack) & (between[:, 1] > slack)]]] = True
-    return found
+    return line[i], middles[i] - centres[j]

@@ -16,7 +16,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.resizing import resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.problem.problem import Problem
@@ -114,7 +114,7 @@ class GapClaims:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
-        pair, here = ScaledPair(*bodies), self.transform[None]
+        pair, here = scaled_pair(*bodies), self.transform[None]
         if not self.standing:
             distance, separation = pair.both_ways(scales, here)
             return float(distance[0]), float(separation[0])
@@ -158,7 +158,7 @@ class MotionClaims:
                 continue
             made, scales = made_at(bodies, self.sizes, place)
             T = problem.motion.transform(q, made[0].seed, made[1].seed)
-            gap = float(ScaledPair(*made).signed_distances(scales, T[None])[0])
+            gap = float(scaled_pair(*made).signed_distances(scales, T[None])[0])
             off = abs(gap) if goal == "touch" else max(problem.clearance - gap, 0.0) if goal == "clear" else 0.0
             told = float(np.linalg.norm(problem.weights * q)) if problem.amount == "weighted" else amount
             worst, count = np.maximum(worst, [off - displaced, abs(told - amount) - error]), count + 1

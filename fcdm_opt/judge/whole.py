@@ -17,7 +17,9 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of, near_facets, surface_distance
 from fcdm_opt.geometry.measures import winding_numbers
 from fcdm_opt.geometry.polygons import distances
+from fcdm_opt.geometry.solids import solid_surface
 
+CORNERS = 8  # of each closed surface that are looked at, besides those at its ends
 FIRST, WIDER = 2e-6, 8.0  # of the size: how near surfaces are to be looked at in detail, and times as much if none are
 
 
@@ -46,8 +48,14 @@ class WholeSurfaces:
         self._bodies = movable.whole or movable, static.whole or static
         self._own = facets_of(self._bodies[0]), facets_of(self._bodies[1])
         away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
-        self._points = rho[0] * self._own[0].points @ transform[:3, :3].T + away, rho[1] * self._own[1].points
+        self._places = (rho[0] * transform[:3, :3], away), (rho[1] * np.eye(3), np.zeros(3))
+        self._points = [self._placed(k, own.points) for k, own in enumerate(self._own)]
         self._size = max(float(np.ptp(points, axis=0).max()) for points in self._points)
+
+    def _placed(self, which: int, points: Array) -> Array:
+        """Return points of a body, from its seed, where they are, from the static seed."""
+        turn, shift = self._places[which]
+        return np.asarray(points @ turn.T + shift)
 
     def looked_at(self) -> tuple[Body, Body, Outside]:
         """Return the bodies with only the parts whose surfaces are near each other, and what is known of the rest."""
@@ -83,14 +91,16 @@ class WholeSurfaces:
         return sum(self._wound(one, two) for one, two in ((0, 1), (1, 0)))
 
     def _wound(self, one: int, two: int) -> int:
-        solid = self._points[two][self._own[two].triangles]
-        if not self._bodies[two].hollow and len(self._bodies[two].parts) > 1:
-            return 0  # facets of cuts wind round points too; such parts fill the solid, and overlaps show
+        inner, outer = (solid_surface(self._bodies[k]) for k in (one, two))
+        if not outer.closed:
+            return 0  # such parts fill the solid, and overlaps show
         found, near = 0, FIRST * self._size
+        corners, solid = self._placed(one, inner.points), self._placed(two, outer.points)[outer.triangles]
         low, high = solid.min(axis=1) - near, solid.max(axis=1) + near
-        for rows in self._own[one].shells:
+        for rows in inner.shells:
             pacing.check()
-            points = self._points[one][rows]
+            ends = [rows[place(corners[rows], axis=0)] for place in (np.argmin, np.argmax)]
+            points = corners[np.unique([*rows[:: max(1, len(rows) // CORNERS)], *ends[0], *ends[1]])]
             boxes = [solid[((low <= point) & (point <= high)).all(axis=1)] for point in points]
             on = [(distances(point[None, None], own) <= near).any() for point, own in zip(points, boxes, strict=True)]
             free = ~np.array(on)  # at corners that touch, rounding chooses

@@ -56,12 +56,13 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
     if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
         return solution
-    found = [None if pacing.over() else bounding_bodies(body) for body in problem.bodies]
-    if any(own is None for own in found):
-        return solution
-    inner, outer = (_Scene(one, two, tuple(more)) for one, two, *more in zip(*filter(None, found), strict=True))
-    seconds = max(SHORTEST, sum(solution.seconds.values()))
     with suppress(pacing.TimeOverError):
+        pacing.check()
+        found = [bounding_bodies(body) for body in problem.bodies]
+        if any(own is None for own in found):
+            return solution
+        inner, outer = (_Scene(one, two, tuple(more)) for one, two, *more in zip(*filter(None, found), strict=True))
+        seconds = max(SHORTEST, sum(solution.seconds.values()))
         if not solution.usable:
             with pacing.within(seconds, share=1.0):
                 return _of_smaller(solution, solve(_about(problem, inner), "quick"))

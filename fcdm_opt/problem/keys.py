@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapValidator
 
-from fcdm_opt import beside
+from fcdm_opt import beside, pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
@@ -445,6 +445,8 @@ class ProblemFile(Entry, title="Problem file"):
         parts = self._parts(file)
         made = []
         for key, case in self.named_cases(file).items():
+            pacing.at(f"looking how the parts of {key} lie")
+            pacing.check()
             try:
                 made.append(made_of(**case.asked(parts, self.defaults)))
             except InputError as reason:

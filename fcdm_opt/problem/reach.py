@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -214,6 +215,8 @@ def _touching_sooner(
         shifts = problem.motion.ways(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
     for largest in [amount] if math.isfinite(amount) else (DISTANCES * size / fastest).tolist():
+        if pacing.over():
+            return  # what may touch sooner is looked for while there is time
         near = _near(movable, static, problem.target, np.eye(4), fastest * largest)
         near = near.some(_unknown(near.parts, kept))
         needed = near.furthest(shifts, fastest, DEFAULT.cut * size, largest, line)

@@ -34,7 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
 
-HALVINGS = 24  # times that a cell is halved at most: one in ten million of its width short of a corner is to be shown
+HALVINGS = 34  # times that a cell is halved at most: to one in ten thousand million of its width all of it is shown
 PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
 BATCH = 4096  # pieces of cells looked at together
 FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats gave

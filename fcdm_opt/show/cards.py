@@ -24,7 +24,16 @@ from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.scene import body_figure
-from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units, share_text, study_facts
+from fcdm_opt.show.texts import (
+    counted,
+    in_unit,
+    number,
+    numbers,
+    parameter_units,
+    proved_least,
+    share_text,
+    study_facts,
+)
 from fcdm_opt.show.verdict import verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -223,7 +232,7 @@ def _bound(solution: Solution, unit: str) -> tuple[str, str]:
     if math.isinf(solution.lower_bound):
         return "impossible", ""
     near = "of the mesh" if solution.left_by_mesh else "exact"
-    gap = near if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
+    gap = near if proved_least(solution) else f"relative gap {number(solution.gap, 2)}"
     return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 

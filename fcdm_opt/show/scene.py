@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
@@ -488,7 +489,7 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
 
 def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once."""
-    met = [(contact.feature, own) for contact, own in curve.touching(rho)]
+    met = [] if pacing.over() else [(contact.feature, own) for contact, own in curve.touching(rho)]
     near = 1e-6 * max(body.size for body in shown.bodies)
     whole = {feature: _shared_by_faces(feature, shown.bodies) for feature, _ in met}
     made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]

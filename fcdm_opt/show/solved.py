@@ -75,9 +75,12 @@ def solved_case(
         with suppress(pacing.TimeOverError):
             answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
             touch = answer.amount if answer.usable else None
-    misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
     fits = None
     with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
-        fits = fits_up_to(problem) if misfits and problem.movable.whole is None else None
+        pacing.check()
+        if problem.movable.whole is None and (
+            solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
+        ):
+            fits = fits_up_to(problem)
     unproved = without_evidence(solution) if certify and solution.status.found else ""
     return SolvedCase(solution, published, touch, fits, unproved)

@@ -158,6 +158,13 @@ def amount_text(amount: float | None, unit: str = "") -> str:
     return "-" if amount is None or not math.isfinite(amount) else measured(number(amount), unit)
 
 
+def proved_least(solution: Solution | AssemblySolution) -> bool:
+    """Tell whether nothing smaller than the amount does, but for rounding: by less than what counts as touching."""
+    problem: Problem | None = getattr(solution, "problem", None)  # an assembly has none
+    room = problem.contact_slack if problem is not None and problem.amount == "weighted" else 0.0
+    return abs(solution.gap) < CLOSED or 0.0 < solution.amount - solution.lower_bound <= room
+
+
 def bound_text(solution: Solution | AssemblySolution) -> str:
     """Return the lower bound, rounded down, and below it how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
@@ -167,7 +174,7 @@ def bound_text(solution: Solution | AssemblySolution) -> str:
     rounded = floored(solution.lower_bound, DIGITS)
     if not math.isfinite(solution.gap):
         return rounded
-    if abs(solution.gap) < CLOSED:
+    if proved_least(solution):
         return f"{amount_text(solution.amount)}\n{'of the mesh' if solution.left_by_mesh else 'exact'}"
     return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
 

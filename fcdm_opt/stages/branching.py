@@ -39,6 +39,7 @@ MOST_PARAMETERS = 2  # for which the search is complete in a moment
 MOST_CHECKED = 3  # for which the checker of evidence follows
 GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
 SHOWN_GAP, SHOWN_SHARE = 1e-2, 0.05  # of what is proved without being asked for; of a certificate's cells, see `proved`
+EXACT_GAP = DEFAULT.nominal / 2.0  # of a closed form
 CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
 LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
@@ -65,7 +66,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.met_at_rest:
         return task.answer(task.rest, STAGE, modelled=task.modelled(), status=Status.ALREADY_SATISFIED)
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
-    if answer.q is not None or (answer.lower_bound < farthest(task) and not direction_search.nothing(task)):
+    if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
@@ -145,6 +146,8 @@ def proved(
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
         close, most = (CONFIRMING, PROVING) if gap < SHOWN_GAP else (SOON, CONFIRMING)
         aims = [*([(CONFIRMED_GAP, close)] if fine else []), (gap, most)]
+        if checked and answer.q is not None and _closed(task, answer, EXACT_GAP):  # a closed form is to be told as one
+            aims.insert(0, (EXACT_GAP, SOON))
         return bounded(task, answer, aims=aims, until=until, checked=checked)
     answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:

@@ -50,11 +50,6 @@ def suits(task: Task) -> bool:
     )
 
 
-def nothing(task: Task) -> bool:
-    """Tell whether no direction has a coherent motion: a rule of search, which looks further than others."""
-    return task.coherent and suits(task) and not np.isfinite(task.needs).any() and _least(task) is None
-
-
 def least_direction(task: Task) -> Answer | None:
     """Return the least motion over all directions, None where there is none or it does not meet what is asked besides.
 

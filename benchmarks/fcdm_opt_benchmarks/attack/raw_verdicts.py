@@ -58,6 +58,8 @@ def _unusable(scene: RawScene, answer: RawReply) -> list[tuple[str, str]]:
 
 
 def _compared(scene: RawScene, answer: RawReply, least: float) -> list[tuple[str, str]]:
+    if scene.kept == "step" and np.isnan(answer.low):  # "what the mesh leaves open is not known", the answer says
+        return [("left open by the mesh", f"{answer.amount:.9g}, is {least:.9g}")]
     slack, told = scene.slack + RELATIVE * least, []
     low, high = min(answer.low, answer.amount) - slack, max(answer.high, answer.amount) + slack
     if not low <= least <= high:

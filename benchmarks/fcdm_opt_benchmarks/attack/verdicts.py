@@ -40,6 +40,7 @@ NOTES = (
     "not found by search",
     "outside the fit",
     "nothing to compare",
+    "left open by the mesh",
 )
 
 

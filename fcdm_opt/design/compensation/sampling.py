@@ -16,7 +16,7 @@ from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, located, supporting_contact, touching_contact
+from fcdm_opt.curve.contact import Contact, contact_at, located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
 from fcdm_opt.errors import InputError, expected
@@ -273,5 +273,5 @@ def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:
         pose = np.append(pose[:9], pose[9:] - gap * normal)
         contact = supporting_contact(one, two, normal, pose, DEFAULT.touch)
     else:
-        contact = touching_contact(one, two, rows[separations >= separations.max() - slack, :3], pose, DEFAULT.touch)
+        contact = contact_at(one, two, rows[separations.argmax(), :3], pose, rho, DEFAULT.touch)
     return located(one, two, pose, contact, rho).feature

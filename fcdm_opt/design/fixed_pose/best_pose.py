@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,13 +25,10 @@ from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.tolerances import DEFAULT
 
 BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
 EFFORT = 20_000  # cells: a second or two for two parameters
-MADE = 20  # sizes by name at which parts are made anew for that
 DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
-ASKED = 200  # size pairs at which the collision library confirms the range of the gap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +61,7 @@ class BestPose(Shown, Plain):
     cells : int
         Cells of poses looked at for the proof.
     checks : tuple of Check
-        The collision library on the pose found: it confirms the gaps at both extremes and at other sizes.
+        What `fcdm_opt.verify` says of it: the collision library confirms the gaps at both extremes and at other sizes.
     sizes : Sizes
         The sizes spoken of.
     window : (low, high)
@@ -267,7 +264,6 @@ def best_pose(
         lower_bound=bound,
         certified=bool(done),
         cells=len(search.nodes),
-        checks=judged(problem, asked, transform, least.gap, most.gap, (ends.least.rho, ends.most.rho)),
         sizes=asked,
         window=(low, high),
         evidence=PoseEvidence.of(search) if search.nodes else None,
@@ -294,42 +290,10 @@ def _of_sizes(
         lower_bound=min(outcome.bound, value),
         certified=bool(value - outcome.bound <= max(accuracy * abs(value), slack)),
         cells=outcome.cells,
-        checks=_confirmed(problem, transform, ends, slack),
         sizes=Sizes(outcome.touching.box),
         window=(low, high),
         evidence=None,
     )  # fmt: skip
-
-
-def _confirmed(problem: Problem, transform: Array, ends: named.GapRange, slack: float) -> tuple[Check, ...]:
-    """Return the collision library's checks of a range of the gap, on parts made anew at sizes of it.
-
-    A gap along a face is no more than the distance, and as deep as parts overlap.
-    """
-    from fcdm_opt.geometry.collision import ScaledPair
-
-    box = np.array([size.tolerance for size in problem.sizes])
-    others = box[:, 0] + np.random.default_rng(0).random((MADE, len(box))) * np.ptp(box, axis=1)
-    gaps = []
-    for p in (ends.least[1], ends.most[1], *others):
-        made = dict(zip((size.name for size in problem.sizes), p.tolist(), strict=True))
-        pair = problem.changed(made=made, published=None)
-        one = ScaledPair(pair.movable, pair.static).signed_distances(np.ones((1, 2)), transform[None])
-        gaps.append(float(one[0]))
-    least, most = ends.least[0], ends.most[0]
-
-    def off(gap: float, told: float) -> float:
-        return told - gap if told > 0.0 else abs(told - gap)
-
-    beyond = max(least - min(gaps), min(max(gaps[2:]), 0.0) - most)
-    return _checks(off(gaps[0], least), off(gaps[1], most), beyond, slack, MADE)
-
-
-def _checks(least: float, most: float, beyond: float, slack: float, others: int) -> tuple[Check, ...]:
-    """Return the checks of a range of the gap: how far off either end is, and how far others are beyond them."""
-    named = (("least gap", least, "at the sizes named"), ("largest gap", most, "at the sizes named"))
-    errors = (*named, ("range", beyond, f"at {others} other sizes"))
-    return tuple(Check(name, bool(error <= slack), float(error), slack, note) for name, error, note in errors)
 
 
 def _proved(search: Search) -> float:
@@ -375,39 +339,19 @@ def _bounded(worst: Worst, limits: Array) -> Array:
 def _told(
     problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
 ) -> BestPose:
-    """Return the result for a pose, by the ends of the range of its gaps and how far they are off the window."""
+    """Return the judged result for a pose, by the ends of the range of its gaps and how far they are off the window."""
     q = q + 0.0
-    return BestPose(
+    pose = BestPose(
         parameters=problem.motion.by_name(q),
         motion=problem.motion.describe(q.tolist(), unit=problem.unit),
         worst_gap=max(abs(least.gap), abs(most.gap)),
         violation=max(off, 0.0),
         least=least,
         most=most,
-        seconds=time.perf_counter() - start,
+        checks=(),
+        seconds=0.0,
         unit=problem.unit,
         problem=problem,
         **told,
     )
-
-
-def judged(
-    problem: Problem, sizes: Sizes, transform: Array, least: float, most: float, extremes: tuple[Array, Array]
-) -> tuple[Check, ...]:
-    """Return the collision library's checks of a range of the gap at a pose.
-
-    The gaps at the sizes where the extremes are claimed, and that none at other sizes is beyond them: at the corners of
-    the box and at sizes spread over it, or at some of the list.
-    """
-    from fcdm_opt.geometry.collision import ScaledPair
-
-    if sizes.pairs is None:
-        u = np.random.default_rng(0).random((ASKED, 2))
-        others = np.vstack([sizes.corners, sizes.box[:, 0] + u * (sizes.box[:, 1] - sizes.box[:, 0])])
-    else:
-        others = sizes.pairs[np.linspace(0, len(sizes.pairs) - 1, min(ASKED, len(sizes.pairs))).astype(np.int64)]
-    asked = np.vstack([*extremes, others])
-    gaps = ScaledPair(problem.movable, problem.static).signed_distances(asked, np.tile(transform, (len(asked), 1, 1)))
-    slack = max(problem.contact_slack, DEFAULT.touch * problem.size)
-    beyond = max(least - gaps.min(), gaps.max() - most)
-    return _checks(abs(gaps[0] - least), abs(gaps[1] - most), beyond, slack, len(others))
+    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)

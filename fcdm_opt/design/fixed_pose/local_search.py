@@ -9,6 +9,7 @@ import numpy as np
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.worst import Off, Worst
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 80  # linear programs at most
@@ -207,20 +208,10 @@ def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> Linear:
 
 
 def nearest(model: Linear, q: Array, weights: Array, box: Array, tighter: float) -> Array | None:
-    """Return the motion of the least amount at which no linear function exceeds 0; None if there is none.
-
-    A least distance problem, solved through non-negative least squares (Lawson and Hanson).
-    """
-    from scipy.optimize import nnls
-
+    """Return the motion of the least amount at which no linear function exceeds 0; None if there is none."""
     identity = np.eye(len(q))
     G = np.vstack([-model.slopes, identity, -identity]) / weights
     h = np.concatenate([model.values + tighter - model.slopes @ q, q + box[:, 0], -(q + box[:, 1])])
     used = np.isfinite(h)
-    scale = max(float(np.abs(h[used]).max()), 1e-300)
-    system = np.vstack([G[used].T, h[used] / scale])
-    shares, residual = nnls(system, np.append(np.zeros(len(q)), 1.0))
-    rest = system @ shares - np.append(np.zeros(len(q)), 1.0)
-    if residual <= DEFAULT.nominal or not rest[-1] < 0.0:
-        return None
-    return np.asarray(-rest[:-1] / rest[-1] * scale / weights)
+    found = least_vector(G[used], h[used])
+    return None if found is None else found / weights

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -111,7 +112,7 @@ def _configurations(solution: Solution) -> list[str]:
     """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
     problem = solution.problem
     contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None:
+    if solution.transform is not None and solution.rho is not None and not pacing.over():
         curve = problem.curve_after(solution.transform, solution.rho)
         if problem.movable.whole is not None:
             return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))

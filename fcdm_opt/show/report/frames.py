@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, middle
@@ -29,6 +30,7 @@ from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_o
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
+LATE = "what touches, and at which sizes, is left out for time"
 Rows = dict[tuple[float, ...], int]
 """Points, each listed once, in the order in which they were first asked for."""
 
@@ -121,7 +123,7 @@ class Frames:
         if gap is None or not math.isfinite(gap):
             gap = float(curve.gap(sizes, settled=False))
         state = self._state(gap)
-        contacts = self._contacts(curve, sizes) if state == "touching" else {}
+        contacts = self._contacts(curve, sizes) if state == "touching" and not pacing.over() else {}
         return {
             "sizes": drawn(sizes),
             "transform": None if transform is None else drawn(np.asarray(transform).ravel()),
@@ -136,7 +138,7 @@ class Frames:
             "pair_gap": drawn(0.0 if abs(gap) <= NOTHING * self._problem.size else gap),
             "pair_state": state,
             **{"status": None, "usable": None, "motion": "none", "parameters": [], **told},
-            "note": "; ".join(filter(None, (note, self._lost(curve, rho)))),
+            "note": "; ".join(filter(None, (note, LATE * pacing.over(), self._lost(curve, rho)))),
         }
 
     def _curve(self, transform: Array | None) -> DecisionCurve:
@@ -151,7 +153,7 @@ class Frames:
 
     def _segments(self, curve: DecisionCurve) -> list[list[float]]:
         """Return both ends of each segment, the place of its feature in `labels`, and whether it is snug."""
-        return [
+        return [] if pacing.over() else [
             [*drawn((*each.start, *each.end)), self._labels.setdefault(each.feature, len(self._labels)), int(each.snug)]
             for each in curve.segments
         ]
@@ -161,6 +163,8 @@ class Frames:
 
         Of large bodies none has: their curve is one of a few parts, whose numbers say nothing of the whole.
         """
+        if pacing.over():
+            return []
         large = self._problem.movable.whole is not None
         if large or curve.box == self._problem.box:
             names = ("" if large else f"SW{point.index}" for point in curve.switching_points)

@@ -77,7 +77,7 @@ def gather(
                 solved = solved_case(problem, certify=proved, seconds=min(PROOFS / len(asked), PROOF))
             pacing.at("drawing")
             frames = given if pacing.left() > AMPLE * given else -1.0
-            with pacing.unlimited():
+            with pacing.telling():
                 return case_report(problem, solved, seconds=frames)
 
     for name in LOADED:
