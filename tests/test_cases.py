@@ -30,7 +30,7 @@ def test_all_requirements_are_answered_at_once(tmp_path: Path) -> None:
     assert list(answers) == list(shifts)
     assert {name: answers[name].parameters["TX"] for name in answers} == pytest.approx(shifts, abs=1e-12)
     assert (
-        str(answers).splitlines()[3].startswith("D: move peg 0.02 mm along +x: then its front face (facing +x) lies on")
+        str(answers).splitlines()[3].startswith("D: move peg 0.02 mm along +x: then its right face (facing +x) lies on")
     )
     assert repr(answers) == "SolvedCases(A, B, C, D: 4 of 4 usable)"
     answers.to_csv(tmp_path / "cases.csv")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,9 @@ LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
 keep from the edge of its area, for arrows."""
 
+WIDE = 3.1
+"""Inches across of a scene in a report: words of it can be read on a phone."""
+
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
 
@@ -43,6 +46,12 @@ MOST_NUMBERS, LONGEST_NAME = 80, 44
 LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
+
+AZIMUTHS = tuple(float(quarter + off) for quarter in (-180, -90, 0, 90) for off in (20, 35, 55, 70))
+"""Degrees that a scene may be seen from: along no axis, and not halfway between two, where edges of boxes meet."""
+
+FROM_BEHIND = 1.2
+"""What a view from behind costs: more than half of the contact that it shows and one from the front hides."""
 
 MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays at parts that tell what is hidden
 VEIL, EDGE_ON = 0.3, 0.01
@@ -85,28 +94,71 @@ def scene_figure(
     title, caption : str
         Text above and below the picture.
     """
-    insets: list[tuple[int, Touching]] = []  # of contacts that look alike, one
-    for k, contact in enumerate(contacts, 1):
-        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
-            insets.append((k, contact))
-    insets = insets[:MOST_INSETS]
+    insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
     rows = 3 + len(shown.keep_out) + (len(contacts) > 0)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.3) - foot)
+    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.45) - foot)
     sheet = Sheet.of(wide + beside, height + foot, title=title, caption=caption)
     axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, moved=moved, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
-    (left, _), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
-    inch = float(right - left) / sheet.figure.dpi
-    for k, (place, contact) in enumerate(insets):
-        top = sheet.size[1] - k * (INSET + 0.3) - 0.12
-        number = place if len(insets) > 1 else None
-        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, shown.toward, inch, number, unit)
+    inch, page = _inches_a_length(axes), page_directions(*shown.view)
+    for k, (number, contact) in enumerate(insets):
+        top = sheet.size[1] - k * (INSET + 0.45) - 0.12
+        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, page, inch, number, unit)
     return sheet.figure
+
+
+class ScenePieces(NamedTuple):
+    """A scene in pieces that a page places side by side, or one below the other where it is narrow.
+
+    Attributes
+    ----------
+    scene : matplotlib Figure
+        `WIDE` inches across.
+    insets : tuple of matplotlib Figure
+        Contacts magnified, to be shown at the scene's scale.
+    key : tuple of str
+        What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
+    """
+
+    scene: Figure
+    insets: tuple[Figure, ...]
+    key: tuple[str, ...]
+
+
+@styled
+def scene_pieces(
+    shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
+) -> ScenePieces:
+    """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
+    height = float(np.clip(shown.slenderness * (WIDE - 2.0 * MARGIN) + 2.0 * MARGIN, LEAST, WIDE))
+    sheet = Sheet.of(WIDE, height + FOOT)
+    axes = draw_scene(sheet, (0.0, FOOT, WIDE, height), shown, contacts=contacts, moved=moved)
+    draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
+    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
+    for number, contact in _magnified(contacts):
+        part = Sheet.of(INSET + 0.1, INSET + 0.34)
+        draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, number, unit)
+        insets.append(part.figure)
+    return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]))
+
+
+def _magnified(contacts: Sequence[Touching]) -> list[tuple[int | None, Touching]]:
+    """Return the contacts that get an inset, one of those that look alike, with their numbers where there are two."""
+    insets: list[tuple[int | None, Touching]] = []
+    for k, contact in enumerate(contacts, 1):
+        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
+            insets.append((k, contact))
+    return insets[:MOST_INSETS] if len(insets) > 1 else [(None, contact) for _, contact in insets]
+
+
+def _inches_a_length(axes: Any) -> float:
+    (left, _), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
+    return float(right - left) / float(axes.figure.dpi)
 
 
 @styled
@@ -202,12 +254,6 @@ class ShownPair:
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         return cls((one, two), tuple(near), points, view)
-
-    @property
-    def toward(self) -> Array:
-        """Direction from the scene to the reader."""
-        page = page_directions(*self.view)
-        return np.asarray(np.cross(page[:, 0], page[:, 1]))
 
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
@@ -471,17 +517,16 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet.
 
-    Of many vertices some are looked at: all their distances are compared.
+    From the front if it can be. Of many vertices some are looked at: all their distances are compared.
     """
     from scipy.spatial.distance import pdist
 
     points = points[:: -(-len(points) // MOST_APART)]
 
-    def merit(view: tuple[float, float]) -> float:
+    def merit(view: tuple[float, float]) -> tuple[bool, bool, float]:
         page = page_directions(*view)
-        spread = pdist(points @ page).min() * np.linalg.norm(offset @ page)
-        behind = offset @ np.cross(*page.T) > 0
-        return float(-1.0 if behind else spread)
+        spread = float(pdist(points @ page).min() * np.linalg.norm(offset @ page))
+        return not offset @ np.cross(*page.T) > 0, view[1] < 0.0, spread
 
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
@@ -526,7 +571,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     """Return from where the contact at the nominal sizes is seen best, degrees: one view for all motions asked for.
 
     Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
-    be seen, and where corners keep apart.
+    be seen, and where corners keep apart; from the front (-y), with x to the right, if that does not hide most of it.
     """
     from scipy.spatial import ConvexHull
 
@@ -554,9 +599,10 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
         flat = points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
         flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
-        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - view[0] / 120.0)
+        cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
+        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - cost)
 
-    return max(product((18.0, 32.0, 50.0), np.arange(-175.0, 180.0, 15.0).tolist()), key=merit)
+    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=merit)
 
 
 def _normal(points: Array) -> Array:
