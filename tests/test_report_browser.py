@@ -54,7 +54,8 @@ OVERLAPS = """() => {
 }"""
 # Elements that reach beyond the page's right edge, but for those in a box that scrolls.
 CUT_OFF = """() => [...document.querySelectorAll("main *, header *")]
-  .filter(e => !e.closest(".scroll, .plot, noscript, details:not([open]) > :not(summary)") && e.getClientRects().length)
+  .filter(e => !e.closest(".scroll, .plot, svg > *, noscript, details:not([open]) > :not(summary)"))
+  .filter(e => e.getClientRects().length)
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
   .map(e => `${e.tagName}.${e.className}`)"""
 TRACE = """([plot, name]) => {
@@ -90,7 +91,7 @@ def payload():
     path = PROBLEMS / "example1.toml"
     file = ProblemFile.read(path)
     problems = tuple(problem for problem in file.problems(Problem, path) if problem.name in CASES)
-    data = gather([Read(path, file.title, file.note, problems)], certify=False, seconds=0.0)
+    data = gather([Read(path, file.title, file.note, problems)], certify=False, frames=0.0)
     data["cases"][1]["bodies"][0]["name"] = HOSTILE
     data["cases"][1]["scene"]["objects"][0]["name"] = HOSTILE
     return data

@@ -21,7 +21,6 @@ from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 DRAWN = 1e-8  # relative: nine digits are kept of what is drawn
-ENOUGH = 60.0  # seconds: all frames of these small cases
 
 
 @dataclass(frozen=True)
@@ -44,13 +43,13 @@ def opened(name, *names):
 
 
 @cache
-def gathered(name, *names, certify=False, seconds=0.0):
-    """Return the payload of a problem file; with no time for more than the least number of frames."""
-    return gather([opened(name, *names)], certify=certify, seconds=seconds)
+def gathered(name, *names, certify=False, frames=0.0):
+    """Return the payload of a problem file; by default with the least number of frames."""
+    return gather([opened(name, *names)], certify=certify, frames=frames)
 
 
-def of_problem(problem, seconds=0.0):
-    payload = gather([Opened(Path("own.toml"), problems=(problem,))], certify=False, seconds=seconds)
+def of_problem(problem, frames=0.0):
+    payload = gather([Opened(Path("own.toml"), problems=(problem,))], certify=False, frames=frames)
     return payload["cases"][0]
 
 
@@ -87,7 +86,7 @@ def test_the_same_file_gives_the_same_data_but_for_times():
         kept = {key: value for key, value in payload.items() if key != "made"}
         return {**kept, "cases": [{**case, "seconds": None} for case in payload["cases"]]}
 
-    assert timeless(gathered("example2")) == timeless(gather([opened("example2")], certify=False, seconds=0.0))
+    assert timeless(gathered("example2")) == timeless(gather([opened("example2")], certify=False, frames=0.0))
 
 
 def test_head_of_the_report():
@@ -105,7 +104,7 @@ def test_head_of_the_report():
 
 def test_file_that_could_not_be_read_keeps_its_error_and_the_numbers_of_the_others():
     files = [Opened(Path("broken.toml"), error="no such key"), opened("boxes", "close the gap", "slanted")]
-    payload = gather(files, certify=False, seconds=0.0)
+    payload = gather(files, certify=False, frames=0.0)
     assert [file["cases"] for file in payload["files"]] == [[], [0, 1]]
     assert payload["files"][0]["error"] == "no such key"
     assert "error" not in payload["files"][1]
@@ -121,7 +120,7 @@ def test_case_that_is_refused_is_told_and_the_others_go_on(monkeypatch):
     monkeypatch.setattr(solved_module, "solve", refusing)
     said = []
     file = opened("boxes", "close the gap", "slanted", "both made larger")
-    payload = gather([file], certify=False, say=said.append, seconds=0.0)
+    payload = gather([file], certify=False, say=said.append, frames=0.0)
     assert [case["name"] for case in payload["cases"]] == ["close the gap", "both made larger"]
     assert "slanted" in payload["files"][0]["error"]
     assert "no such thing" in payload["files"][0]["error"]
@@ -138,7 +137,7 @@ def gap_of_boxes(rho, shift=0.0):
 
 
 def test_tolerance_family_of_boxes_is_the_closed_form():
-    (case,) = gathered("boxes", "both made larger", seconds=ENOUGH)["cases"]
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
     family = case["families"]["tolerance"]
     assert family["values"] == list(FACTORS)
     assert family["values"][family["start"]] == 1.0
@@ -154,7 +153,7 @@ def test_tolerance_family_of_boxes_is_the_closed_form():
 
 
 def test_target_family_goes_straight_from_the_nominal_pair():
-    (case,) = gathered("boxes", "undo an overlap", seconds=ENOUGH)["cases"]
+    (case,) = gathered("boxes", "undo an overlap", frames=1.0)["cases"]
     family = case["families"]["tolerance"]
     assert family["values"] == list(FACTORS)
     for factor, frame in zip(family["values"], family["frames"], strict=True):
@@ -163,7 +162,7 @@ def test_target_family_goes_straight_from_the_nominal_pair():
 
 
 def test_motion_family_of_boxes_is_the_closed_form():
-    (case,) = gathered("boxes", "both made larger", seconds=ENOUGH)["cases"]
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
     family = case["families"]["motion"]
     assert family["values"] == list(SHARES)
     assert family["shown"][family["start"]] == "100 %"
@@ -199,7 +198,7 @@ def test_asymmetrical_tolerances_are_all_multiplied_by_one_factor():
 
 def test_factors_that_would_leave_no_body_are_left_out():
     (problem,) = opened("boxes", "both made larger").problems
-    case = of_problem(problem.changed(tolerance=0.6, requirement="D"), seconds=ENOUGH)
+    case = of_problem(problem.changed(tolerance=0.6, requirement="D"), frames=1.0)
     family = case["families"]["tolerance"]
     assert family["values"] == [factor for factor in FACTORS if 0.6 * factor < 1]
     assert "at 1.7 times" in family["note"]
@@ -224,7 +223,7 @@ def test_frames_as_asked_are_the_solution(name):
         np.testing.assert_allclose(rest["rho"], case["nominal"], rtol=DRAWN)
 
 
-def test_without_time_a_family_has_its_ends_and_the_case_as_asked_and_says_so():
+def test_the_least_family_has_its_ends_and_the_case_as_asked_and_says_so():
     case = gathered("example1")["cases"][0]
     for family, values in ((case["families"]["tolerance"], FACTORS), (case["families"]["motion"], SHARES)):
         assert len(family["values"]) == LEAST
@@ -235,7 +234,7 @@ def test_without_time_a_family_has_its_ends_and_the_case_as_asked_and_says_so():
 
 def test_shares_beyond_the_limits_are_marked():
     (problem,) = opened("boxes", "close the gap").problems
-    case = of_problem(problem.changed(limits={"TX": (-1.0, 0.6)}), seconds=ENOUGH)
+    case = of_problem(problem.changed(limits={"TX": (-1.0, 0.6)}), frames=1.0)
     family = case["families"]["motion"]  # TX = 1/2
     marked = [share for share, frame in zip(family["values"], family["frames"], strict=True) if frame["note"]]
     assert marked == [share for share in SHARES if share * 0.5 > 0.6 + 1e-9]
@@ -248,7 +247,7 @@ def test_no_family_where_nothing_changes():
 
 
 def test_case_without_motion_tells_from_which_size_on_there_is_none():
-    (case,) = gathered("bracket_stuck", seconds=ENOUGH)["cases"]
+    (case,) = gathered("bracket_stuck", frames=1.0)["cases"]
     assert (case["status"], case["usable"], case["amount"]) == ("INFEASIBLE", False, None)
     assert case["poses"]["corrected"] is case["poses"]["tracked"] is case["families"]["motion"] is None
     assert case["sensitivities"] is None
@@ -444,7 +443,7 @@ def test_requirements_that_a_file_leaves_out_are_solved_and_marked():
 def test_two_cases_of_one_requirement_have_two_tables():
     (problem,) = opened("boxes", "both made larger").problems
     other = problem.changed(motion=fo.Translation("y") >> fo.Translation("x"), published=None)
-    first, second = gather([Opened(Path("own.toml"), problems=(problem, other))], certify=False, seconds=0.0)[
+    first, second = gather([Opened(Path("own.toml"), problems=(problem, other))], certify=False, frames=0.0)[
         "matrices"
     ]
     assert (first["cells"]["A"]["case"], second["cells"]["A"]["case"]) == (0, 1)
@@ -469,7 +468,7 @@ def test_proof_is_told_with_whether_it_was_checked():
 
 
 def test_sensitivities_are_the_derivatives_of_the_closed_form():
-    (case,) = gathered("boxes", "both made larger", seconds=ENOUGH)["cases"]
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
     bars = {bar["name"]: bar["value"] for bar in case["sensitivities"]["bars"]}
     first, second = case["pair"]
     assert bars[f"size of {case['bodies'][0]['name']}"] == pytest.approx(0.01 * first / 2, rel=1e-6)

@@ -22,9 +22,10 @@ album            all of them, written to a directory
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import wraps
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -38,6 +39,9 @@ BLACK, BLUE, VERMILLION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, GREY = "#E69F00", "#CC79A7", "#7F7F7F"
 DARK = "#595959"
 """Grey of words: 7 to 1 on white, as legible text needs."""
+
+LINE = "#1A1A1A"
+"""Of edges on bodies, dark in any colour scheme: a surface is light, whatever the page is."""
 
 PAGE = 17.0 / 2.54
 """Width in inches at which pictures are printed, across a page; sizes of text hold at it."""
@@ -109,6 +113,26 @@ def write_svg(figure: Figure, to: Path | IO[str]) -> None:
 
     with rc_context({"svg.hashsalt": "fcdm_opt", "svg.fonttype": "none"}):
         figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
+
+
+INKS = {
+    BLACK: "ink", DARK: "quiet", GREY: "muted", BLUE: "movable", VERMILLION: "static", GREEN: "good",
+    "#FFFFFF": "paper",
+}  # fmt: skip
+"""Colours that follow the colour scheme of a page, and the variable of its style that each is."""
+
+
+def inline_svg(figure: Figure, name: str) -> str:
+    """Return a figure as SVG to stand in a page: in its colours, without ground; a name begins all identifiers."""
+    text = StringIO()
+    figure.patch.set_visible(False)
+    write_svg(figure, text)
+    svg = text.getvalue()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", svg))
+    svg = re.sub(r' id="([^"]*)"', lambda own: f' id="{name}-{own[1]}"' if own[1] in used else "", svg)
+    svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", svg)
+    return re.sub("|".join(INKS), lambda own: f"var(--{INKS[own[0].upper()]})", svg, flags=re.IGNORECASE)
 
 
 def pixels(figure: Figure, *, across: int = SMALL) -> bytes:

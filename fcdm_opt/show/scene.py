@@ -18,7 +18,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import normals_of_faces
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Touching, draw_section
@@ -123,11 +123,14 @@ class ScenePieces(NamedTuple):
         Contacts magnified, to be shown at the scene's scale.
     key : tuple of str
         What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
+    facing : (3,) array
+        Direction from the first contact's section to the reader.
     """
 
     scene: Figure
     insets: tuple[Figure, ...]
     key: tuple[str, ...]
+    facing: Array
 
 
 @styled
@@ -135,16 +138,18 @@ def scene_pieces(
     shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * (WIDE - 2.0 * MARGIN) + 2.0 * MARGIN, LEAST, WIDE))
+    height = float(np.clip(shown.slenderness * WIDE + MARGIN, LEAST, WIDE))
     sheet = Sheet.of(WIDE, height + FOOT)
     axes = draw_scene(sheet, (0.0, FOOT, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
+    facings = []
     for number, contact in _magnified(contacts):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
-        draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, number, unit)
+        facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, number, unit))
         insets.append(part.figure)
-    return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]))
+    facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
+    return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]), facing)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[tuple[int | None, Touching]]:
@@ -333,7 +338,7 @@ def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, 
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for body, colour, label in bodies:
         seen = raster.visible(sharp_edges(body))
-        axes.add_collection(LineCollection(seen, colors=BLACK, linewidths=0.6, alpha=0.75, zorder=2))
+        axes.add_collection(LineCollection(seen, colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
         if label:
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
     return raster
@@ -638,7 +643,8 @@ def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Show
     points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
     flat = points @ page_directions(*shown.view)
     size = np.array(area[2:])
-    half = float((np.ptp(flat, axis=0) / (size - 2.0 * MARGIN)).max()) * size / 2.0
+    margin = min(MARGIN, 0.07 * area[2])
+    half = float((np.ptp(flat, axis=0) / (size - 2.0 * margin)).max()) * size / 2.0
     middle = (flat.min(axis=0) + flat.max(axis=0)) / 2.0
     axes = sheet.axes(*area)
     axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))

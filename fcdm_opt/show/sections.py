@@ -79,8 +79,10 @@ def draw_section(
     inch: float,
     number: int | None,
     unit: str,
-) -> None:
+) -> Array:
     """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
+
+    Returns the direction from the section to the reader.
 
     Parameters
     ----------
@@ -143,6 +145,7 @@ def draw_section(
         axes.set_xlabel(f"seen {seen}", fontsize=NOTE, color=DARK, labelpad=2.0)
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
+    return facing
 
 
 def _section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
