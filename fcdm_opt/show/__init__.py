@@ -103,7 +103,7 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-DOTS, SMALL, COLOURS = 300, 1000, 128
+DOTS, SMALL, COLOURS = 300, 1000, 256
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
 
@@ -142,7 +142,7 @@ def pixels(figure: Figure, *, across: int = SMALL) -> bytes:
     whole, small = BytesIO(), BytesIO()
     figure.savefig(whole, format="png", dpi=across / figure.get_figwidth(), metadata={"Software": None})
     with Image.open(whole) as image:
-        image.convert("RGB").quantize(COLOURS).save(small, format="png", optimize=True)
+        image.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(small, format="png", optimize=True)
     return small.getvalue()
 
 
