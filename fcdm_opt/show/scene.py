@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -62,6 +62,9 @@ FAR, MOST_TURN = 0.12, 0.5
 
 TANGENT = 0.93
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
+
+MOST_SPOTS = 24
+"""Places of a face that its number may stand at."""
 
 MOST_INSETS, ALIKE = 2, 0.999
 """Contacts that are magnified; cosine between normals of those that look alike."""
@@ -322,6 +325,38 @@ def draw_scene(
     if numbered:
         _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
+
+
+def draw_numbered(
+    sheet: Sheet,
+    area: tuple[float, float, float, float],
+    shown: ShownPair,
+    colour: str,
+    numbers: Mapping[tuple[int, ...], str],
+) -> tuple[Any, set[str]]:
+    """Draw a body shaded into an area of a sheet, with a number at each face that is seen; return its axes, and these.
+
+    `numbers`: of each face of the body; faces that have one in common get it once.
+    """
+    body, page = shown.bodies[0], page_directions(*shown.view)
+    axes = _axes_for(sheet, area, shown)
+    raster = _draw_solids(axes, shown, [(body, colour, "")])
+    toward, spots = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]]()
+    normals = normals_of_faces(body)
+    for element in (Element("F", face) for face in body.faces):
+        if element.vertices in numbers and float(normals[element.vertices] @ toward) > EDGE_ON:
+            pieces = [piece @ page for piece in face_polygons(body, element)]
+            middles = np.array([piece.mean(axis=0) for piece in face_polygons(body, element)])
+            sizes = [float(np.prod(np.ptp(piece, axis=0))) for piece in pieces]
+            order = np.argsort(-np.array(sizes))[:MOST_SPOTS]
+            seen = middles[order][raster.seen(middles[order])]
+            spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
+    names, middle = Names(axes), body.vertices.mean(axis=0) @ page
+    for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
+        if places:
+            away = places[0] - middle
+            names.put(number, places, away if away.any() else (0.0, 1.0), colour=BLACK, upon=True)
+    return axes, {number for number, places in spots.items() if places}
 
 
 def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:
