@@ -310,6 +310,30 @@ def test_zoom_of_the_curve(wide, payload):
         wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
 
 
+def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
+    """It was inside, whichever way one turned: no corner is left before the section through it."""
+    case = payload["cases"][0]
+    frame, facing = case["poses"]["corrected"], np.array(case["scene"]["section"])
+    level = (np.array(frame["contacts"] or case["poses"]["tracked"]["contacts"]) @ facing)[0]
+    count = "document.getElementById('bodies').data.find(t => t.name === '{}').x.length"
+    whole = [len(solid["points"]) for solid in case["scene"]["objects"]]
+    wide.page.click("[data-look=cut]")
+    wide.until(f"{count.format('movable')} !== {whole[0]} || {count.format('static')} !== {whole[1]}", True)
+    heights = [points(wide.trace("bodies", role)) @ facing - level for role in ("movable", "static")]
+    size = case["scene"]["size"]
+    assert min(own.max() for own in heights) < 1e-3 * size  # one that is wholly before it stays
+    wide.page.click("[data-look=clear]")
+    for corners, role in zip(whole, ("movable", "static"), strict=True):
+        wide.until(count.format(role), corners)
+
+
+def test_words_and_picture_of_an_answer_stand_side_by_side(wide):
+    said, drawn = (wide.page.locator(f".answer.chosen .{name}").bounding_box() for name in ("said", "drawn-picture"))
+    assert drawn["x"] >= said["x"] + said["width"]
+    assert abs(drawn["y"] - said["y"]) < 2.0
+    assert drawn["width"] > 0.9 * said["width"]
+
+
 def test_pointer_names_feature_and_line(wide, payload):
     trace = wide.page.evaluate("() => document.getElementById('curve').data.find(t => t.name === 'before').text")
     labels = {payload["cases"][0]["labels"][segment[4]] for segment in payload["cases"][0]["poses"]["nominal"]["curve"]}
@@ -384,6 +408,8 @@ def test_figures_follow_the_dark_scheme(wide):
         wide.page.emulate_media(color_scheme=scheme)
         wide.until("document.getElementById('curve').layout.font.color", ink)
         wide.until("document.getElementById('bodies').layout.font.color", ink)
+        ground = "getComputedStyle(document.querySelector('.answer.chosen .drawn-picture')).backgroundColor"
+        assert wide.page.evaluate(ground) == "rgba(0, 0, 0, 0)"  # a white plate stood under it
         assert wide.page.evaluate(OVERLAPS) == []
 
 

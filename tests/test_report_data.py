@@ -15,7 +15,7 @@ from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, answered
-from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES
+from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -495,6 +495,10 @@ def test_what_was_left_out_is_true_of_the_problem():
     assert 'pair "any"' in beyond
     assert 'path "coherent"' in beyond
     assert 'path "free"' in told(opened("example1").problems[0].changed(path="free"))
+    drawn = told(opened("slot_and_key").problems[0])  # as drawn, by nothing uniform, and not "one pair of sizes"
+    assert "Only the parts as drawn were solved" in drawn
+    assert "uniform" not in drawn
+    assert "The parts are taken as drawn" in told(plain.changed(target=(1.0, 1.0)))
 
 
 def test_deviation_of_approximated_parts_is_told():
@@ -517,3 +521,27 @@ def test_meshes_are_named_with_their_checksums():
     assert [mesh["file"] for mesh in file["meshes"]] == ["meshes/square_peg.stl", "meshes/square_plate.stl"]
     for mesh in file["meshes"]:
         assert mesh["sha256"] == hashlib.sha256((PROBLEMS / mesh["file"]).read_bytes()).hexdigest()
+
+
+def test_sizes_tolerances_and_their_stack_up_are_told():
+    """A report said nothing of them; the gap of the key is 0.0325 to 0.0955 by hand."""
+    (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
+    assert [(size["name"], size["body"], size["low"], size["high"], size["made"]) for size in case["sizes"]] == [
+        ("key_width", "key", -0.036, 0.0, 0.0),
+        ("key_foot", "key", -0.02, 0.02, -0.01),
+        ("slot_width", "slot", 0.0, 0.03, 0.0),
+        ("slot_position", "slot", -0.03, 0.03, 0.0),
+        ("slot_depth", "slot", -0.05, 0.05, 0.04),
+    ]
+    assert [worst["gap"] for worst in case["stack"]["worst"]] == pytest.approx([0.0325, 0.0955])
+    assert sum(own["worst"] for own in case["stack"]["shares"]) == pytest.approx(1.0)
+    assert case["stack"]["shares"][0]["size"] == "slot_position"
+    assert gathered("boxes", "both made larger")["cases"][0]["stack"] is None
+
+
+def test_the_load_of_the_machine_decided_how_many_places_a_slider_has():
+    """3, 6 and 21 of 21 were seen for one file: it is the problem that decides."""
+    (problem,) = opened("boxes", "both made larger").problems
+    assert [frames_of(problem, cases) for cases in (1, 4, 8)] == [1.0, 1.0, 0.5]
+    families = gather([opened("boxes", "both made larger")], certify=False)["cases"][0]["families"]
+    assert [families[name]["values"] for name in ("tolerance", "motion")] == [list(FACTORS), list(SHARES)]

@@ -293,6 +293,23 @@ def test_a_case_without_motion_says_so():
     assert "at rest, at" in words  # the state is not that after a motion
 
 
+def test_a_table_of_all_cases_where_no_table_of_requirements_has_them():
+    """Half of the first screen was blank."""
+    data = payload() | {"matrices": []}
+    words = page(data)
+    table = words[words.index("All cases") : words.index('<section id="viewer"')]
+    assert re.findall(r'href="#case-(\d)"', table) == ["0", "1"]
+    assert "move it plain" not in table  # it has a motion: "TZ 0.25"
+    assert "TZ 0.25 plain" in table
+
+
+def test_a_sheet_on_paper_is_known_by_its_title_block():
+    words = visible(read(page(payload())))
+    for told in ("aplain.toml, case first", "2026-01-01", "000000000000", "Checked", "Approved"):
+        assert told in words
+    assert "Numerical tolerances of solver and judge (1)" in words  # not the parts'
+
+
 def test_nothing_read_is_a_page_too():
     empty = payload() | {"cases": [], "matrices": []}
     empty["files"] = [{**file, "cases": []} for file in empty["files"]]

@@ -106,6 +106,9 @@ def new_figure(width: float, height: float) -> Figure:
 DOTS, SMALL, COLOURS = 300, 1000, 256
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
+DARKEST = (20, 215)
+"""Lightness of white on a dark page, and by how much black is lighter, of 255."""
+
 
 def write_svg(figure: Figure, to: Path | IO[str]) -> None:
     """Write a figure as SVG. Text stays text, so that labels can be searched; identifiers have a fixed salt."""
@@ -135,14 +138,22 @@ def inline_svg(figure: Figure, name: str) -> str:
     return re.sub("|".join(INKS), lambda own: f"var(--{INKS[own[0].upper()]})", svg, flags=re.IGNORECASE)
 
 
-def pixels(figure: Figure, *, across: int = SMALL) -> bytes:
-    """Return a figure as a small PNG, so many pixels across, in few colours; the same figure gives the same bytes."""
+def pixels(figure: Figure, *, across: int = SMALL, dark: bool = False) -> bytes:
+    """Return a figure as a small PNG, so many pixels across, in few colours; the same figure gives the same bytes.
+
+    `dark`: for a dark page, light on dark in the same hues.
+    """
     from PIL import Image
 
     whole, small = BytesIO(), BytesIO()
     figure.savefig(whole, format="png", dpi=across / figure.get_figwidth(), metadata={"Software": None})
     with Image.open(whole) as image:
-        image.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(small, format="png", optimize=True)
+        shown = image.convert("RGB")
+        if dark:
+            light, *hues = shown.convert("YCbCr").split()
+            turned = light.point([DARKEST[0] + (255 - k) * DARKEST[1] // 255 for k in range(256)])
+            shown = Image.merge("YCbCr", (turned, *hues))
+        shown.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(small, format="png", optimize=True)
     return small.getvalue()
 
 
@@ -155,12 +166,12 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     path : path
         Without suffix; missing directories are made.
     small : bool
-        Write a smaller PNG too, with "-small" after its name.
+        Write smaller PNGs too, with "-small" after the name, and "-small-dark" for dark pages.
 
     Returns
     -------
     tuple of Path
-        The PNG and the SVG file, and the small one.
+        The PNG and the SVG file, and the small ones.
     """
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)
@@ -170,6 +181,7 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     write_svg(figure, svg)
     if not small:
         return png, svg
-    less = base.with_name(f"{base.name}-small.png")
-    less.write_bytes(pixels(figure))
-    return png, svg, less
+    less = base.with_name(f"{base.name}-small.png"), base.with_name(f"{base.name}-small-dark.png")
+    for one, dark in zip(less, (False, True), strict=True):
+        one.write_bytes(pixels(figure, dark=dark))
+    return png, svg, *less
