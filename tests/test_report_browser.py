@@ -22,7 +22,7 @@ CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CASES = ("A", "B")
 HOSTILE = "</script><b>bold"
-PATIENCE, AGAIN = 20.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
+PATIENCE, AGAIN = 60.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
 DRAWN = 1e-6  # of what plotly hands back: WebGL keeps single precision
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Text lines of different elements that share pixels, by the rectangles of what is drawn.
@@ -123,7 +123,7 @@ class Opened:
         self.wrong = []
         self.context = browser.new_context(offline=True, **options)
         self.page = self.context.new_page()
-        self.page.set_default_timeout(20_000)
+        self.page.set_default_timeout(60_000)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
         self.page.on("request", self._asked)
@@ -319,7 +319,12 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
     whole = [len(solid["points"]) for solid in case["scene"]["objects"]]
     wide.page.click("[data-look=cut]")
     wide.until(f"{count.format('movable')} !== {whole[0]} || {count.format('static')} !== {whole[1]}", True)
-    heights = [points(wide.trace("bodies", role)) @ facing - level for role in ("movable", "static")]
+    find = "document.getElementById('bodies').data.find(t => t.name === role)"
+    used = f"role => {{ const {{ i, j, k }} = {find}; return [...i, ...j, ...k]; }}"
+    heights = [
+        points(wide.trace("bodies", role))[wide.page.evaluate(used, role)] @ facing - level
+        for role in ("movable", "static")
+    ]
     size = case["scene"]["size"]
     assert min(own.max() for own in heights) < 1e-3 * size  # one that is wholly before it stays
     wide.page.click("[data-look=clear]")
