@@ -30,7 +30,7 @@ def test_all_requirements_are_answered_at_once(tmp_path: Path) -> None:
     assert list(answers) == list(shifts)
     assert {name: answers[name].parameters["TX"] for name in answers} == pytest.approx(shifts, abs=1e-12)
     assert (
-        str(answers).splitlines()[3].startswith("D: move peg 0.02 mm along +x: then its front face (facing +x) lies on")
+        str(answers).splitlines()[3].startswith("D: move peg 0.02 mm along +x: then its right face (facing +x) lies on")
     )
     assert repr(answers) == "SolvedCases(A, B, C, D: 4 of 4 usable)"
     answers.to_csv(tmp_path / "cases.csv")
@@ -67,16 +67,16 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     """The shift is 2 - r1 - r2: at (+1 %, -0.4 %) it is -0.006."""
     problem = peg()
     found = fo.compensation_map(problem)
-    (grid,) = grids(found, problem.motion.parameters)
+    (grid,) = grids(found, problem)
     assert (grid.name, grid.unit) == ("TX", "mm")
-    assert grid.rows[-1] == "+1 %"
-    assert grid.columns[3] == "-0.4 %"
+    assert grid.rows[-1] == "2.02 mm"  # what is measured; the cube is 2 long
+    assert grid.columns[3] == "1.992 mm"
     cells = np.array(grid.cells, dtype=float)
     off = np.linspace(-0.01, 0.01, 11)
     np.testing.assert_allclose(cells, -off[:, None] - off, atol=1e-6)
-    table, page = write_grids(found, problem.motion.parameters, tmp_path / "peg", title="a title")
+    table, page = write_grids(found, problem, tmp_path / "peg", title="a title")
     rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
-    assert rows[0][0] == "TX, mm: peg down, wall across"
-    assert rows[11][0] == "+1 %"
+    assert rows[0][0] == "TX, mm: peg, length along x down, wall, length along x across"
+    assert rows[11][0] == "2.02 mm"
     assert float(rows[11][4]) == pytest.approx(-0.006)
     assert "Measure both parts" in page.read_text(encoding="utf-8")

@@ -123,7 +123,7 @@ def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
     assert result.exit_code == 0
     text = result.stdout
     verdict = (
-        "close it: move left 1 along +x: then its front face (facing +x) lies on the back face (facing -x) of right"
+        "close it: move left 1 along +x: then its right face (facing +x) lies on the left face (facing -x) of right"
     )
     assert f"{verdict}; smallest" in " ".join(text.split())
     row = next(line for line in text.splitlines() if line.startswith("close it "))

@@ -287,7 +287,7 @@ def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkey
     assert (count >= 26) <= (found.undecided < 1.0)
     if count == 0:
         assert (found.undecided, found.reached) == (1.0, np.inf)
-        assert {cell for grid in grids(found, slab().motion.parameters) for row in grid.cells for cell in row} == {"?"}
+        assert {cell for grid in grids(found, slab()) for row in grid.cells for cell in row} == {"?"}
 
 
 def test_no_look_is_begun_when_the_time_is_over(monkeypatch):

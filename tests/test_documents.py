@@ -254,7 +254,7 @@ def test_the_first_result_is_what_the_first_line_prints() -> None:
 def test_the_first_screens_are_short() -> None:
     """What it is, whether it is for one and how to start: read in under a minute and a half."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    head = re.sub(r"(?s)```.*?```|<img.*?>", "", text[: text.index("## Your own parts")])
+    head = re.sub(r"(?s)```.*?```|<(?:img|source).*?>", "", text[: text.index("## Your own parts")])
     assert len(head.split()) <= 350
 
 

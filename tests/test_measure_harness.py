@@ -202,18 +202,40 @@ def test_failures_are_counted_and_drawn_not_dropped(prepare, word):
     assert len(drawn) == 1
 
 
-def test_no_share_of_what_failed_stands_on_another():
-    """Numbers of failed answers stood on each other where methods took about as long."""
+def boxes_of(texts):
+    return [text.get_window_extent() for text in texts if text.get_text() and text.get_visible()]
+
+
+def test_no_name_in_a_panel_stands_on_another():
+    """Names of methods, and numbers of failed answers, stood on each other where methods took about as long."""
     rows = [
-        {"task": "motion", "scene": "s", "method": f"m{k}", "setting": "", "family": f"f{k}", "outcome": "failed"}
-        | {"seconds": 10.0 ** (-2 + 0.03 * k), "low": 1e-3, "high": 1e-1, "failed": k + 1, "asked": 40, "parameters": 1}
+        row(f"rival {k}", f"f{k}", 10.0 ** (-2 + 0.03 * k), 1e-9, parameters=1, asked=40, failed=k, outcome="partly")
+        | {"task": "motion"}
         for k in range(8)
     ]
+    rows += [row(f"own {k}", "ours", 1e-2, 1e-9, task="motion", parameters=1) for k in range(3)]
     figure = overview_figure(run(chart=rows))
     figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text().isdigit()]
-    assert len(boxes) == 5  # of the strongest rivals
+    boxes = boxes_of(figure.axes[0].texts)
+    assert len(boxes) >= 5  # ours, and the strongest rivals
     assert not any(one.overlaps(two) for k, one in enumerate(boxes) for two in boxes[:k])
+
+
+def test_a_method_looks_the_same_in_all_panels():
+    """Its colour was that of its rank in a panel."""
+    other = [row("SLSQP", "scipy", 1e-3, 1e-9, task=task, parameters=1) for task in ("contact", "motion")]
+    first = [row("coal bisection", "coal", 1e-4, 1e-9, task="contact"), row("fcdm_opt", "ours", 1e-5, 1e-12)]
+    figure = overview_figure(run(chart=[*other, *first]))
+    looks = [
+        (line.get_color(), line.get_marker())
+        for axes in figure.axes
+        for line in axes.lines
+        if line.get_xdata()[0] == 1e-3 and line.get_marker() != "None"
+    ]
+    assert len(looks) == 2
+    assert len(set(looks)) == 1
+    (key,) = figure.legends
+    assert {text.get_text() for text in key.get_texts()} == {"SLSQP", "coal bisection", "ours: fcdm_opt"}
 
 
 def test_refused_methods_keep_their_row_and_reason():

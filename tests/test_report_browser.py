@@ -22,7 +22,7 @@ CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CASES = ("A", "B")
 HOSTILE = "</script><b>bold"
-PATIENCE, AGAIN = 20.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
+PATIENCE, AGAIN = 60.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
 DRAWN = 1e-6  # of what plotly hands back: WebGL keeps single precision
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Text lines of different elements that share pixels, by the rectangles of what is drawn.
@@ -54,7 +54,8 @@ OVERLAPS = """() => {
 }"""
 # Elements that reach beyond the page's right edge, but for those in a box that scrolls.
 CUT_OFF = """() => [...document.querySelectorAll("main *, header *")]
-  .filter(e => !e.closest(".scroll, .plot, noscript, details:not([open]) > :not(summary)") && e.getClientRects().length)
+  .filter(e => !e.closest(".scroll, .plot, svg > *, noscript, details:not([open]) > :not(summary)"))
+  .filter(e => e.getClientRects().length)
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
   .map(e => `${e.tagName}.${e.className}`)"""
 TRACE = """([plot, name]) => {
@@ -90,7 +91,7 @@ def payload():
     path = PROBLEMS / "example1.toml"
     file = ProblemFile.read(path)
     problems = tuple(problem for problem in file.problems(Problem, path) if problem.name in CASES)
-    data = gather([Read(path, file.title, file.note, problems)], certify=False, seconds=0.0)
+    data = gather([Read(path, file.title, file.note, problems)], certify=False, frames=0.0)
     data["cases"][1]["bodies"][0]["name"] = HOSTILE
     data["cases"][1]["scene"]["objects"][0]["name"] = HOSTILE
     return data
@@ -122,7 +123,7 @@ class Opened:
         self.wrong = []
         self.context = browser.new_context(offline=True, **options)
         self.page = self.context.new_page()
-        self.page.set_default_timeout(20_000)
+        self.page.set_default_timeout(60_000)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
         self.page.on("request", self._asked)
@@ -309,6 +310,35 @@ def test_zoom_of_the_curve(wide, payload):
         wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
 
 
+def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
+    """It was inside, whichever way one turned: no corner is left before the section through it."""
+    case = payload["cases"][0]
+    frame, facing = case["poses"]["corrected"], np.array(case["scene"]["section"])
+    level = (np.array(frame["contacts"] or case["poses"]["tracked"]["contacts"]) @ facing)[0]
+    count = "document.getElementById('bodies').data.find(t => t.name === '{}').x.length"
+    whole = [len(solid["points"]) for solid in case["scene"]["objects"]]
+    wide.page.click("[data-look=cut]")
+    wide.until(f"{count.format('movable')} !== {whole[0]} || {count.format('static')} !== {whole[1]}", True)
+    find = "document.getElementById('bodies').data.find(t => t.name === role)"
+    used = f"role => {{ const {{ i, j, k }} = {find}; return [...i, ...j, ...k]; }}"
+    heights = [
+        points(wide.trace("bodies", role))[wide.page.evaluate(used, role)] @ facing - level
+        for role in ("movable", "static")
+    ]
+    size = case["scene"]["size"]
+    assert min(own.max() for own in heights) < 1e-3 * size  # one that is wholly before it stays
+    wide.page.click("[data-look=clear]")
+    for corners, role in zip(whole, ("movable", "static"), strict=True):
+        wide.until(count.format(role), corners)
+
+
+def test_words_and_picture_of_an_answer_stand_side_by_side(wide):
+    said, drawn = (wide.page.locator(f".answer.chosen .{name}").bounding_box() for name in ("said", "drawn-picture"))
+    assert drawn["x"] >= said["x"] + said["width"]
+    assert abs(drawn["y"] - said["y"]) < 2.0
+    assert drawn["width"] > 0.9 * said["width"]
+
+
 def test_pointer_names_feature_and_line(wide, payload):
     trace = wide.page.evaluate("() => document.getElementById('curve').data.find(t => t.name === 'before').text")
     labels = {payload["cases"][0]["labels"][segment[4]] for segment in payload["cases"][0]["poses"]["nominal"]["curve"]}
@@ -383,6 +413,8 @@ def test_figures_follow_the_dark_scheme(wide):
         wide.page.emulate_media(color_scheme=scheme)
         wide.until("document.getElementById('curve').layout.font.color", ink)
         wide.until("document.getElementById('bodies').layout.font.color", ink)
+        ground = "getComputedStyle(document.querySelector('.answer.chosen .drawn-picture')).backgroundColor"
+        assert wide.page.evaluate(ground) == "rgba(0, 0, 0, 0)"  # a white plate stood under it
         assert wide.page.evaluate(OVERLAPS) == []
 
 

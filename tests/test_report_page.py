@@ -66,7 +66,15 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "settled": [f"settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
-        "picture": "",
+        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "key": [text], "high": 2.0},
+        "sizes": [
+            {"name": f"width {text}", "body": text, "what": "+x by 1", "low": -0.1, "high": 0.0, "made": 0.0}
+        ],
+        "stack": {
+            "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
+            "spread": [0.0, 0.2],
+            "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
+        },
         "unit": "",
         "amount_unit": "",
         "doubt": "",
@@ -143,6 +151,7 @@ def payload(text: str = "plain") -> dict:
         "note": f"note {text}",
     }
     none = {"case": None, "amount": None, "status": "INFEASIBLE", "published": None, "note": f"note {text}"}
+    none["verdict"] = "does not fit: 20.1 in 20.0"
     return {
         "title": f"Title {text}",
         "note": f"First {text}.\n\nSecond.",
@@ -261,7 +270,7 @@ def test_requirements_stand_as_in_the_papers_tables(plain):
     matrix = matrix[: matrix.index("</table>")]
     assert re.findall(r'class="letter">(\w)<', matrix) == ["A", "C", "B", "D"]
     assert re.findall(r'href="#case-(\d)"', matrix) == ["0", "1"]
-    assert "no motion: infeasible" in matrix
+    assert "does not fit: 20.1 in 20.0" in matrix  # as the command line says it, where "no motion: infeasible" stood
 
 
 def test_a_case_without_motion_says_so():
@@ -277,11 +286,28 @@ def test_a_case_without_motion_says_so():
     none["files"] = none["files"][:1]
     none["files"][0]["cases"], none["matrices"] = [0], []
     words = visible(read(page(none)))
-    assert "none: infeasible" in words
+    assert "Move it plain" in words  # what is the reason is said as the command line says it
     assert "impossible" in words
     assert "proof checked" in words
     assert "advice plain" in words
     assert "at rest, at" in words  # the state is not that after a motion
+
+
+def test_a_table_of_all_cases_where_no_table_of_requirements_has_them():
+    """Half of the first screen was blank."""
+    data = payload() | {"matrices": []}
+    words = page(data)
+    table = words[words.index("All cases") : words.index('<section id="viewer"')]
+    assert re.findall(r'href="#case-(\d)"', table) == ["0", "1"]
+    assert "move it plain" not in table  # it has a motion: "TZ 0.25"
+    assert "TZ 0.25 plain" in table
+
+
+def test_a_sheet_on_paper_is_known_by_its_title_block():
+    words = visible(read(page(payload())))
+    for told in ("aplain.toml, case first", "2026-01-01", "000000000000", "Checked", "Approved"):
+        assert told in words
+    assert "Numerical tolerances of solver and judge (1)" in words  # not the parts'
 
 
 def test_nothing_read_is_a_page_too():

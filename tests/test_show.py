@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from picture_checks import check_texts, shown
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import GREY, save
+from fcdm_opt.show import GREY, inline_svg, save
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
@@ -32,7 +33,7 @@ from fcdm_opt.show.scene import (
     true_edges,
     view_of,
 )
-from fcdm_opt.show.sections import section
+from fcdm_opt.show.sections import _section_plane, section
 
 TITLE = "Example (reconstruction)"
 
@@ -331,3 +332,38 @@ def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
     page = page_directions(*view)
     assert np.cross(page[:, 0], page[:, 1])[0] > 0.0
     assert "in contact" in texts(draw("scene", 2, "A"))
+
+
+@pytest.mark.parametrize("view", [(18.0, -70.0), (32.0, -20.0), (18.0, 110.0), (50.0, -55.0)])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], way: Any) -> None:
+    """Whichever way a part moves in the scene, it moves in the inset, as right, left, up or down; z stays up."""
+    step, page = np.array(way), page_directions(*view)
+    facing, plane = _section_plane(step, 0.1 * step, page)
+    assert facing @ np.cross(page[:, 0], page[:, 1]) > 0.0  # seen from the scene's side
+    np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
+    np.testing.assert_allclose(sorted(np.abs(step @ plane)), [0.0, 1.0], atol=1e-12)
+    assert (step @ plane) @ (step @ page) > 0.0
+    if abs(facing[2]) < 0.5:
+        np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_parts_were_seen_from_behind(axis: int) -> None:
+    """A contact that is seen as well from the front is seen from there, x to the right."""
+    shift = 2.0 * np.eye(3)[axis]
+    view = view_of(decision_curve(box(tuple(shift), 2.0), box((0.0, 0.0, 0.0), 2.0)), (1.0, 1.0))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[1] < 0.0
+    assert page[0, 0] > 0.0
+
+
+def test_a_picture_in_a_page_stood_on_a_white_plate() -> None:
+    """It has no ground, its words have the page's colours, and pictures beside it share no identifier."""
+    one, two = (inline_svg(draw("scene", 1, "A"), name) for name in ("one", "two"))
+    assert "#ffffff" not in one.lower()
+    assert "var(--quiet)" in one
+    ids = [set(re.findall(r' id="([^"]+)"', svg)) for svg in (one, two)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    assert {own[1:] for own in re.findall(r'href="(#[^"]+)"', one)} <= ids[0]

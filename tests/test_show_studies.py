@@ -80,16 +80,15 @@ def test_a_line_a_case_with_its_gaps() -> None:
     (axes,) = figure.axes
     drawn = lines_of(axes)
     for case, amounts in zip("AB", AMOUNTS, strict=True):
-        np.testing.assert_array_equal(drawn[case], np.column_stack([TAUS, amounts]))
+        np.testing.assert_array_equal(drawn[f"case {case}"], np.column_stack([TAUS, amounts]))
     (gaps,) = [line for line in axes.lines if line.get_marker() == "x"]
     assert list(gaps.get_xdata()) == [0.03]
-    one, two = (line for line in axes.lines if line.get_label() in "AB")
+    one, two = (line for line in axes.lines if line.get_label() in ("case A", "case B"))
     assert one.get_color() != two.get_color()
     assert one.get_linestyle() != two.get_linestyle()  # also told apart in grey
     assert gaps.get_color() == two.get_color()
-    assert {"tolerance  (relative; 0.01 = 1 %)", "amount (length units)", "A", "B", "infeasible", "a study"} <= set(
-        texts(figure)
-    )
+    told = {"tolerance  (relative; 0.01 = 1 %)", "amount (length units)", "case A", "case B", "infeasible", "a study"}
+    assert told <= set(texts(figure))
     assert "6 points: 5 solved, 1 infeasible" in texts(figure)
     assert axes.get_ylim()[0] == 0.0
     assert axes.get_xscale() == "linear"
@@ -100,7 +99,7 @@ def test_a_panel_a_case_where_more_varies() -> None:
     figure = study_figure(study)
     amounts = np.array([[found["amount"]] for found in study.rows()], dtype=float).reshape(2, 4, 7)
     for axes, case, own in zip(figure.axes, "AB", amounts, strict=True):
-        assert axes.get_title() == case
+        assert axes.get_title() == f"case {case}"
         drawn = lines_of(axes)
         assert list(drawn) == list("tuvwxyz")
         np.testing.assert_array_equal([line[:, 1] for line in drawn.values()], own.T)
@@ -147,7 +146,7 @@ def test_draws_make_a_distribution_with_the_budget() -> None:
 def test_what_is_no_number_makes_a_distribution_too() -> None:
     figure = study_figure(result({"case": ["A", "B"], "goal": ["at", "touch"]}, [[1.0, 2.0], [3.0, math.nan]]))
     drawn = lines_of(figure.axes[0])
-    assert {name: line[-1].tolist() for name, line in drawn.items()} == {"A": [2.0, 1.0], "B": [3.0, 0.5]}
+    assert {name: line[-1].tolist() for name, line in drawn.items()} == {"case A": [2.0, 1.0], "case B": [3.0, 0.5]}
 
 
 @pytest.mark.parametrize("axes", [{"tolerance": TAUS}, {"case": list("AB")}, {}, {"draw": 5}])

@@ -214,7 +214,7 @@ def test_saved_failures_of_the_tests_are_no_modules_of_the_toolkit(saved):
 
 def test_the_picture_shows_every_outcome(results, tmp_path):
     figure = picture.stability_figure(results, title="Map", caption="Of planted methods.")
-    large, vector, small = save(figure, tmp_path / "map", small=True)
+    large, vector, small, dark = save(figure, tmp_path / "map", small=True)
     for file, width in ((large, int(300 * PAGE)), (small, 1000)):
         image = imread(file)
         assert image.shape[1] == width
@@ -223,6 +223,7 @@ def test_the_picture_shows_every_outcome(results, tmp_path):
                 continue
             share = (np.abs(image[:, :, :3] - to_rgb(look.fill)).max(axis=2) < 0.01).mean()
             assert share > 1e-3, outcome
+    assert imread(dark)[:, :, :3].mean() < 0.5  # for a dark page
     text = vector.read_text()
     for word in ("off, by little", "first", "second", "w 1/1", "h 3/3", "Of planted methods."):
         assert f">{word}<" in text

@@ -242,7 +242,7 @@ def test_report_says_it(tmp_path: Path) -> None:
         problems = ProblemFile.read(path).problems(fo.Problem, path)
 
     File.path = path
-    payload = gather([File()], certify=True, seconds=0.0)
+    payload = gather([File()], certify=True, frames=0.0)
     html = re.sub(r"<script.*?</script>|<style.*?</style>|<!--.*?-->", "", page(payload), flags=re.DOTALL)
     amount = f"{payload['cases'][0]['amount']:.4g}"
     for text in (
@@ -253,7 +253,7 @@ def test_report_says_it(tmp_path: Path) -> None:
     assert payload["cases"][0]["unit"] == "mm"
     assert all(frame["motion"].endswith(" mm") for frame in payload["cases"][0]["families"]["motion"]["frames"])
     File.problems = tuple(problem.changed(unit="") for problem in File.problems)
-    bare = page(gather([File()], certify=True, seconds=0.0))
+    bare = page(gather([File()], certify=True, frames=0.0))
     assert not words(re.sub(r"<script.*?</script>|<style.*?</style>|<!--.*?-->", "", bare, flags=re.DOTALL))
 
 

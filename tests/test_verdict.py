@@ -30,7 +30,7 @@ def cube(name: str, size: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0
 
 VERDICTS = {
     ("nut", "shifted against a flat"): (
-        "move nut 0.25 mm along +x: then its face 10 (facing +x) lies on the back face (facing -x) of key; "
+        "move nut 0.25 mm along +x: then its face 10 (facing +x) lies on the left face (facing -x) of key; "
         "smallest possible (proved)"
     ),
     (
@@ -109,7 +109,7 @@ def test_what_only_rounding_made_is_shown_as_0() -> None:
 def test_every_face_edge_and_corner_has_words() -> None:
     body = cube("block", 2.0)
     words = {told_element(body, Element("F", face)) for face in body.faces}
-    sides = [("back", "-x"), ("front", "+x"), ("left", "-y"), ("right", "+y"), ("bottom", "-z"), ("top", "+z")]
+    sides = [("left", "-x"), ("right", "+x"), ("front", "-y"), ("back", "+y"), ("bottom", "-z"), ("top", "+z")]
     assert words == {f"{name} face (facing {axis})" for name, axis in sides}
     assert told_element(body, Element("V", (3,))) == "corner 3"
     edge = tuple(sorted(set(body.faces[0]) & set(body.faces[2])))  # corners that two faces share

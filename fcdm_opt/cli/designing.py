@@ -188,7 +188,7 @@ def map_command(
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
-        for path in write_grids(found, problem.motion.parameters, out / stem, title=title):
+        for path in write_grids(found, problem, out / stem, title=title):
             inquiry.wrote(f"wrote {path}")
         yield "map", found, tables.print_said
         if budget is not None:

@@ -27,8 +27,9 @@ WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
 STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
-ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
-"""Faces that a body ends with along x, y and z: below, above."""
+ENDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
+"""Faces that a body ends with along x, y and z, below and above: as drawings have them, where the front view looks
+along +y."""
 SIDES = tuple(side for pair in ENDS for side in pair)
 ROUND_KINDS = ("cylinder", "bore", "sphere", "hollow", "cone", "countersink")
 """Kinds of round faces: outside and inside ones in turn."""

@@ -22,9 +22,10 @@ album            all of them, written to a directory
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import wraps
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -38,6 +39,9 @@ BLACK, BLUE, VERMILLION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, GREY = "#E69F00", "#CC79A7", "#7F7F7F"
 DARK = "#595959"
 """Grey of words: 7 to 1 on white, as legible text needs."""
+
+LINE = "#1A1A1A"
+"""Of edges on bodies, dark in any colour scheme: a surface is light, whatever the page is."""
 
 PAGE = 17.0 / 2.54
 """Width in inches at which pictures are printed, across a page; sizes of text hold at it."""
@@ -99,8 +103,11 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-DOTS, SMALL, COLOURS = 300, 1000, 128
+DOTS, SMALL, COLOURS = 300, 1000, 256
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
+
+DARKEST = (20, 215)
+"""Lightness of white on a dark page, and by how much black is lighter, of 255."""
 
 
 def write_svg(figure: Figure, to: Path | IO[str]) -> None:
@@ -111,14 +118,42 @@ def write_svg(figure: Figure, to: Path | IO[str]) -> None:
         figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
 
 
-def pixels(figure: Figure, *, across: int = SMALL) -> bytes:
-    """Return a figure as a small PNG, so many pixels across, in few colours; the same figure gives the same bytes."""
+INKS = {
+    BLACK: "ink", DARK: "quiet", GREY: "muted", BLUE: "movable", VERMILLION: "static", GREEN: "good",
+    "#FFFFFF": "paper",
+}  # fmt: skip
+"""Colours that follow the colour scheme of a page, and the variable of its style that each is."""
+
+
+def inline_svg(figure: Figure, name: str) -> str:
+    """Return a figure as SVG to stand in a page: in its colours, without ground; a name begins all identifiers."""
+    text = StringIO()
+    figure.patch.set_visible(False)
+    write_svg(figure, text)
+    svg = text.getvalue()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", svg))
+    svg = re.sub(r' id="([^"]*)"', lambda own: f' id="{name}-{own[1]}"' if own[1] in used else "", svg)
+    svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", svg)
+    return re.sub("|".join(INKS), lambda own: f"var(--{INKS[own[0].upper()]})", svg, flags=re.IGNORECASE)
+
+
+def pixels(figure: Figure, *, across: int = SMALL, dark: bool = False) -> bytes:
+    """Return a figure as a small PNG, so many pixels across, in few colours; the same figure gives the same bytes.
+
+    `dark`: for a dark page, light on dark in the same hues.
+    """
     from PIL import Image
 
     whole, small = BytesIO(), BytesIO()
     figure.savefig(whole, format="png", dpi=across / figure.get_figwidth(), metadata={"Software": None})
     with Image.open(whole) as image:
-        image.convert("RGB").quantize(COLOURS).save(small, format="png", optimize=True)
+        shown = image.convert("RGB")
+        if dark:
+            light, *hues = shown.convert("YCbCr").split()
+            turned = light.point([DARKEST[0] + (255 - k) * DARKEST[1] // 255 for k in range(256)])
+            shown = Image.merge("YCbCr", (turned, *hues))
+        shown.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(small, format="png", optimize=True)
     return small.getvalue()
 
 
@@ -131,12 +166,12 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     path : path
         Without suffix; missing directories are made.
     small : bool
-        Write a smaller PNG too, with "-small" after its name.
+        Write smaller PNGs too, with "-small" after the name, and "-small-dark" for dark pages.
 
     Returns
     -------
     tuple of Path
-        The PNG and the SVG file, and the small one.
+        The PNG and the SVG file, and the small ones.
     """
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)
@@ -146,6 +181,7 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     write_svg(figure, svg)
     if not small:
         return png, svg
-    less = base.with_name(f"{base.name}-small.png")
-    less.write_bytes(pixels(figure))
-    return png, svg, less
+    less = base.with_name(f"{base.name}-small.png"), base.with_name(f"{base.name}-small-dark.png")
+    for one, dark in zip(less, (False, True), strict=True):
+        one.write_bytes(pixels(figure, dark=dark))
+    return png, svg, *less

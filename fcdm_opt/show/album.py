@@ -5,14 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import Figure, save
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import ShownPair, contacts_of, scene_figure, view_of
+from fcdm_opt.show.scene import ScenePieces, ShownPair, contacts_of, scene_figure, scene_pieces, view_of
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.texts import asked_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
@@ -111,6 +113,21 @@ def solution_figure(
     title, caption : str
         Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
     """
+    drawn, rho = _drawn(solution, view)
+    shown_at = "shown unmoved, sizes" if solution.transform is None else "sizes shown"
+    sizes = f" ({shown_at}: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)" if (rho != 1.0).any() else ""
+    return scene_figure(
+        **drawn, said=motion_said(solution), title=title, caption=caption.replace("{sizes}", sizes)
+    )
+
+
+def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = None) -> ScenePieces:
+    """Draw the same in pieces, for a report."""
+    return scene_pieces(**_drawn(solution, view)[0])
+
+
+def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
+    """Return what is drawn of an answer, and at which sizes."""
     problem = solution.problem
     rho = problem.nominal_pair if solution.rho is None else solution.rho
     moved = problem.curve_after(solution.transform, rho)
@@ -119,13 +136,5 @@ def solution_figure(
     shown = ShownPair.of(
         problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
     )
-    shown_at = "shown unmoved, sizes" if solution.transform is None else "sizes shown"
-    return scene_figure(
-        shown,
-        contacts=contacts_of(moved, rho, shown),
-        moved=solution.transform,
-        said=motion_said(solution),
-        unit=problem.unit,
-        title=title,
-        caption=caption.replace("{sizes}", f" ({shown_at}: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
-    )
+    contacts = contacts_of(moved, rho, shown)
+    return {"shown": shown, "contacts": contacts, "moved": solution.transform, "unit": problem.unit}, rho

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,9 @@ from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.moved_files import to_csv, write
 from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
-
-if TYPE_CHECKING:
-    from fcdm_opt.motion.motions import Parameter
 
 LINES = 11
 """Sizes of each part that are listed."""
@@ -31,7 +29,8 @@ class Grid(NamedTuple):
     ----------
     name, unit : str
     rows, columns : sequence of str
-        Sizes of the movable and of the static part, in per cent off the nominal ones; of sizes by name deviations.
+        Sizes of the movable and of the static part: lengths that can be measured, without a unit per cent off the
+        nominal ones; of sizes by name deviations.
     cells : sequence of sequence of str
         A row for each size of the movable part; a dash where there is no motion, a question mark where
         that is not known.
@@ -44,19 +43,26 @@ class Grid(NamedTuple):
     cells: Sequence[Sequence[str]]
 
 
-def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int = LINES) -> list[Grid]:
-    """Return a grid for each parameter of a map's motion: lengths in its unit, angles in degrees."""
+def grids(found: CompensationMap, problem: Problem, *, lines: int = LINES) -> list[Grid]:
+    """Return a grid for each parameter of a map's motion: lengths in its unit, angles in degrees.
+
+    Scales of parts whose unit is known are told as the length of a part along the axis in which it is longest.
+    """
     sizes = [np.linspace(low, high, lines) for low, high in np.asarray(found.box)]
     points = found.at(sizes[0][:, None], sizes[1][None])
     motion, unknown = points.parameters, points.undecided.tolist()
     heads = [
-        [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
-        if nominal
-        else [measured(f"{off:+.4g}", found.unit) if off else "as drawn" for off in np.round(values, 9)]
-        for values, nominal in zip(sizes, found.nominal, strict=True)
+        [measured(f"{off:+.4g}", unit) if off else "as drawn" for off in np.round(values, 9)]
+        if not nominal
+        else [f"{longest * value:.6g} {found.unit}" for value in values]
+        if found.unit
+        else [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
+        for values, nominal, unit, (longest, _) in zip(
+            sizes, found.nominal, units_over(found), _longest(problem), strict=True
+        )
     ]
     made = []
-    for k, (name, kind) in enumerate(parameters):
+    for k, (name, kind) in enumerate(problem.motion.parameters):
         turned = kind == "rotation"
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
@@ -68,13 +74,28 @@ def grids(found: CompensationMap, parameters: Sequence[Parameter], *, lines: int
     return made
 
 
-def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: Path, *, title: str) -> list[Path]:
+def units_over(found: CompensationMap) -> list[str]:
+    """Return the units of what a map is over: none of scales, which are shares, and where none is known."""
+    scales = {size["name"] for size in (found.problem or {}).get("size", ()) if "scale" in size} | set(SCALES)
+    return ["" if name in scales else found.unit for name in found.over]
+
+
+def _longest(problem: Problem) -> list[tuple[float, str]]:
+    """Return how long either part is drawn along the axis in which it is longest, and that axis."""
+    extents = [np.ptp(body.vertices, axis=0) for body in (problem.movable, problem.static)]
+    return [(float(own.max()), "xyz"[int(own.argmax())]) for own in extents]
+
+
+def write_grids(found: CompensationMap, problem: Problem, base: Path, *, title: str) -> list[Path]:
     """Write the grids of a map as CSV and as a page to print, named after `base`; return both paths."""
-    tables, bodies = grids(found, parameters), ("movable", "static")
-    known = (found.problem or {}).get("bodies", {})
-    names = [str(known.get(body, {}).get("name", f"the {body} part")) for body in bodies]
-    moved = names[0]
-    names = names if tuple(found.over) == SCALES else list(found.over)
+    tables = grids(found, problem)
+    bodies = zip((problem.movable, problem.static), ("movable", "static"), _longest(problem), strict=True)
+    parts = [(body.name or f"the {role} part", axis) for body, role, (_, axis) in bodies]
+    moved, names = parts[0][0], list(found.over)
+    off = "off drawn"
+    if tuple(found.over) == SCALES:
+        names = [f"{name}, length along {axis}" if found.unit else name for name, axis in parts]
+        off = "" if found.unit else "off nominal"
     lines: list[list[str]] = []
     for table in tables:
         told = f"{table.name}, {table.unit}" if table.unit else table.name
@@ -83,7 +104,7 @@ def write_grids(found: CompensationMap, parameters: Sequence[Parameter], base: P
         lines.append([])
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
-    words = {"title": title, "names": names, "moved": moved, "reached": number(found.reached), "unit": found.unit,
-             "undecided": found.undecided, "bounded": np.isfinite(found.reached)}  # fmt: skip
+    words = {"title": title, "names": names, "moved": moved, "off": off, "reached": number(found.reached),
+             "unit": found.unit, "undecided": found.undecided, "bounded": np.isfinite(found.reached)}  # fmt: skip
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths

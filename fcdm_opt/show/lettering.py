@@ -164,7 +164,7 @@ class Names:
         middle, half = self._page(np.asarray(point, dtype=float)), size / 2.0 * self._dot
         self._taken.append(np.array([middle - half, middle + half]))
 
-    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str) -> None:
+    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False) -> None:
         """Write a name beside the first of several points where there is room; leave it out where there is none.
 
         Parameters
@@ -176,6 +176,8 @@ class Names:
             Direction on the page, in which the name stands if it can.
         colour : str
             Of the text; a line of this colour leads to a name that stands far off.
+        upon : bool
+            Write it upon the first point where it covers no other, if there is one.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox
@@ -185,9 +187,10 @@ class Names:
         look = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
         half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
-        unit = np.asarray(away, dtype=float) / np.linalg.norm(away)
-        spot, middle = self._free(spots, unit, half)
         label.remove()
+        unit = np.asarray(away, dtype=float) / np.linalg.norm(away)
+        free = [spot for spot in spots if upon and not self._covers(spot, half)]
+        spot, middle = (free[0], free[0]) if free else self._free(spots, unit, half)
         if middle is None:
             return
         self._taken.append(np.array([middle - half, middle + half]))
@@ -214,11 +217,16 @@ class Names:
                         if not ((middle >= low).all() and (middle <= high).all()):
                             continue
                         box = np.array([middle - half, middle + half])
-                        if any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in self._taken):
+                        if self._covers(middle, half):
                             continue
                         if not strict or not clipped(self._lines, box.T)[1].any():
                             return spot, middle
         return spots[0], None
+
+    def _covers(self, middle: Array, half: Array) -> bool:
+        """Tell whether a name with its middle there would stand on what is known."""
+        low, high = middle - half, middle + half
+        return any((low < other[1]).all() and (other[0] < high).all() for other in self._taken)
 
     def _page(self, points: Array) -> Array:
         return np.asarray(self._axes.transData.transform(points))

@@ -11,6 +11,7 @@ from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
+from fcdm_opt.show.grids import units_over
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
 from fcdm_opt.show.texts import share_text
@@ -45,12 +46,14 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
         Text above and below the picture.
     """
     sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
-    axes, bar = sheet.axes(0.5, 0.38, 2.75, 2.75), sheet.axes(3.33, 0.38, 0.09, 2.75)
+    axes, bar = sheet.axes(0.72, 0.38, 2.75, 2.75), sheet.axes(3.55, 0.38, 0.09, 2.75)
     box = np.asarray(sizes.box)
     margin = 0.04 * np.ptp(box, axis=1)
     plane(axes, box + np.outer(margin, [-1.0, 1.0]))
     if sizes.over != SCALES:
-        axes.set(xlabel=literal(f"{sizes.over[0]} (deviation)"), ylabel=literal(f"{sizes.over[1]} (deviation)"))
+        named = zip(sizes.over, units_over(sizes), strict=True)
+        told = [literal(f"{name} (off drawn{f', {unit}' if unit else ''})") for name, unit in named]
+        axes.set(xlabel=told[0], ylabel=told[1])
     axes.grid(visible=False)
     _fill(sheet.figure, axes, bar, sizes)
     for boundary in sizes.boundaries:
@@ -72,7 +75,7 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
         lines.append(f"and {len(sizes.regions) - LISTED} more")
     error = measured(f"{sizes.reached:.2g}", sizes.unit)
     lines += ["", f"error at most {error}; {sizes.solved} pairs solved and judged"]
-    sheet.list(4.25, 3.13, PAGE - 4.25 - 0.1, lines)
+    sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
 
 

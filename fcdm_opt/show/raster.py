@@ -66,22 +66,24 @@ class Raster:
         from scipy.ndimage import minimum_filter
 
         behind, found = minimum_filter(self._depth, 3), []
-        height, width = self._depth.shape
-        slack = 2.0 / self._scale
         for one, two in ends:
             flat = np.array([one, two]) @ self._page
             count = 2 + int(np.linalg.norm(flat[1] - flat[0]) * self._scale / STEP)
-            shares = np.linspace(0.0, 1.0, count)[:, None]
-            places = flat[0] + shares * (flat[1] - flat[0])
-            depth = ((1.0 - shares) * one + shares * two) @ self._toward
-            pixel = np.floor((places - self._low) * self._scale).astype(int)
-            within = ((pixel >= 0) & (pixel < (width, height))).all(axis=1)
-            pixel = np.clip(pixel, 0, (width - 1, height - 1))
-            seen = ~within | (depth >= behind[pixel[:, 1], pixel[:, 0]] - slack)
+            points = one + np.linspace(0.0, 1.0, count)[:, None] * (two - one)
+            places, seen = points @ self._page, self.seen(points, behind)
             starts = np.flatnonzero(seen & ~np.r_[False, seen[:-1]])
             stops = np.flatnonzero(seen & ~np.r_[seen[1:], False])
             found += [places[[a, b]] for a, b in zip(starts, stops, strict=True) if b > a]
         return found
+
+    def seen(self, points: Array, behind: Array | None = None) -> Flags:
+        """Tell which points (m, 3) no surface hides; `behind`: depths to compare with, those drawn by default."""
+        height, width = self._depth.shape
+        pixel = np.floor((points @ self._page - self._low) * self._scale).astype(int)
+        outside = ((pixel < 0) | (pixel >= (width, height))).any(axis=1)
+        pixel = np.clip(pixel, 0, (width - 1, height - 1))
+        nearest = (self._depth if behind is None else behind)[pixel[:, 1], pixel[:, 0]]
+        return outside | np.asarray(points @ self._toward >= nearest - 2.0 / self._scale)
 
     def free(self, line: Array) -> bool:
         """Tell whether no body is behind a straight line on the page, (2, 2)."""

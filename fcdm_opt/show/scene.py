@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import normals_of_faces
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Touching, draw_section
@@ -31,6 +31,9 @@ ALONE, VIEW = 2.6, (27.0, -54.0)
 LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
 keep from the edge of its area, for arrows."""
+
+WIDE = 3.1
+"""Inches across of a scene in a report: words of it can be read on a phone."""
 
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
@@ -45,6 +48,12 @@ LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
 
+AZIMUTHS = tuple(float(quarter + off) for quarter in (-180, -90, 0, 90) for off in (20, 35, 55, 70))
+"""Degrees that a scene may be seen from: along no axis, and not halfway between two, where edges of boxes meet."""
+
+FROM_BEHIND = 1.2
+"""What a view from behind costs: more than half of the contact that it shows and one from the front hides."""
+
 MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays at parts that tell what is hidden
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
@@ -54,6 +63,9 @@ FAR, MOST_TURN = 0.12, 0.5
 
 TANGENT = 0.93
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
+
+MOST_SPOTS = 24
+"""Places of a face that its number may stand at."""
 
 MOST_INSETS, ALIKE = 2, 0.999
 """Contacts that are magnified; cosine between normals of those that look alike."""
@@ -86,28 +98,76 @@ def scene_figure(
     title, caption : str
         Text above and below the picture.
     """
-    insets: list[tuple[int, Touching]] = []  # of contacts that look alike, one
-    for k, contact in enumerate(contacts, 1):
-        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
-            insets.append((k, contact))
-    insets = insets[:MOST_INSETS]
+    insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
     rows = 3 + len(shown.keep_out) + (len(contacts) > 0)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.3) - foot)
+    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.45) - foot)
     sheet = Sheet.of(wide + beside, height + foot, title=title, caption=caption)
     axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, moved=moved, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
-    (left, _), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
-    inch = float(right - left) / sheet.figure.dpi
-    for k, (place, contact) in enumerate(insets):
-        top = sheet.size[1] - k * (INSET + 0.3) - 0.12
-        number = place if len(insets) > 1 else None
-        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, shown.toward, inch, number, unit)
+    inch, page = _inches_a_length(axes), page_directions(*shown.view)
+    for k, (number, contact) in enumerate(insets):
+        top = sheet.size[1] - k * (INSET + 0.45) - 0.12
+        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, page, inch, number, unit)
     return sheet.figure
+
+
+class ScenePieces(NamedTuple):
+    """A scene in pieces that a page places side by side, or one below the other where it is narrow.
+
+    Attributes
+    ----------
+    scene : matplotlib Figure
+        `WIDE` inches across.
+    insets : tuple of matplotlib Figure
+        Contacts magnified, to be shown at the scene's scale.
+    key : tuple of str
+        What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
+    facing : (3,) array
+        Direction from the first contact's section to the reader.
+    """
+
+    scene: Figure
+    insets: tuple[Figure, ...]
+    key: tuple[str, ...]
+    facing: Array
+
+
+@styled
+def scene_pieces(
+    shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
+) -> ScenePieces:
+    """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
+    height = float(np.clip(shown.slenderness * WIDE + MARGIN, LEAST, WIDE))
+    sheet = Sheet.of(WIDE, height + FOOT)
+    axes = draw_scene(sheet, (0.0, FOOT, WIDE, height), shown, contacts=contacts, moved=moved)
+    draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
+    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
+    facings = []
+    for number, contact in _magnified(contacts):
+        part = Sheet.of(INSET + 0.1, INSET + 0.34)
+        facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, number, unit))
+        insets.append(part.figure)
+    facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
+    return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]), facing)
+
+
+def _magnified(contacts: Sequence[Touching]) -> list[tuple[int | None, Touching]]:
+    """Return the contacts that get an inset, one of those that look alike, with their numbers where there are two."""
+    insets: list[tuple[int | None, Touching]] = []
+    for k, contact in enumerate(contacts, 1):
+        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
+            insets.append((k, contact))
+    return insets[:MOST_INSETS] if len(insets) > 1 else [(None, contact) for _, contact in insets]
+
+
+def _inches_a_length(axes: Any) -> float:
+    (left, _), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
+    return float(right - left) / float(axes.figure.dpi)
 
 
 @styled
@@ -204,12 +264,6 @@ class ShownPair:
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         return cls((one, two), tuple(near), points, view)
 
-    @property
-    def toward(self) -> Array:
-        """Direction from the scene to the reader."""
-        page = page_directions(*self.view)
-        return np.asarray(np.cross(page[:, 0], page[:, 1]))
-
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
         body, motion = self.bodies[0], np.asarray(moved, dtype=float)
@@ -274,6 +328,38 @@ def draw_scene(
     return axes
 
 
+def draw_numbered(
+    sheet: Sheet,
+    area: tuple[float, float, float, float],
+    shown: ShownPair,
+    colour: str,
+    numbers: Mapping[tuple[int, ...], str],
+) -> tuple[Any, set[str]]:
+    """Draw a body shaded into an area of a sheet, with a number at each face that is seen; return its axes, and these.
+
+    `numbers`: of each face of the body; faces that have one in common get it once.
+    """
+    body, page = shown.bodies[0], page_directions(*shown.view)
+    axes = _axes_for(sheet, area, shown)
+    raster = _draw_solids(axes, shown, [(body, colour, "")])
+    toward, spots = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]]()
+    normals = normals_of_faces(body)
+    for element in (Element("F", face) for face in body.faces):
+        if element.vertices in numbers and float(normals[element.vertices] @ toward) > EDGE_ON:
+            pieces = [piece @ page for piece in face_polygons(body, element)]
+            middles = np.array([piece.mean(axis=0) for piece in face_polygons(body, element)])
+            sizes = [float(np.prod(np.ptp(piece, axis=0))) for piece in pieces]
+            order = np.argsort(-np.array(sizes))[:MOST_SPOTS]
+            seen = middles[order][raster.seen(middles[order])]
+            spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
+    names, middle = Names(axes), body.vertices.mean(axis=0) @ page
+    for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
+        if places:
+            away = places[0] - middle
+            names.put(number, places, away if away.any() else (0.0, 1.0), colour=BLACK, upon=True)
+    return axes, {number for number, places in spots.items() if places}
+
+
 def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:
     """Draw bodies shaded, with the edges that can be seen; return the picture, to ask what is hidden."""
     from matplotlib.collections import LineCollection
@@ -288,7 +374,7 @@ def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, 
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for body, colour, label in bodies:
         seen = raster.visible(sharp_edges(body))
-        axes.add_collection(LineCollection(seen, colors=BLACK, linewidths=0.6, alpha=0.75, zorder=2))
+        axes.add_collection(LineCollection(seen, colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
         if label:
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
     return raster
@@ -472,17 +558,16 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet.
 
-    Of many vertices some are looked at: all their distances are compared.
+    From the front if it can be. Of many vertices some are looked at: all their distances are compared.
     """
     from scipy.spatial.distance import pdist
 
     points = points[:: -(-len(points) // MOST_APART)]
 
-    def merit(view: tuple[float, float]) -> float:
+    def merit(view: tuple[float, float]) -> tuple[bool, bool, float]:
         page = page_directions(*view)
-        spread = pdist(points @ page).min() * np.linalg.norm(offset @ page)
-        behind = offset @ np.cross(*page.T) > 0
-        return float(-1.0 if behind else spread)
+        spread = float(pdist(points @ page).min() * np.linalg.norm(offset @ page))
+        return not offset @ np.cross(*page.T) > 0, view[1] < 0.0, spread
 
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
@@ -527,7 +612,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     """Return from where the contact at the nominal sizes is seen best, degrees: one view for all motions asked for.
 
     Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
-    be seen, and where corners keep apart.
+    be seen, and where corners keep apart; from the front (-y), with x to the right, if that does not hide most of it.
     """
     from scipy.spatial import ConvexHull
 
@@ -555,9 +640,10 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
         flat = points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
         flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
-        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - view[0] / 120.0)
+        cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
+        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - cost)
 
-    return max(product((18.0, 32.0, 50.0), np.arange(-175.0, 180.0, 15.0).tolist()), key=merit)
+    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=merit)
 
 
 def _normal(points: Array) -> Array:
@@ -593,7 +679,8 @@ def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Show
     points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
     flat = points @ page_directions(*shown.view)
     size = np.array(area[2:])
-    half = float((np.ptp(flat, axis=0) / (size - 2.0 * MARGIN)).max()) * size / 2.0
+    margin = min(MARGIN, 0.07 * area[2])
+    half = float((np.ptp(flat, axis=0) / (size - 2.0 * margin)).max()) * size / 2.0
     middle = (flat.min(axis=0) + flat.max(axis=0)) / 2.0
     axes = sheet.axes(*area)
     axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))

@@ -21,6 +21,12 @@ STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
 """Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
 nowhere; at most this share."""
 
+ALONG_AXIS = 1.0 - 1e-6
+"""Component of a direction along an axis of the world from which on it is that axis."""
+
+VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
+"""From where a section is seen that faces along x, y and z, down and up."""
+
 
 class Touching(NamedTuple):
     """Where two bodies touch.
@@ -69,12 +75,14 @@ def draw_section(
     bodies: tuple[Body, Body],
     contact: Touching,
     moved: ArrayLike | None,
-    toward: Array,
+    page: Array,
     inch: float,
     number: int | None,
     unit: str,
-) -> None:
-    """Draw an inset with its lower left corner at a place of the sheet (inches).
+) -> Array:
+    """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
+
+    Returns the direction from the section to the reader.
 
     Parameters
     ----------
@@ -84,8 +92,8 @@ def draw_section(
     contact : Touching
     moved : (4, 4) array, optional
         The motion that brought body 1 here.
-    toward : (3,) array
-        To the reader: the section faces there as far as it can.
+    page : (3, 2) array
+        Directions of the scene's page, right and up.
     inch : float
         Inches a length in the scene beside it.
     number : int, optional
@@ -96,19 +104,10 @@ def draw_section(
     from matplotlib.path import Path
 
     movable, static = bodies
-    middle, normal = contact.middle, contact.normal
-    upright = normal[2] if abs(normal[2]) > 1e-9 else normal @ (movable.vertices.mean(axis=0) - middle)
-    normal = normal if upright >= 0.0 else -normal  # the same way up as the scene
-    facing = toward - (toward @ normal) * normal
+    middle = contact.middle
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
-    along = np.cross(normal, step)  # a section that the motion lies in, where it is not all across the contact
-    if np.linalg.norm(along) > 0.1 * np.linalg.norm(step) > 0.0:
-        facing = along if along @ toward > 0.0 else -along
-    elif np.linalg.norm(facing) < 0.05:
-        facing = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    facing = facing / np.linalg.norm(facing)
-    plane = np.column_stack([np.cross(normal, facing), normal])
+    facing, plane = _section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))
     half = min(STEPS * long, LARGEST * size) if long > 1e-9 * size else STILL * size
@@ -129,7 +128,8 @@ def draw_section(
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
     flat = (np.vstack(contact.pieces) - middle) @ plane
-    axes.plot([flat[:, 0].min(), flat[:, 0].max()], [0.0, 0.0], color=GREEN, linewidth=3.0, alpha=0.8)
+    ends = flat[[end(flat @ np.ptp(flat, axis=0)) for end in (np.argmin, np.argmax)]]
+    axes.plot(*ends.T, color=GREEN, linewidth=3.0, alpha=0.8)
     axes.plot([0.0], [0.0], "o", color=GREEN, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     power = 10.0 ** np.floor(np.log10(half))
@@ -139,8 +139,35 @@ def draw_section(
     times = INSET / (2.0 * half) / inch
     which = "contact" if number is None else f"contact {number}"
     axes.set_title(f"{which}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
+    k = int(np.abs(facing).argmax())
+    if abs(facing[k]) > ALONG_AXIS:
+        seen = VIEWS[k][int(facing[k] > 0.0)]
+        axes.set_xlabel(f"seen {seen}", fontsize=NOTE, color=DARK, labelpad=2.0)
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
+    return facing
+
+
+def _section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
+    """Return the direction from a section to the reader, and the section's directions (3, 2), right and up.
+
+    Normal and motion lie in the section. Where that leaves a choice it is cut along axes of the world, and seen from
+    the side that the scene is seen from; up is what is up there.
+    """
+    toward = np.cross(page[:, 0], page[:, 1])
+    facing = np.cross(normal, step)
+    if np.linalg.norm(facing) <= 0.1 * np.linalg.norm(step) or not step.any():
+        across = [axis for axis in np.eye(3) if abs(axis @ normal) < 1.0 - ALONG_AXIS]
+        facing = max(across, key=lambda axis: abs(axis @ toward)) if across else toward - (toward @ normal) * normal
+        if np.linalg.norm(facing) < 0.05:
+            facing = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    facing = facing * (1.0 if facing @ toward >= 0.0 else -1.0) / np.linalg.norm(facing)
+    up = page[:, 1] - (page[:, 1] @ facing) * facing
+    if np.abs(facing).max() > ALONG_AXIS:
+        k = int(np.abs(up).argmax())
+        up = np.sign(up[k]) * np.eye(3)[k]
+    up = up / np.linalg.norm(up)
+    return facing, np.column_stack([np.cross(up, facing), up])
 
 
 def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:

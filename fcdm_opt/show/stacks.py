@@ -15,7 +15,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
-from fcdm_opt.geometry.naming import names_of_rows
+from fcdm_opt.geometry.naming import Label, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured
@@ -23,7 +23,8 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import print_rows, print_text
-from fcdm_opt.show.texts import shortened
+from fcdm_opt.show.scene import ShownPair, draw_directions, draw_numbered
+from fcdm_opt.show.texts import numbers, shortened
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -35,6 +36,12 @@ MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
 DRAWN, DRAWN_ZERO = "as drawn", 2e-3
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, and corners of a face
 that are listed, letters of a name; and what a mean over pairs drawn is zero below, of the largest."""
+
+SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back, below"}
+"""Degrees from which faces are shown, so that all of them are seen that nothing hides."""
+
+HEIGHTS, HEAD, FOOT, NAME = (1.6, 3.4), 0.3, 0.3, 24
+"""Inches: least and most that a body may be high there, above it, and below all; letters of its name."""
 
 
 def listed_faces(body: Body) -> list[dict[str, Any]]:
@@ -68,20 +75,37 @@ def print_faces(body: Body, role: str) -> None:
     print_text(f"{role}: body '{body.name}'")
     for told in told_solids((body,)):
         print_text(told)
-    rows = []
+    rows, round_places = [], _round_places(body)
     for name, own in groupby(sorted(listed_faces(body), key=_place), key=lambda face: face["name"]):
         face, *others = own
         if others:
             area = sum(one["area"] or 0.0 for one in (face, *others))
             covered = f"{area:.6g}" if face["area"] is not None else ""
-            plane = f"{len(others) + 1} facets"
-            rows.append({"face": face["face"], "name": name, "normal": "", "plane": plane, "area": covered})
+            axis, plane = round_places[tuple(sorted(face["vertices"]))]
+            plane = f"{plane}, {len(others) + 1} facets"
+            rows.append({"face": face["face"], "name": name, "normal": axis, "plane": plane, "area": covered})
             continue
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
         covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
     print_rows(rows, numbers=("area",), optional=("area",))
+
+
+def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
+    """Return axis and centre of the round face that a facet is of, in words: the centre is halfway along the axis."""
+    found: dict[Label, tuple[str, str]] = {}
+    for own in round_faces(body):
+        corners = (body.whole or body).vertices[np.unique([v - 1 for face in own.faces for v in face])]
+        origin, axis = own.surface.origin, own.surface.axis
+        axis = axis if axis[np.abs(axis).argmax()] > 0.0 else -axis
+        along = (corners - origin) @ axis
+        ball = own.surface.line is None
+        centre = origin if ball else origin + (along.min() + along.max()) / 2.0 * axis
+        centre = np.where(np.abs(centre) <= DEFAULT.nominal * body.size, 0.0, centre)
+        way = "" if ball else f"axis {direction(axis).removeprefix('+')}"
+        found |= dict.fromkeys(own.faces, (way, f"centre ({numbers(centre.tolist())})"))
+    return found
 
 
 def _place(face: dict[str, Any]) -> tuple[int, str]:
@@ -280,7 +304,9 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
 
 @styled
 def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Figure:
-    """Draw both bodies as drawn, each with the names of its faces at their middles.
+    """Draw both bodies as drawn, from two opposite sides, with a number at each face that can be seen from there.
+
+    Facets of one round face have one number, that of the first.
 
     Parameters
     ----------
@@ -288,24 +314,34 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
     title, caption : str
         Text above and below the picture.
     """
-    sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
-    for k, role in enumerate(("movable", "static")):
-        body: Body = problem.request[role]
-        left, bottom, width, height = sheet.place(0.1 + 3.35 * k, 0.1, 3.1, 2.9)
-        axes: Any = sheet.figure.add_axes((left, bottom, width, height), projection="3d")
-        axes.set_axis_off()
-        axes.set_title(literal(f"{role}: {shortened(body.name, LONGEST)}"))
-        axes.set_box_aspect(np.maximum(np.ptp(body.vertices, axis=0), 0.05 * body.size))
-        named = set()
-        for part, owners in zip(body.parts, body.facet_faces, strict=True):
-            for loop, own in zip(part.loops, owners, strict=True):
-                ring = part.vertices[[*loop, loop[0]]]
-                if own:
-                    axes.plot(*ring.T, color=BLUE if k == 0 else GREY, linewidth=0.8)
-                if own and own[0] not in named:
-                    named.add(own[0])
-                    axes.text(*ring[:-1].mean(axis=0), f"F{own[0] + 1}", ha="center", va="center", color=BLACK)
+    bodies: list[Body] = [problem.request[role] for role in ("movable", "static")]
+    shown = [[ShownPair((body, body), (), body.vertices, view) for view in SIDES] for body in bodies]
+    wide = PAGE / 2.0
+    heights = [float(np.clip(max(own.slenderness for own in row) * wide, *HEIGHTS)) + HEAD for row in shown]
+    sheet, hidden = Sheet.of(PAGE, sum(heights) + FOOT, title=title, caption=caption), list[str]()
+    for k, (body, row, role) in enumerate(zip(bodies, shown, ("movable", "static"), strict=True)):
+        numbered, every = _numbers(body), set[str]()
+        for column, (own, side) in enumerate(zip(row, SIDES.values(), strict=True)):
+            area = (column * wide, FOOT + sum(heights[k + 1 :]), wide, heights[k] - HEAD)
+            axes, seen = draw_numbered(sheet, area, own, (BLUE, VERMILLION)[k], numbered)
+            every |= seen
+            axes.set_title(literal(f"{role}: {shortened(body.name, NAME)}, {side}"), pad=2.0)
+            draw_directions(sheet, axes, own, (area[0], area[1]), problem.unit)
+        if left := [number for number in dict.fromkeys(numbered.values()) if number not in every]:
+            hidden.append(f"of {shortened(body.name, NAME)} {shortened(', '.join(left), LONGEST)}")
+    if hidden:
+        sheet.list(0.1, FOOT, PAGE - 0.2, [f"hidden from both sides: {'; '.join(hidden)}"])
     return sheet.figure
+
+
+def _numbers(body: Body) -> dict[Label, str]:
+    """Return the number of each face, as the table lists them: facets of a round face have that of the first."""
+    first: dict[str, str] = {}
+    names = names_of_rows(body)
+    return {
+        tuple(sorted(face)): first.setdefault(name, f"F{k}") if " radius " in name else f"F{k}"
+        for k, (face, name) in enumerate(zip(body.faces, names, strict=True), 1)
+    }
 
 
 def _sizes(values: Any) -> str:

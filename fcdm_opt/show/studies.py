@@ -112,7 +112,7 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
     keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
-    sheet, spots = _panels(panels, data.amount, words, keys)
+    sheet, spots = _panels(panels, (_told(along.label), data.amount), words, keys)
     for place, axes in spots:
         for k, (at, name) in enumerate(_combinations(lines)):
             part = data.at([*panels, *lines], [*place, *at])
@@ -126,7 +126,6 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
                               transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
         if _geometric(along.values):
             axes.set_xscale("log")
-        axes.set_xlabel(literal(_told(along.label)))
         axes.margins(x=0.02)
     highest = max(axes.get_ylim()[1] for _, axes in spots)
     for _, axes in spots:
@@ -141,7 +140,8 @@ def _fields(
     from matplotlib.colors import Normalize
 
     markers = _markers(data)
-    sheet, spots = _panels(others, _told(across.label), words, [*map(status_text, markers)], beside=BAR)
+    labels = _told(along.label), _told(across.label)
+    sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], beside=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -155,7 +155,6 @@ def _fields(
                 np.asarray(along.values)[columns], np.asarray(across.values)[rows],
                 marker, color=VERMILLION, markersize=4, linestyle="none",
             )  # fmt: skip
-        axes.set_xlabel(literal(_told(along.label)))
         axes.grid(visible=False)
     places = [axes.get_position() for _, axes in spots]
     bottom, top = min(place.y0 for place in places), max(place.y1 for place in places)
@@ -173,7 +172,7 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
         budget = measured(f"{within.budget:g}", result.unit)
         told = f"budget {budget}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
     keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [told])]
-    sheet, ((_, axes), *_) = _panels([], "share of points with at most this amount", words, keys)
+    sheet, ((_, axes), *_) = _panels([], (data.amount, "share of points with at most this amount"), words, keys)
     for k, (at, name) in enumerate(_combinations(cases)):
         part = data.at(cases, at)
         known = np.sort(part.amounts[np.isfinite(part.amounts)])
@@ -186,7 +185,6 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
     axes.set(ylim=(0.0, 1.02))
-    axes.set_xlabel(data.amount)
     return _keyed(sheet, axes, {})
 
 
@@ -196,9 +194,19 @@ def _look(k: int) -> dict[str, Any]:
 
 
 def _panels(
-    axes: Sequence[_StudyAxis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
+    axes: Sequence[_StudyAxis],
+    labels: tuple[str, str],
+    words: tuple[str, str],
+    keys: Sequence[str],
+    *,
+    beside: float = 0.0,
 ) -> tuple[Sheet, list[tuple[list[int], Any]]]:
-    """Return a sheet with a panel for each combination of values, and their places; room below for keys."""
+    """Return a sheet with a panel for each combination of values, and their places; room below for keys.
+
+    What is across and up, `labels`, stands at the lowest panels and the first ones; ticks keep off the next panel's.
+    """
+    from matplotlib.ticker import MaxNLocator
+
     spots = list(_combinations(axes))[:PANELS]
     columns = min(len(spots), 3 if len(spots) > 4 else 2)
     rows = math.ceil(len(spots) / columns)
@@ -217,8 +225,12 @@ def _panels(
         panel = sheet.axes(left + column * (width + ACROSS), bottom, width, height)
         panel.set_title(literal(name))
         panel.grid(visible=True)
-        panel.set_ylabel(literal(label) if column == 0 else "")
-        panel.tick_params(labelleft=column == 0, labelbottom=k + columns >= len(spots))
+        lowest = k + columns >= len(spots)
+        panel.set_ylabel(literal(labels[1]) if column == 0 else "")
+        panel.set_xlabel(literal(labels[0]) if lowest else "")
+        panel.tick_params(labelleft=column == 0, labelbottom=lowest)
+        if columns > 1:
+            panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10], prune="both"))
         made.append((place, panel))
     return sheet, made
 
@@ -234,7 +246,8 @@ def _value(axis: _StudyAxis, value: Any) -> str:
     if type(value) in (int, float):
         return f"{axis.label} = {value:g}"
     text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-    return shortened(text if axis.label == "case" or isinstance(value, str) else f"{axis.label}: {text}", NAME)
+    named = f"case {text}" if axis.label == "case" else text if isinstance(value, str) else f"{axis.label}: {text}"
+    return shortened(named, NAME)
 
 
 def _told(label: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -11,13 +9,16 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show import pixels
-from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show import inline_svg
+from fcdm_opt.show.album import solution_pieces
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
@@ -31,20 +32,21 @@ from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
-ACROSS = 900  # pixels of the picture of an answer
 ANSWERED = (
     "status", "outside", "motion", "verdict", "amount_unit", "least", "amount", "lower_bound", "doubt", "pair_state",
     "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
+STACKED = 3.0  # seconds that a stack-up may take: beside an answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
 
-def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
-    """Return the data of one case, the frames of whose two families may take so many `seconds`; < 0 for one each.
+def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float) -> dict[str, Any]:
+    """Return the data of one case, whose two families have this share of their `frames`; < 0 for one each.
 
-    `problem` is as asked; that of the solution names the features that were chosen.
+    `problem` is as asked; that of the solution names the features that were chosen. `name` begins the identifiers of
+    its pictures.
     """
     solution = case.solution
     grounds = {
@@ -56,8 +58,12 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "sensitivities": _sensitivities(solution),
     }
     view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    picture = b64encode(pixels(solution_figure(solution, view=view), across=ACROSS)).decode()
-    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, seconds)}
+    pieces = solution_pieces(solution, view=view)
+    parts = [inline_svg(figure, f"{name}-{k}") for k, figure in enumerate((pieces.scene, *pieces.insets))]
+    high = round(pieces.scene.get_figheight(), 2)
+    picture = {"scene": parts[0], "insets": parts[1:], "key": list(pieces.key), "high": high}
+    told = {**_answer(problem, case), "picture": picture, "sizes": _sizes(problem), "stack": _stack(problem)}
+    return {**told, **grounds, **_pictures(problem, solution, frames, pieces.facing)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:
@@ -106,6 +112,56 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "configurations": _configurations(solution),
         "sha256": digest(canonical(problem.to_dict())),
     }
+
+
+def _sizes(problem: Problem) -> list[dict[str, Any]]:
+    """Return the sizes of the problem: what each moves, its tolerance, and how it came out."""
+    told = []
+    for size in problem.sizes:
+        body = problem.movable if size.body == "movable" else problem.static
+        low, high = size.tolerance or (None, None)
+        told.append({
+            "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
+            "made": (problem.made or {}).get(size.name, 0.0),
+        })  # fmt: skip
+    return told
+
+
+def _moved(size: Size) -> str:
+    """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
+    if size.scale is not None:
+        return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
+    faces = [each if isinstance(each, str) else f"the face through {shown(each['through'])}" if "through" in each
+             else f"around {shown(each['around'])}" for each in size.faces]  # fmt: skip
+    if size.along is not None:
+        way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
+        return f"{listed(faces)} along {way}"
+    return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
+
+
+def _stack(problem: Problem) -> dict[str, Any] | None:
+    """Return what the gap at rest depends on, of a problem whose sizes have tolerances; None where there is none."""
+    from fcdm_opt.design.stack.stack_up import stack_up
+
+    if problem.movable.whole is not None or not any(size.tolerance for size in problem.sizes):
+        return None
+    try:
+        with pacing.within(STACKED, share=1.0):
+            found = stack_up(problem)
+            worst, spread = found.worst(), found.root_sum_square()
+    except (InputError, pacing.TimeOverError):  # `fcdm-opt stack` says why
+        return None
+    return {
+        "worst": [
+            {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
+            for what, gap, at in (
+                ("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest),
+            )
+        ],
+        "spread": [spread.low, spread.high],
+        "shares": [finite({"size": own.size, "half": own.half, "coefficient": own.coefficient, "worst": own.worst,
+                           "variance": own.variance}) for own in found.contributions],
+    }  # fmt: skip
 
 
 def _configurations(solution: Solution) -> list[str]:
@@ -184,19 +240,17 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
 
 
-def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str, Any]:
-    """Return the bodies and all frames; those of the tolerance may take the time that the motion's leave."""
+def _pictures(problem: Problem, solution: Solution, share: float, facing: Array) -> dict[str, Any]:
+    """Return the bodies and all frames."""
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
     seen = window(problem, solution, far)
     frames = Frames(problem, seen)
     poses = _poses(frames, problem, solution)
-    start = perf_counter()
-    motion = motion_family(frames, solution, seconds / 2)
-    left = max(seconds - (perf_counter() - start), 0.0) if seconds >= 0.0 else seconds
-    tolerance = tolerance_family(frames, _with_parts_of(solution, problem), solution, left)
+    motion = motion_family(frames, solution, share)
+    tolerance = tolerance_family(frames, _with_parts_of(solution, problem), solution, share)
     low, high = tolerance_box(problem)
     return {
-        "scene": scene(problem),
+        "scene": scene(problem, facing),
         "axes": {"box": drawn(problem.box), "window": drawn(seen)},
         "nominal": drawn(problem.nominal_pair),
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,

@@ -1,10 +1,10 @@
-"""Frames along the tolerance and along the motion, for sliders: from coarse to fine until the time is up."""
+"""Frames along the tolerance and along the motion, for sliders; how many is decided by the problem, not by a clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from time import perf_counter
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -28,18 +28,28 @@ SHARES = tuple(k / 20 for k in range(31))
 
 AS_ASKED = 1.0
 
-SLOW = 0.7
-"""Seconds after which a frame is left out, that its neighbours are not: there what is asked may have no answer."""
+SLOW = 1.0
+"""Seconds after which the search for a frame is given up, and with it larger tolerances: what is asked may have no
+answer there."""
 
-LEAST = 3
-"""Frames that a family has at least, whatever the time."""
+LEAST, CORNERS, CASES = 3, 160, 4
+"""Frames that a family has at least; corners of both bodies, and cases of a report, up to which it has all of them."""
 
 
-def tolerance_family(frames: Frames, problem: Problem, solution: Solution, seconds: float) -> dict[str, Any] | None:
+def frames_of(problem: Problem, cases: int) -> float:
+    """Return the share of its frames that a family has: fewer of bodies with many corners, and of many cases."""
+    if problem.movable.whole is not None:
+        return 0.0
+    corners = len(problem.movable.corners) + len(problem.static.corners)
+    return min(1.0, CORNERS / corners) * min(1.0, CASES / cases)
+
+
+def tolerance_family(frames: Frames, problem: Problem, solution: Solution, share: float) -> dict[str, Any] | None:
     """Return the frames of the same question for other tolerances, each solved anew and judged.
 
     All tolerances are multiplied by one factor; an explicit target moves along the straight line from the nominal
-    pair. Factors that the problem does not allow are left out; None where the sizes made are the nominal ones.
+    pair. Factors that the problem does not allow are left out; None where the sizes made are the nominal ones. `share`
+    of the frames, see `frames_of`; below 0 the answer's own alone.
     """
     if not (problem.target != problem.nominal_pair).any():
         return None
@@ -65,7 +75,7 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         return ", ".join("0 %" if abs(x) <= DEFAULT.nominal else f"{100.0 * x:+.4g} %" for x in off.tolist())
 
     none = "at {:g} times the tolerance there is no such question"
-    return _family(frame, FACTORS, seconds, shown, none, label="tolerance", unit="times as asked")
+    return _family(frame, FACTORS, share, shown, none, label="tolerance", unit="times as asked")
 
 
 def target_at(problem: Problem, factor: float) -> Array:
@@ -73,7 +83,7 @@ def target_at(problem: Problem, factor: float) -> Array:
     return np.asarray(problem.nominal_pair + factor * (problem.target - problem.nominal_pair))
 
 
-def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[str, Any] | None:
+def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str, Any] | None:
     """Return the frames along the straight way to the motion found: the parts made, and the tracked contact.
 
     None without a motion, and where it is none at all.
@@ -85,10 +95,10 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     low, high = problem.limits.T
     slack = DEFAULT.requirement * problem.length / problem.weights
 
-    def frame(share: float) -> dict[str, Any] | None:
-        if share == AS_ASKED:
+    def frame(part: float) -> dict[str, Any] | None:
+        if part == AS_ASKED:
             return frames.solved(solution)
-        here, transform = share * q, task.transform(share * q)
+        here, transform = part * q, task.transform(part * q)
         if not np.isfinite(transform).all():  # a screw about a line that is gone there
             return None
         values = dict(zip(solution.parameters, here.tolist(), strict=True))
@@ -108,7 +118,7 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
 
     none = "at {:g} of the motion there is no pose"
     return _family(
-        frame, SHARES, seconds, lambda share: f"{100.0 * share:.0f} %", none,
+        frame, SHARES, share, lambda part: f"{100.0 * part:.0f} %", none,
         label="share of the motion", unit="of the motion",
     )  # fmt: skip
 
@@ -116,35 +126,39 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
 def _family(
     frame: Callable[[float], dict[str, Any] | None],
     values: Sequence[float],
-    seconds: float,
+    share: float,
     shown: Callable[[float], str],
     none: str,
     **names: str,
 ) -> dict[str, Any]:
-    """Return the frames by value, increasing, with what to say where there is none or the time did not suffice."""
-    end, least = perf_counter() + seconds, LEAST if seconds >= 0.0 else 1  # below 0: the time given is over
+    """Return the frames by value, increasing, with what to say where there is none or the search was given up."""
+    count = max(LEAST, int(share * len(values))) if share >= 0.0 else 1
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
-    for tried, value in enumerate(_coarse_to_fine(values)):
-        if tried >= least and perf_counter() > end:
-            break
+    end = np.inf  # from which value on no answer is found in time
+    chosen = list(islice(_coarse_to_fine(values), count))
+    for value in chosen:
+        if value >= end:
+            continue
         try:
             made = frame(value)
         except pacing.TimeOverError:
+            end = value
             continue
         if made is None:
             refused.append(value)
         else:
             frames[value] = made
-    asked, found = len(frames) + len(refused), sorted(frames)
-    late = [f"{asked} of {len(values)} values: the others were left out for time"] if asked < len(values) else []
+    found = sorted(frames)
+    fewer = [f"{count} of {len(values)} values: the parts are large, or the cases many"] if count < len(values) else []
+    late = [f"from {shown(end)} on left out: no answer within a second"] if end < np.inf else []
     return {
         **names,
         "values": found,
         "shown": list(map(shown, found)),
         "start": found.index(AS_ASKED),
         "frames": [frames[value] for value in found],
-        "note": "; ".join([*map(none.format, sorted(refused)), *late]),
+        "note": "; ".join([*map(none.format, sorted(refused)), *late, *fewer]),
     }
 
 

@@ -212,10 +212,11 @@ def _place(shares: list[Array]) -> Array:
     return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
 
-def scene(problem: Problem) -> dict[str, Any]:
+def scene(problem: Problem, facing: Array) -> dict[str, Any]:
     """Return all bodies of a problem as triangles and true edges; keep-outs at their largest scale.
 
-    The first two are shown at scales about their `seed`, the others as they are.
+    The first two are shown at scales about their `seed`, the others as they are. `facing`: from a section through the
+    contact to the reader.
     """
     keep_outs = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
     objects = []
@@ -226,7 +227,7 @@ def scene(problem: Problem) -> dict[str, Any]:
         shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
         objects.append({"body": k, "name": body.name, **shape})
     view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    return {"size": problem.size, "objects": objects, "view": list(view)}
+    return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
 
 
 def contact_shapes(problem: Problem, feature: Feature) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
+from fcdm_opt.show.report.families import frames_of
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
@@ -26,10 +27,9 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
-FAMILIES, PROOFS, PROOF = 1.5, 4.0, 1.5
-"""Seconds that the frames of all cases, and their proofs, may take by default, and the proof of one case: a page is
-wanted while one waits."""
-AMPLE = 5.0  # times what the frames may take: with less time left there is but the answer's own
+PROOFS, PROOF = 4.0, 1.5
+"""Seconds that the proofs of all cases, and that of one, may take: a page is wanted while one waits."""
+AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
@@ -42,7 +42,7 @@ def gather(
     *,
     certify: bool = True,
     say: Callable[[str], None] | None = None,
-    seconds: float | None = None,
+    frames: float | None = None,
 ) -> dict[str, Any]:
     """Solve all cases of problem files and return what a report shows of them.
 
@@ -54,31 +54,29 @@ def gather(
         Prove how small a motion can be at all, and have the proof checked; of large meshes the solver's bound stands.
     say : callable, optional
         Gets a line for each case, and what is wrong with one.
-    seconds : float, optional
-        About how long the frames of one case may take; default its share of `FAMILIES`. A family has three frames at
-        least, and says where there are fewer than it could have.
+    frames : float, optional
+        Share of the frames of a family that each slider gets, at least three; default `frames_of` the problem.
 
     Returns
     -------
     dict
-        Lists, dicts, texts and finite numbers. The same files give the same data but for date and times, and for how
-        many frames the time allowed.
+        Lists, dicts, texts and finite numbers. The same files give the same data but for date and times.
     """
     files = list(files)
     asked = [problem for file in files for problem in file.problems]
     together = beside.cores(len(asked))
-    given = FAMILIES * together / max(len(asked), 1) if seconds is None else seconds
 
     def case(number: int) -> dict[str, Any]:
-        problem, share = asked[number], min(1.0, together / (len(asked) - number))
-        with pacing.working_on(f"case {problem.name}"), pacing.sharing(share):
+        problem, part = asked[number], min(1.0, together / (len(asked) - number))
+        with pacing.working_on(f"case {problem.name}"), pacing.sharing(part):
             with pacing.sharing(SOLVED):
                 proved = certify and problem.movable.whole is None  # of large meshes the checker takes long
                 solved = solved_case(problem, certify=proved, seconds=min(PROOFS / len(asked), PROOF))
             pacing.at("drawing")
-            frames = given if pacing.left() > AMPLE * given else -1.0
+            share = frames_of(problem, len(asked)) if frames is None else frames
+            share = share if pacing.left() > AMPLE else -1.0
             with pacing.telling():
-                return case_report(problem, solved, seconds=frames)
+                return case_report(problem, solved, name=f"case-{number}", frames=share)
 
     for name in LOADED:
         import_module(name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
-from fcdm_opt.show import Figure, write_svg
+from fcdm_opt.show import inline_svg
 from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
@@ -56,6 +55,7 @@ def page(payload: Data) -> str:
     for file in files:
         inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
         inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
+    tabled = {cell["case"] for table in payload["matrices"] for cell in table["cells"].values()}
     return whole_page(
         "page.html",
         scripts=("curve.js", "scene.js", "page.js"),
@@ -65,9 +65,11 @@ def page(payload: Data) -> str:
         cases=[{"number": number, **case} for number, case in enumerate(cases)],
         files=files,
         matrices=payload["matrices"],
+        listed=len(cases) > 1 and (len(payload["matrices"]) != 1 or any(k not in tabled for k in range(len(cases)))),
         signs=SIGNS,
         inputs=inputs,
         versions=payload["made"].items(),
+        made_at=payload["made"]["date"],
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
     )
 
@@ -86,13 +88,13 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         "assembly.html",
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
-        cases=list(map(_assembly_case, solutions)),
+        cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],
         inputs=[(file["file"], file["sha256"]) for file in files],
         versions=made().items(),
     )
 
 
-def _assembly_case(solution: AssemblySolution) -> dict[str, Any]:
+def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
     certificate = solution.certificate
     told = [*(() if solution.usable else solution.active), *filter(None, [solution.doubt])]
@@ -102,7 +104,7 @@ def _assembly_case(solution: AssemblySolution) -> dict[str, Any]:
         "name": assembly.name,
         "usable": solution.usable,
         "verdict": assembly_verdict(solution),
-        "picture": _as_svg(assembly_figure(solution)),
+        "picture": inline_svg(assembly_figure(solution), name),
         "amount": amount_text(solution.amount, unit),
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
@@ -166,7 +168,7 @@ def study_page(result: StudyResult) -> str:
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
         summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
-        picture=_as_svg(study_figure(result)),
+        picture=inline_svg(study_figure(result), "picture"),
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
         heads=("number", *columns),
@@ -192,13 +194,6 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
 
 def _evenly(count: int, most: int) -> Sequence[int]:
     return range(count) if count <= most else [k * count // most for k in range(most)]
-
-
-def _as_svg(figure: Figure) -> str:
-    """Return a picture as SVG, to stand in a page."""
-    text = io.StringIO()
-    write_svg(figure, text)
-    return text.getvalue()[text.getvalue().index("<svg") :]
 
 
 def _listed(values: Sequence[Any]) -> str:

@@ -4,7 +4,7 @@
 const PLOT = { displayModeBar: false, responsive: true, doubleClick: false, scrollZoom: false };
 const SCENE = { ...PLOT, scrollZoom: true };
 
-const state = { case: 0, pose: "corrected", family: null, index: 0, zoom: "window" };
+const state = { case: 0, pose: "corrected", family: null, index: 0, zoom: "window", look: "clear" };
 let cases = [];
 let drawing = null, again = false, hasScene = true, freshView = true;
 
@@ -150,7 +150,8 @@ function listen() {
   for (const input of all("input[name=pose]")) input.addEventListener("change", () => choosePose(input.value));
   for (const input of all("input[name=family]")) input.addEventListener("change", () => (prepareSlider(input.value), slide()));
   for (const button of all("[data-turn]")) button.addEventListener("click", () => move(button.dataset.turn));
-  for (const button of all("[data-zoom]")) button.addEventListener("click", () => chooseZoom(button.dataset.zoom));
+  for (const button of all("[data-zoom]")) button.addEventListener("click", () => press("zoom", button.dataset.zoom));
+  for (const button of all("[data-look]")) button.addEventListener("click", () => press("look", button.dataset.look));
   for (const cell of all("a[data-case]")) {
     cell.addEventListener("click", event => (event.preventDefault(), chooseCase(Number(cell.dataset.case))));
   }
@@ -171,9 +172,10 @@ function listen() {
   addEventListener("afterprint", () => setPrinting(false));
 }
 
-function chooseZoom(name) {
-  state.zoom = name;
-  for (const button of all("[data-zoom]")) button.setAttribute("aria-pressed", button.dataset.zoom === name);
+/** Choose one of some buttons: part of the curve ("zoom"), or how the parts are shown ("look"). */
+function press(kind, name) {
+  state[kind] = name;
+  for (const button of all(`[data-${kind}]`)) button.setAttribute("aria-pressed", button.dataset[kind] === name);
   requestDrawing();
 }
 

@@ -61,20 +61,23 @@ function drawScene() {
 }
 
 function bodyTraces(frame, colours) {
-  const look = [[colours.movable, 1], [colours.static, 1]];
+  const clear = state.look === "clear", plane = state.look === "cut" && sectionPlane(frame);
+  const look = [[colours.movable, clear ? 0.7 : 1], [colours.static, clear ? 0.35 : 1]];
   return currentCase().scene.objects.flatMap(object => {
-    const [colour, opacity] = look[object.body] ?? [colours.muted, 0.2], points = placed(object.points, object.body, frame);
+    const [colour, opacity] = look[object.body] ?? [colours.muted, 0.2], whole = placed(object.points, object.body, frame);
+    const cut = plane && object.body < 2;
+    const { points, triangles, edges } = cut ? cutOpen(whole, object, plane) : { ...object, points: whole };
     const solid = columns(object.body < 2 ? points : shrunk(points));
     const name = plain(object.name), role = ["movable", "static"][object.body] ?? "keep-out";
     const [seed] = placed([object.seed], object.body, frame);
     return [
       {
-        type: "mesh3d", name: role, ...solid, ...corners(object.triangles), color: colour, opacity, flatshading: true,
+        type: "mesh3d", name: role, ...solid, ...corners(triangles), color: colour, opacity, flatshading: true,
         lighting: LIGHT,
         hoverinfo: "text", text: points.map(p => `${name}, ${role}<br>corner ${pair(p)}`),
       },
       {
-        type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, object.edges), hoverinfo: "skip",
+        type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, edges), hoverinfo: "skip",
         line: { color: object.body < 2 ? colours.ink : colour, width: 2.5 },
       },
       {
@@ -83,6 +86,58 @@ function bodyTraces(frame, colours) {
       },
     ];
   });
+}
+
+/** Where the parts are cut open: through a contact, across it, so that what stands before it on first view is gone. */
+function sectionPlane(frame) {
+  const facing = currentCase().scene.section, [at] = frame.contacts?.length ? frame.contacts : contactsNear();
+  return { facing, level: dot(facing, at) + 1e-6 * extent().size };
+}
+
+/** What of a body is behind a plane, cut there and closed by the section; all of one that is wholly before it. */
+function cutOpen(points, { triangles, edges }, { facing, level }) {
+  const heights = points.map(p => dot(facing, p) - level), kept = [...points], rim = [], behind = [], left = [];
+  if (heights.every(height => height > -1e-3 * extent().size)) return { points, triangles, edges };
+  const between = (i, j) => {
+    const share = heights[i] / (heights[i] - heights[j]);
+    return kept.push(points[i].map((x, k) => x + share * (points[j][k] - x))) - 1;
+  };
+  for (const triangle of triangles) {
+    const start = triangle.findIndex((i, k) => heights[i] <= 0 && heights[triangle[(k + 2) % 3]] > 0);
+    if (start < 0) {
+      if (triangle.every(i => heights[i] <= 0)) behind.push(triangle);
+      continue;
+    }
+    const [a, b, c] = [0, 1, 2].map(k => triangle[(start + k) % 3]), out = between(a, c);
+    const into = heights[b] <= 0 ? between(b, c) : between(a, b);
+    behind.push(...(heights[b] <= 0 ? [[a, b, into], [a, into, out]] : [[a, into, out]]));
+    rim.push([into, out]);
+  }
+  for (const [i, j] of edges) {
+    if (heights[i] > 0 && heights[j] > 0) continue;
+    left.push(heights[i] > 0 ? [between(i, j), j] : heights[j] > 0 ? [i, between(i, j)] : [i, j]);
+  }
+  return { points: kept, triangles: [...behind, ...filled(kept, rim, facing)], edges: [...left, ...rim] };
+}
+
+/** Triangles of the areas within outlines that lie in a plane, by strips between neighbouring corners. */
+function filled(points, outlines, facing) {
+  const u = unit(cross(facing, Math.abs(facing[2]) > 0.9 ? [1, 0, 0] : [0, 0, 1])), v = cross(facing, u), made = [];
+  const flat = outlines.map(ends => ends.map(i => [dot(u, points[i]), dot(v, points[i])]).sort((p, q) => p[0] - q[0]));
+  if (!flat.length) return made;
+  const off = dot(facing, points[outlines[0][0]]), places = [...new Set(flat.flat().map(p => p[0]))].sort((x, y) => x - y);
+  const add = (x, y) => points.push([0, 1, 2].map(k => x * u[k] + y * v[k] + off * facing[k])) - 1;
+  for (let k = 0; k + 1 < places.length; k++) {
+    const [x0, x1] = [places[k], places[k + 1]];
+    const across = flat.filter(([p, q]) => p[0] <= x0 && q[0] >= x1);
+    const at = ([p, q], x) => p[1] + ((x - p[0]) / (q[0] - p[0])) * (q[1] - p[1]);
+    across.sort((s, t) => at(s, x0) + at(s, x1) - at(t, x0) - at(t, x1));
+    for (let n = 0; n + 1 < across.length; n += 2) {
+      const [a, b, c, d] = [[n, x0], [n, x1], [n + 1, x1], [n + 1, x0]].map(([m, x]) => add(x, at(across[m], x)));
+      made.push([a, b, c], [a, c, d]);
+    }
+  }
+  return made;
 }
 
 /** The movable body's old place, in dashes. */
