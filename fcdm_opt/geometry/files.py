@@ -29,9 +29,9 @@ from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
+from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.tolerances import DEFAULT
 
-NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
@@ -106,7 +106,7 @@ def called(path: str | Path) -> str:
 
 
 def drawn_mesh(
-    path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
+    path: str | Path, *, unit: Unit, file_unit: Unit | None = None, deviation: float | None = None
 ) -> ReadMesh:
     """Return vertices, faces, remarks, how far they are off the solid in a mesh or STEP file, and its surfaces.
 

@@ -10,7 +10,7 @@ from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import MadeState, Solution, Status
 
 
 def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | None = None) -> Solution:
@@ -19,7 +19,7 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
     gap, slack, bodies = task.gap(q), problem.contact_slack, (problem.movable, problem.static)
     if kept_as_surface(*bodies):  # the parts modelled are not all that may be near, or in the middle of the other
         gap = PlacedSolids(*bodies, problem.target, task.transform(q)).gap(gap, slack)
-    state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
+    state: MadeState = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}
     if answer.q is not None:
         moved = {

@@ -20,7 +20,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
-from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
+from fcdm_opt.geometry.units import Unit
+from fcdm_opt.motion.motions import AxisWord, Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
@@ -32,14 +33,13 @@ from fcdm_opt.problem.schema import (
     Number,
     Pair,
     Point,
-    Unit,
     closest,
     declared,
     one_of,
     refusal,
 )
 
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
+Axis = AxisWord | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
 _PITCHES: dict[str, float | Literal["free"]] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
@@ -147,11 +147,12 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         if folder is None and not path.is_absolute():
             allowed = "a full path"
             raise InputError("there is no problem file to start from", key="file", found=self.file, allowed=allowed)
+        assert self.unit is not None
         pacing.at(f"reading {path.name!r} and cutting it into convex parts")
         try:
             return Body.from_file(
                 (folder or path) / path,
-                unit=str(self.unit),
+                unit=self.unit,
                 file_unit=self.file_unit,
                 deviation=self.deviation if isinstance(self.deviation, float) else None,
                 decomposition=self.decomposition or "auto",
@@ -176,7 +177,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             body = Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
         else:
             body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
-        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes)}
+        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
         if self.facet_errors is not None:
             errors = np.zeros((len(body.faces), 2))
             for face, *own in self.facet_errors:
@@ -205,7 +206,7 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
-    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
+    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes), "unit": body.unit}
     if body.facet_errors is not None:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
         told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]

@@ -48,7 +48,6 @@ Bound = Annotated[
     BeforeValidator(lambda end: float(end) if end in ("inf", "-inf") else end),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf"], "type": "string"}]}),
 ]
-Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),

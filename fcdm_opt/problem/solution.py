@@ -24,6 +24,7 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
+MadeState = Literal["apart", "touching", "overlapping", "unknown"]
 Effort = Literal["proved", "quick"]
 EFFORTS = get_args(Effort)
 """What `solve` may spend."""
@@ -295,8 +296,8 @@ class Solution(Bounded, Shown):
     pair_gap : float
         Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 apart, < 0
         overlapping.
-    pair_state : str
-        "apart", "touching" or "overlapping".
+    pair_state : "apart", "touching", "overlapping" or "unknown"
+        "apart", "touching" or "overlapping"; "unknown" where no motion was judged.
     active : tuple of str
         What stops the motion from being smaller.
     modelled : dict
@@ -340,7 +341,7 @@ class Solution(Bounded, Shown):
     features: tuple[Feature, ...] = ()
     pair: Array
     pair_gap: float = float("nan")
-    pair_state: str = "unknown"
+    pair_state: MadeState = "unknown"
     active: tuple[str, ...] = ()
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""

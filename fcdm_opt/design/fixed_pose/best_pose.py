@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
 
-BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
+Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
+BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 EFFORT = 20_000  # cells: a second or two for two parameters
 MADE = 20  # sizes by name at which parts are made anew for that
 DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
@@ -82,7 +83,7 @@ class BestPose(Shown, Plain):
         "status", "parameters", "motion", "transform", "amount", "worst_gap", "violation", "least", "most", "value",
         "lower_bound", "certified", "cells", "checks", "sizes", "window", "seconds",
     )  # fmt: skip
-    status: str
+    status: Verdict
     parameters: dict[str, float]
     motion: str
     transform: Array
