@@ -206,16 +206,17 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
-    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes), "unit": body.unit}
+    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
     if body.facet_errors is not None:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
         told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
     told = {key: value for key, value in told.items() if value or key == "facet_errors"}
+    unit = {"unit": body.unit} if body.unit else {}
     if body.hollow:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
         faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]
         surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
-        return {"name": body.name, **surface, **told, "seed": body.seed.tolist()}
+        return {"name": body.name, **surface, **told, "seed": body.seed.tolist(), **unit}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [
@@ -226,7 +227,8 @@ def plain_body(body: Body) -> dict[str, Any]:
     ]
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
-    return {**entry, **told, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
+    faces = [list(face) for face in body.outlines]
+    return {**entry, **told, "faces": faces, "seed": body.seed.tolist(), **unit}
 
 
 class KeepOutEntry(BodyEntry, title="Keep-outs"):

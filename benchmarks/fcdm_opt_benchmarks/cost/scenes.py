@@ -84,8 +84,8 @@ def scene(name: str, seed: int) -> Problem:
 
 def motion_of(parameters: int) -> Motion:
     """Return the motion of 1, 2, 3 or 6 parameters: shifts along x, then y and z, and turns about z, then x and y."""
-    shifts = [Translation(axis) for axis in XYZ]
-    turns = [Rotation(axis) for axis in XYZ[-1:] + XYZ[:2]]
+    shifts: list[Motion] = [Translation(axis) for axis in XYZ]
+    turns: list[Motion] = [Rotation(axis) for axis in XYZ[-1:] + XYZ[:2]]
     first, *others = {1: shifts[:1], 2: [shifts[0], turns[0]], 3: [*shifts[:2], turns[0]],
                       4: [*shifts, turns[0]], 5: [*shifts, *turns[:2]], 6: [*shifts, *turns]}[parameters]  # fmt: skip
     motion: Motion = first
