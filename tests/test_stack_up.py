@@ -513,3 +513,21 @@ def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
         with console().capture() as said:
             print_stack(stack, drawn)
         assert ("another one decides" in said.get().replace("\n", " ")) == differ
+
+
+def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """A channel of 20 + d about a block of 19 + e: the gap is (1 + d - e) / 2."""
+    stack = stacked(box((-9.5, -5, -5), (9.5, 5, 5)), channel(20.0), inner(0.2), replace(BLOCK, tolerance=0.1))
+    wider, larger = np.linspace(-0.2, 0.2, 5), np.linspace(-0.1, 0.1, 3)[:, None]
+    found = stack.gap({"gap": wider, "block": larger})
+    assert found.shape == (3, 5)
+    np.testing.assert_allclose(found, (1.0 + wider - larger) / 2.0, atol=1e-12)
+    assert isinstance(stack.gap({"gap": 0.1}), float)
+    with pytest.raises(fo.InputError, match="do not broadcast"):
+        stack.gap({"gap": wider, "block": np.zeros(2)})
+    lines = str(stack).splitlines()
+    assert capsys.readouterr().out == ""
+    assert lines[0].split() == ["gap", "at"]
+    assert sum(line.startswith(("gap ", "block ")) for line in lines) == 2  # one row a size
+    assert repr(stack).startswith("StackUp(gap ")
+    assert "\n" not in repr(stack)
