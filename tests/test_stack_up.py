@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from scipy.special import ndtr, ndtri
+from scipy.stats import norm, truncnorm
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.stack.spread import _Draw, _scores, moments, spreads
+from fcdm_opt.problem.entries import SizeEntry
+from fcdm_opt.problem.schema import checked
 from fcdm_opt.show.printing import console
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -531,3 +534,51 @@ def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: 
     assert sum(line.startswith(("gap ", "block ")) for line in lines) == 2  # one row a size
     assert repr(stack).startswith("StackUp(gap ")
     assert "\n" not in repr(stack)
+
+
+SIGMAS: list[tuple[dict[str, float], Any]] = [
+    ({"sigma": 0.004}, norm(0.015, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01}, norm(0.01, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01, "low": 0.008}, truncnorm(-0.5, np.inf, 0.01, 0.004)),
+    ({"sigma": 0.02, "mean": 0.0, "low": -0.02, "high": 0.03}, truncnorm(-1.0, 1.5, 0.0, 0.02)),
+]
+
+
+@pytest.mark.parametrize(("normal", "truth"), SIGMAS)
+def test_a_size_is_distributed_by_its_standard_deviation(normal: dict[str, float], truth: Any) -> None:
+    """The gap is 0.03 - w; of w with tolerance [0, 0.03], limits leave P(0.012 <= w <= 0.02) by scipy."""
+    size = fo.Size("w", "movable", faces="+x", tolerance=(0.0, 0.03), distribution={"normal": normal})
+    bodies = box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1))
+    stack = stacked(*bodies, size, limits=(0.01, 0.018))
+    told, drawn = stack.root_sum_square(), stack.yield_(200_000)
+    assert told.mean == pytest.approx(0.03 - truth.mean(), abs=1e-12)
+    assert told.deviation == pytest.approx(truth.std(), rel=1e-9)
+    share = truth.cdf(0.02) - truth.cdf(0.012)
+    assert drawn.share == pytest.approx(share, abs=5.0 * np.sqrt(share * (1.0 - share) / 2e5))
+
+
+def test_pairs_drawn_beyond_the_tolerances_meet_the_contacts_that_are_there() -> None:
+    """A step that no size within the tolerance brings into contact first, but most of those drawn: a block of 10 + w
+    ends 1 before a wall, its step, which does not move, 1.05: beyond w = -0.05 the gap stays 1.05."""
+    long, step = [*product((0.0, 10.0), (0.0, 1.0), (0.0, 1.0))], [*product((0.0, 9.95), (2.0, 3.0), (0.0, 1.0))]
+    body = fo.Body.from_parts([long, step], seed=(0, 0, 0), name="stepped")
+    spread = {"normal": {"sigma": 0.05, "mean": -0.1, "low": -0.2, "high": 0.0}}
+    face = {"through": (10.0, 0.5, 0.5)}
+    size = fo.Size("w", "movable", faces=[face], tolerance=0.01, distribution=spread)
+    stack = stacked(body, box((11.0, 0, 0), (12.0, 3.0, 1)), size)
+    assert len(stack.rows) == 1
+    assert stack.yield_(20_000).largest == pytest.approx(1.05, abs=1e-12)
+    stack.yield_(2_000).claims()
+
+
+def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
+    for wrong, named in (({"sigma": 0.01, "cp": 1.0}, "cp"), ({"sigma": -1.0}, "sigma"), ({"mean": 0.0}, "normal")):
+        told = {"normal": wrong}
+        size = fo.Size("w", "movable", faces="+x", tolerance=0.1, distribution=told)
+        with pytest.raises(fo.InputError, match=named):
+            spreads([size])
+        entry = {"name": "w", "body": "movable", "faces": "+x", "tolerance": 0.1, "distribution": told}
+        with pytest.raises(fo.InputError, match=next(iter(wrong)) if named == "normal" else named):
+            checked(SizeEntry, entry)
+    known = checked(SizeEntry, {**entry, "distribution": {"normal": {"sigma": 0.004}}}).size()
+    assert spreads([known]) == [fo.Normal(0.0, 0.004)]

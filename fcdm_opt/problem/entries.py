@@ -33,6 +33,7 @@ from fcdm_opt.problem.schema import (
     Number,
     Pair,
     Point,
+    Positive,
     closest,
     declared,
     one_of,
@@ -282,10 +283,31 @@ Selector = Annotated[
 
 
 class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
-    """A normal distribution within a tolerance."""
+    """A normal distribution of a size, by the capability of its process or by its standard deviation."""
 
-    cp: Number = declared(1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33)
+    cp: Positive = declared(
+        1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33
+    )
     shift: Number = declared(0.0, "of the mean from the middle, in units of half the tolerance", 0.1)
+    sigma: Positive | None = declared(
+        None, "standard deviation > 0 in the size's own unit, in place of cp and shift; of what is not cut off", 0.004
+    )
+    mean: Number | None = declared(
+        None, "mean deviation from drawn in the size's own unit, goes with sigma; without it the middle", 0.001
+    )
+    low: Number | None = declared(
+        None, "deviation below which no part is, as sorted out, goes with sigma; without it there is none", -0.01
+    )
+    high: Number | None = declared(None, "deviation above which no part is, goes with sigma", 0.01)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        capable = self.model_fields_set & {"cp", "shift"}
+        for key in ("mean", "low", "high") if self.sigma is None else capable:
+            if key in self.model_fields_set:
+                allowed = "cp and shift, or sigma with mean, low and high"
+                raise refusal("this does not go together", found=getattr(self, key), allowed=allowed, inside=(key,))
+        return self
 
 
 class SpreadEntry(
@@ -293,7 +315,9 @@ class SpreadEntry(
 ):
     """How a size is distributed within its tolerance: exactly one of the keys."""
 
-    normal: NormalSpreadEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
+    normal: NormalSpreadEntry | None = declared(
+        None, "{ cp = 1.0, shift = 0.0 } or { sigma = 0.004, mean = 0.0, low = -0.01, high = 0.01 }", {"cp": 1.0}
+    )
     uniform: dict[str, Number] | None = declared(
         None, "{}: every deviation of the tolerance alike; or { low = .., high = .. } in the size's own unit", {}
     )
@@ -332,9 +356,10 @@ class SizeEntry(Entry, title="Sizes", json_schema_extra=one_of(("faces",), ("sca
     )
     distribution: SpreadEntry | None = declared(
         None,
-        "{ normal = { cp = 1.0, shift = 0.0 } }, { uniform = {} } or { measured = [...] } deviations; without it "
-        "normal with cp 1",
+        "{ normal = { cp = 1.0, shift = 0.0 } }, { normal = { sigma = 0.004, mean = 0.0 } }, { uniform = {} } or "
+        "{ measured = [...] } deviations; without it normal with cp 1",
         {"normal": {"cp": 1.33}},
+        {"normal": {"sigma": 0.004}},
     )
 
     def size(self) -> Size:

@@ -12,7 +12,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
-from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
+from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
 from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
@@ -258,7 +258,11 @@ class StackUp:
 
     @cached_property
     def _spread(self) -> GapSpread:
-        return gap_spread(self.touching, self.deciding)
+        return gap_spread(self._drawn_from, self.deciding)
+
+    @cached_property
+    def _drawn_from(self) -> TouchingSizes:
+        return drawn_from(self.touching)
 
     @cached_property
     def contributions(self) -> tuple[SizeShare, ...]:
@@ -272,9 +276,7 @@ class StackUp:
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases."""
-        worst, parts = self.worst(), np.array([row.parts for row in self.rows])
-        heights = np.array([[row.gap, *row.coefficients.values()] for row in self.rows])
-        pairs = [heights[(parts == own).all(axis=1)] for own in np.unique(parts, axis=0)]
+        worst, pairs = self.worst(), [pair.values for pair in self._drawn_from.pairs]
 
         def told(places: Array) -> Array:
             return np.min([(rows[:, 1:] @ places.T + rows[:, :1]).max(axis=0) for rows in pairs], axis=0)
@@ -320,7 +322,7 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn = drawn_gaps(self.touching, self.limits, n, **how)
+        drawn = drawn_gaps(self._drawn_from, self.limits, n, **how)
         return drawn if correlation is not None else replace(drawn, claimed=self.claims())
 
     def allocate(
