@@ -182,6 +182,13 @@ class Sensitivity(Plain):
         Constraint -> multiplier, amount per unit of the constraint.
     residual : float
         Share of the amount's gradient that the constraints leave unbalanced.
+    motion_by_pose : (k, 6) array
+        Of the motion's parameters, by how body 1 stands as drawn: per length that it is shifted along the world's x, y
+        and z, and per radian that it is turned about each, through its seed. nan where there is no derivative or none
+        is worked out: the change goes with other contacts to either side, several contacts are restored together, a
+        keep-out or the way of a contact holds the motion, or it is rounded to steps of the machine.
+    motion_by_size : dict
+        Name of each of the problem's sizes -> (k,) array of the same parameters by it, per unit of the size.
     """
 
     exists: bool
@@ -200,6 +207,14 @@ class Sensitivity(Plain):
     sizes: Mapping[str, float]
     multipliers: Mapping[str, float]
     residual: float
+    motion_by_pose: Array
+    motion_by_size: Mapping[str, Array]
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
+        """Rebuild it from plain data, of earlier versions too, which did not work out how the motion changes."""
+        unknown = {"motion_by_pose": [[None] * 6] * len(data.get("limits", ())), "motion_by_size": {}}
+        return super().from_dict({**unknown, **data})
 
 
 class Bounded(Plain):
