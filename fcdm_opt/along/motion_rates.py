@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.curve.kernels import F1V2, V1F2
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.templates import template
@@ -94,7 +94,7 @@ def motion_rates(
     if task.weighted:
         used, multipliers = _multipliers(held, slopes / weights, weights * q)
     else:  # where constraints alone say what the motion is
-        used, multipliers = np.arange(len(held)), np.zeros(len(held))
+        used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
     count = len(used)
     pairs = [held[j].alone for j in used if held[j].alone >= 0]
     if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not task.weighted):
@@ -121,7 +121,7 @@ def motion_rates(
     return np.array(found).reshape(-1, len(q))
 
 
-def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Array, Array]:
+def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Ints, Array]:
     """Return which constraints hold the motion, and their multipliers; none where they do not balance."""
     from scipy.optimize import nnls
 

@@ -296,9 +296,9 @@ class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
         None, "mean deviation from drawn in the size's own unit, goes with sigma; without it the middle", 0.001
     )
     low: Number | None = declared(
-        None, "deviation below which no part is, as sorted out, goes with sigma; without it there is none", -0.01
+        None, "least deviation, in the size's own unit, as parts beyond it are sorted out; goes with sigma, without it no end", -0.01
     )
-    high: Number | None = declared(None, "deviation above which no part is, goes with sigma", 0.01)
+    high: Number | None = declared(None, "largest deviation, in the size's own unit; goes with sigma", 0.01)
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -206,13 +206,13 @@ class StackUp:
         """
         if isinstance(p, Mapping):
             known_sizes(p, "sizes", self.names)
-            each = [numbers(p.get(name, 0.0), f"sizes.{name}") for name in self.names]
+            given = [numbers(p.get(name, 0.0), f"sizes.{name}") for name in self.names]
             try:
-                told = self.gap(np.stack(np.broadcast_arrays(*each), axis=-1))
+                told = self.gap(np.stack(np.broadcast_arrays(*given), axis=-1))
             except InputError:
                 raise
             except ValueError as reason:
-                found = {name: own.shape for name, own in zip(self.names, each, strict=True) if own.ndim}
+                found = {name: own.shape for name, own in zip(self.names, given, strict=True) if own.ndim}
                 raise InputError("arrays that do not broadcast", key="sizes", found=found) from reason
             return told if np.ndim(told) else float(told)
         values = numbers(p, "sizes")
