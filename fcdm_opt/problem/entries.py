@@ -296,7 +296,7 @@ class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
         None, "mean deviation from drawn in the size's own unit, goes with sigma; without it the middle", 0.001
     )
     low: Number | None = declared(
-        None, "least deviation, in the size's own unit, as parts beyond it are sorted out; goes with sigma, without it no end", -0.01
+        None, "least deviation, in the size's own unit, as parts beyond are sorted out; goes with sigma", -0.01
     )
     high: Number | None = declared(None, "largest deviation, in the size's own unit; goes with sigma", 0.01)
 

@@ -147,7 +147,8 @@ class CompensationMap(Plain, Shown):
     def _transforms(self, parameters: Array) -> Array:
         """Return the transforms, (..., 4, 4), of motions, (..., k)."""
         posed = self._kinematics.transforms(parameters).reshape(*parameters.shape[:-1], 4, 4)
-        return np.where(np.isnan(parameters).any(axis=-1, keepdims=True)[..., None], np.nan, posed)
+        unknown = np.asarray(np.isnan(parameters).any(axis=-1))
+        return np.where(unknown[..., None, None], np.nan, posed)
 
     @cached_property
     def _kinematics(self) -> Kinematics:
