@@ -357,7 +357,7 @@ def run(*arguments: Any) -> tuple[int, str]:
 def test_faces_are_listed_by_name() -> None:
     code, text = run("faces", PROBLEMS / "slot_and_key.toml", "--json")
     assert code == 0
-    faces = json.loads(text)[0]["faces"]["static"]
+    faces = json.loads(text)["files"][0]["faces"]["static"]
     bottom = next(face for face in faces if face["plane"] == "y = 12")
     assert (bottom["face"], bottom["normal"], bottom["area"]) == ("F7", "+y", pytest.approx(10.125 * 30))
     code, text = run("faces", PROBLEMS / "slot_and_key.toml")
@@ -407,7 +407,7 @@ def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
     line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 20000, "--cost", "key_width=1")
     code, text = run(*line, "--json", "--out", tmp_path)
     assert code == 0
-    case = json.loads(text)[0]["cases"][0]
+    case = json.loads(text)["files"][0]["cases"][0]
     assert case["stack"]["worst"]["least"] == pytest.approx(0.0325, abs=1e-12)
     assert case["stack"]["worst"]["largest"] == pytest.approx(0.0955, abs=1e-9)
     assert case["yield"]["count"] == 20000

@@ -453,6 +453,10 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
 
 def _asked(given: Mapping[str, Any]) -> Arguments:
     """Return checked arguments; raises `InputError` for what cannot be asked."""
+    if given.get("made") and not given.get("sizes"):
+        known_sizes(given["made"] if isinstance(given["made"], Mapping) else (), "made", ())
+        allowed = "[[size]] tables, or sizes=[Size(...)]"
+        raise InputError("there are no sizes to be made so", key="made", found=given["made"], allowed=allowed)
     motion, step = given.get("motion"), given.get("resolution")
     if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
         given = {**given, "target": (1.0, 1.0)}
