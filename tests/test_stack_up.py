@@ -420,10 +420,15 @@ def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
     assert "of the worst case" in text
 
 
-def test_a_stack_without_sizes_says_what_to_write() -> None:
+def test_a_stack_without_sizes_says_what_to_write(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["stack", str(PROBLEMS / "boxes.toml")])
     assert result.exit_code == 2
     assert "[[size]]" in result.stderr
+    assert result.stderr.count("error: ") == 1  # once, not once a case
+    path = tmp_path / "own.toml"
+    text = (PROBLEMS / "boxes.toml").read_text(encoding="utf-8")
+    path.write_text(f"{text}\n#[[size]]\n#name = \"a\"\n# [[size]]  # as init leaves it\n", encoding="utf-8")
+    assert "2 are there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
 
 
 # ----------------------------------------------------------------------------------------------- who contributes what

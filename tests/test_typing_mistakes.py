@@ -141,7 +141,8 @@ def test_what_is_clear_is_left_as_it_is(text: str) -> None:
 @pytest.mark.parametrize(
     ("key", "line"),
     [
-        ("bodies.movable.seed", 3), ("size[2] 'depth'.tolerance", 9), ("case[2] 'B'.limits.TX", 15), ("case 'B'.goal", 14),
+        ("bodies.movable.seed", 3), ("size[2] 'depth'.tolerance", 9), ("case[2] 'B'.limits.TX", 15),
+        ("case 'B'.goal", 14),
         ("case[2] 'B'.Rotation.centre", 14), ("case[1] 'A'", 11), ("nothing", None),
     ],
 )  # fmt: skip
