@@ -91,6 +91,7 @@ def run_study(
                 tell(run.done, run.made)
                 if pacing.clock() >= end:
                     break
+        tell(run.done, run.made)  # equal ones among the last, too
     return StudyResult.read(out)
 
 
