@@ -369,8 +369,7 @@ class Solution(Bounded, Shown):
 
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
-        values = list(self.parameters.values())
-        motion = self.problem.motion.describe(values, unit=self.problem.unit) if values else "no motion"
+        motion = upper("show.texts:motion_text")(self) if self.parameters else "no motion"
         amount = measured(f"{self.amount:.4g}", self.problem.amount_unit)
         proved = measured(f"{self.lower_bound:.4g}", self.problem.amount_unit)
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)

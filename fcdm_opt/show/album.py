@@ -119,7 +119,8 @@ def solution_figure(
     shown = ShownPair.of(
         problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
     )
-    shown_at = "shown unmoved, sizes" if solution.transform is None else "sizes shown"
+    shown_at = "shown unmoved, at " if solution.transform is None else "shown at "
+    at = "the sizes drawn" if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times the sizes drawn"
     return scene_figure(
         shown,
         contacts=contacts_of(moved, rho, shown),
@@ -127,5 +128,5 @@ def solution_figure(
         said=motion_said(solution),
         unit=problem.unit,
         title=title,
-        caption=caption.replace("{sizes}", f" ({shown_at}: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
+        caption=caption.replace("{sizes}", f" ({shown_at}{at})"),
     )

@@ -377,7 +377,8 @@ def _told(
     problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
 ) -> BestPose:
     """Return the result for a pose, by the ends of the range of its gaps and how far they are off the window."""
-    q = q + 0.0
+    q = np.where(np.abs(problem.weights * q) <= DEFAULT.weld * problem.size, 0.0, q)
+    least, most = (end.without_rounding(problem.size) for end in (least, most))
     return BestPose(
         parameters=problem.motion.by_name(q),
         motion=problem.motion.describe(q.tolist(), unit=problem.unit),
