@@ -112,8 +112,9 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
                 found.setdefault((*table[:-1], f"'{own[2]}'"), found.get(table, number))
     parts = re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key)
     for count in range(len(parts), 0, -1):
-        for own in (parts[:count], [part for k, part in enumerate(parts[:count]) if k != 2 or part[0] != "'"]):
-            if line_found := found.get(tuple(own)):
+        unnamed = [part for k, part in enumerate(parts[:count]) if k != 2 or part[0] != "'"]  # of case[2] 'B'
+        for place in (tuple(parts[:count]), tuple(unnamed)):
+            if line_found := found.get(place):
                 return line_found
     return None
 

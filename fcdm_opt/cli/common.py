@@ -228,8 +228,8 @@ class Inquiry:
                     refused.setdefault(str(reason), (reason, []))[1].append(problem.name)
                     self.codes.append(BAD_INPUT)
                 waiting -= 1
-            for reason, names in refused.values():  # what is wrong with several cases is said once
-                _refused(reason, file=file.path, key=f"case{'s' * (len(names) > 1)} {', '.join(map(repr, names))}")
+            for met, names in refused.values():  # what is wrong with several cases is said once
+                _refused(met, file=file.path, key=f"case{'s' * (len(names) > 1)} {', '.join(map(repr, names))}")
             if rows and print_all is not None and not self.as_json:
                 self.print_head(file)
                 print_all(rows)
