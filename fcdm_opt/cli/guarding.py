@@ -101,7 +101,8 @@ def document(contents: Mapping[str, Any]) -> str:
 
     scenes: dict[str, dict[str, Any]] = {}
     told = _with_scenes(finite(contents), scenes)
-    head: dict[str, Any] = {"schema": f"fcdm_opt {manner.get().command} {SCHEMA}".replace("  ", " "), "version": __version__}
+    schema = " ".join(filter(None, ("fcdm_opt", manner.get().command, str(SCHEMA))))
+    head: dict[str, Any] = {"schema": schema, "version": __version__}
     head |= {"scenes": [*scenes.values()]} if scenes else {}
     return json.dumps({**head, **told}, indent=2, allow_nan=False)
 
