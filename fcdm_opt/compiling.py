@@ -19,7 +19,6 @@ from __future__ import annotations
 import glob
 import hashlib
 import logging
-import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -40,7 +39,6 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from fcdm_opt import pacing
-from fcdm_opt.doors import upper
 
 config: Any = numba_config
 _Dispatcher: Any = CPUDispatcher
@@ -357,36 +355,19 @@ _ALL: WeakKeyDictionary[_Compiled, None] = WeakKeyDictionary()
 
 
 class _Progress(event.Listener):
-    """Tells how far compiling is: a bar on a terminal, once a line elsewhere. What is kept is not compiled."""
+    """Tells whoever listens how far compiling is, else a log that is silent unless asked for."""
 
     def __init__(self) -> None:
         self._depth, self._start = 0, 0.0
-        self._said = False
-        self._bar: Any = None
 
     def on_start(self, event: Any) -> None:
         """Note that a function is about to be compiled."""
         if event.data["dispatcher"] not in _ALL:
             return
         self._depth += 1
-        if self._depth > 1:
-            return
-        self._start = perf_counter()
-        if pacing.heard():
-            self._show()
-        elif sys.stderr is not None and sys.stderr.isatty():
-            from rich.progress import BarColumn, Progress, TextColumn
-
-            columns = TextColumn("compiling numerical kernels"), BarColumn(), TextColumn("{task.description}")
-            self._bar = Progress(*columns, console=upper("show.printing:console")(stderr=True), transient=True)
-            self._bar.add_task("")
-            self._show()
-            self._bar.start()
-        elif not self._said:
-            self._said = True
-            logging.getLogger("fcdm_opt").warning(
-                "compiling numerical kernels that were not used before: a minute or two in all, kept for later runs"
-            )
+        if self._depth == 1:
+            self._start = perf_counter()
+            self._tell()
 
     def on_end(self, event: Any) -> None:
         """Note that it is done."""
@@ -395,19 +376,16 @@ class _Progress(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             pacing.spare(perf_counter() - self._start)
-        if self._bar is not None or pacing.heard():
-            self._show()
-            if self._depth == 0 and self._bar is not None:
-                self._bar.stop()
-                self._bar = None
+            if pacing.heard():
+                self._tell()
 
-    def _show(self) -> None:
+    def _tell(self) -> None:
         done = sum(1 for made in list(_ALL) if made.overloads)
-        if self._bar is None:
-            pacing.at(f"compiling numerical kernels, kept for later runs: {done} of at most {len(_ALL)}")
-            return
-        text = f"{done} of at most {len(_ALL)}, kept for later runs"
-        self._bar.update(self._bar.task_ids[0], completed=done, total=len(_ALL), description=text)
+        text = f"compiling numerical kernels, kept for later runs: {done} of at most {len(_ALL)}"
+        if pacing.heard():
+            pacing.at(text)
+        else:
+            logging.getLogger("fcdm_opt").info(text)
 
 
 event.register("numba:compile", _Progress())

@@ -5,11 +5,14 @@ Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.p
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
+
+LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
 
 
 class FcdmError(Exception):
@@ -37,13 +40,15 @@ class InputError(FcdmError, ValueError):
         self, what: str, *, file: str | Path | None = None, key: str | None = None, found: Any = None, allowed: str = ""
     ) -> None:
         self.what, self.file, self.key, self.found, self.allowed = what, file, key, found, allowed
-        place = ": ".join(str(part) for part in (file, key) if part is not None)
-        text = f"{place}: {what}" if place else what
+        line = _line(file, key)
+        named = f"{file}:{line}" if line else file
+        place = ": ".join(str(part) for part in (named, key) if part is not None)
+        text = _shortened(f"{place}: {what}" if place else what)
         if found is not None:
             shown = _shown(found)
             text += f"; found {shown if len(shown) <= 200 else shown[:197] + '...'}"
         if allowed:
-            text += f"; allowed: {allowed}"
+            text += f"; allowed: {_shortened(allowed)}"
         super().__init__(text)
 
     def within(self, *, file: str | Path | None = None, key: str | None = None) -> InputError:
@@ -72,6 +77,46 @@ def checked_path(value: Any, key: str) -> Path:
     if not isinstance(value, str | PathLike):
         raise InputError("not a path", key=key, found=value, allowed="text, or a path")
     return Path(value)
+
+
+def _shortened(text: str) -> str:
+    """Return a text, of thousands of names the first and how many more there are."""
+    if len(text) <= LONGEST:
+        return text
+    kept, _, rest = text[:LONGEST].rpartition(", ")
+    more = text[len(kept) :].count(", ")
+    return f"{kept}, ... and {more:,} more" if rest and more > 1 else f"{text[:LONGEST]}..."
+
+
+def _line(file: str | Path | None, key: str | None) -> int | None:
+    """Return the line of a TOML file at which a key stands, or the table that it would stand in; None where unknown."""
+    if file is None or not key or Path(file).suffix != ".toml":
+        return None
+    try:
+        lines = Path(file).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError):
+        return None
+    found: dict[tuple[str, ...], int] = {}
+    table: tuple[str, ...] = ()
+    for number, line in enumerate(lines, 1):
+        if head := re.match(r"\s*\[(\[?)\s*([^\]]+?)\s*\]", line):
+            table = tuple(part.strip(" \"'") for part in head[2].split("."))
+            if head[1]:
+                count = 1 + sum(own[:-1] == table and own[-1].isdecimal() for own in found)
+                table = (*table, str(count))
+            found.setdefault(table, number)
+        elif own := re.match(r"""\s*([A-Za-z0-9_."'-]+)\s*=\s*(?:["'](.*?)["'])?""", line):
+            place = (*table, *(part.strip(" \"'") for part in own[1].split(".")))
+            found.setdefault(place, number)
+            if place[-1] == "name" and own[2]:  # cases and sizes go by their names, too
+                found.setdefault((*table[:-1], f"'{own[2]}'"), found.get(table, number))
+    parts = re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key)
+    for count in range(len(parts), 0, -1):
+        unnamed = [part for k, part in enumerate(parts[:count]) if k != 2 or part[0] != "'"]  # of case[2] 'B'
+        for place in (tuple(parts[:count]), tuple(unnamed)):
+            if line_found := found.get(place):
+                return line_found
+    return None
 
 
 def _shown(found: Any) -> str:

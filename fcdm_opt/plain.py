@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from enum import Enum
 from types import UnionType
-from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -114,4 +114,6 @@ def _read(kind: Any, told: Any) -> Any:
         return math.nan if told is None else float(told)
     if kind in (int, str, bool) and not isinstance(told, kind):
         raise TypeError(f"{told!r} is no {kind.__name__}")
+    if get_origin(kind) is Literal and told not in inner:
+        raise TypeError(f"{told!r} is none of {inner}")
     return told

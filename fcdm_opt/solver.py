@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
-from fcdm_opt.stages.order import STAGES, left, settled
+from fcdm_opt.stages.order import STAGES, StageName, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone
 
@@ -36,7 +36,7 @@ SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 def solve(
     problem: Problem,
     *,
-    model: str = "auto",
+    model: Literal["auto"] | StageName = "auto",
     certify: bool = False,
     effort: Effort = "proved",
     seconds: float | None = None,

@@ -485,7 +485,7 @@ def test_the_file_asks_what_python_asks() -> None:
 
 def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path) -> None:
     told = run("solve", FILE, "--case", "made unlike", "--json", "--out", tmp_path)
-    (document,) = json.loads(told.stdout)
+    (document,) = json.loads(told.stdout)["files"]
     rows, gaps = levels()
     assert told.exit_code == 0
     assert document["cases"][0]["amount"] == pytest.approx(np.linalg.norm(np.linalg.pinv(rows) @ gaps), rel=1e-12)

@@ -80,3 +80,14 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert rows[11][0] == "2.02 mm"
     assert float(rows[11][4]) == pytest.approx(-0.006)
     assert "Measure both parts" in page.read_text(encoding="utf-8")
+
+
+def test_cases_are_a_frame_and_a_card() -> None:
+    answers = fo.solve_all(peg(), requirement="AB", effort="quick")
+    frame = answers.to_frame()
+    assert list(frame["case"]) == list(answers) == ["A", "B"]
+    assert frame["amount"].tolist() == [solution.amount for solution in answers.values()]
+    assert list(frame.columns) == list(answers.rows()[0])
+    card = answers._repr_html_()
+    assert all(f">{name}</td>" in card for name in answers)
+    assert "2 cases" in card

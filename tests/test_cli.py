@@ -62,7 +62,8 @@ def document(text: str) -> Any:
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} in JSON")
 
-    return json.loads(text, parse_constant=refuse)
+    told = json.loads(text, parse_constant=refuse)
+    return told.get("files", told)
 
 
 @pytest.fixture
@@ -203,7 +204,9 @@ def test_bad_input_is_exit_code_2_without_traceback(tmp_path: Path, cubes: Path)
     result = run("solve", missing, wrong, cubes)
     assert result.exit_code == 2
     assert "missing.toml" in result.stderr
-    assert "wrong.toml: case[1] 'close it'.nominall: unknown key 'nominall', did you mean 'nominal'?" in result.stderr
+    line = wrong.read_text().splitlines().index("nominall = 3") + 1
+    said = f"wrong.toml:{line}: case[1] 'close it'.nominall: unknown key 'nominall', did you mean 'nominal'?"
+    assert said in result.stderr
     assert "Traceback" not in result.stderr
     assert "close it" in result.stdout  # the good file is solved all the same
     files = document(run("solve", missing, cubes, "--json").stdout)
@@ -355,7 +358,12 @@ def test_keep_outs_are_kept_and_shown(tmp_path: Path) -> None:
     assert around["parameters"] == pytest.approx({"TX": 1.0, "TY": 0.25}, abs=1e-8)
     assert around["keep_out_gaps"] == pytest.approx({"rib": 0.0, "far": 48.5}, abs=1e-8)
     assert (around["modelled"]["keep_outs_kept"], around["modelled"]["keep_outs_total"]) == (1, 2)
-    assert around["problem"]["keep_out"][0]["name"] == "rib"
+    told = json.loads(result.stdout)
+    assert (told["schema"], told["version"]) == ("fcdm_opt solve 1", fcdm_opt.__version__)
+    assert [own["problem"]["scene"] for own in (around, ignored)] == [0, 1]  # bodies are there once, not once a case
+    assert told["scenes"][0]["keep_out"][0]["name"] == "rib"
+    problem = Problem.from_dict({**told["scenes"][0], "case": around["problem"]["case"]})
+    assert problem.to_dict()["bodies"] == told["scenes"][0]["bodies"]
     assert ignored["parameters"] == pytest.approx({"TX": 1.0, "TY": 0.0}, abs=1e-8)
     assert ignored["keep_out_gaps"] == {}
     assert no_way["status"] in ("INFEASIBLE", "NOT_FOUND")

@@ -94,7 +94,11 @@ def test_commands_of_a_package_that_is_missing_stand_in_the_overview_and_say_wha
     overview = run("--help").stdout
     for name in ("bench", "stability"):
         assert re.search(rf"^  {name} ", overview, re.MULTILINE)
-        for words in (["--quick", "--out", "out"], ["--help"], []):
+        shown = run(name, "--help")
+        assert shown.exit_code == 0
+        assert "pip install ./benchmarks" in shown.stdout
+        assert f"fcdm-opt {name} --quick" in shown.stdout
+        for words in (["--quick", "--out", "out"], []):
             result = run(name, *words)
             assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
             assert result.stderr.startswith(f"error: {name}: needs the package fcdm_opt_benchmarks: pip install ")
@@ -159,7 +163,7 @@ def test_errors_are_one_line_and_valid_json_where_that_is_asked_for(
     asked = run(*line.split(" "), "--json")
     assert asked.exit_code == 2
     document = json.loads(asked.stdout)
-    assert (document if isinstance(document, dict) else document[0])["error"]
+    assert (document if "error" in document else document["files"][0])["error"]
 
 
 @pytest.mark.parametrize("command", ["curve", "solve", "range", "map"])
@@ -271,7 +275,7 @@ def test_a_range_along_several_parameters_takes_the_motion_found(tmp_path: Path)
     result = run("range", path, "--json")
     assert result.exit_code == 0
     assert "no --direction given; along the motion found, TZ 0.04 + TX" in result.stderr
-    (case,) = json.loads(result.stdout)[0]["cases"]
+    (case,) = json.loads(result.stdout)["files"][0]["cases"]
     assert case["direction"]["TZ"] == pytest.approx(0.04)
     path.write_text(
         path.read_text().replace('requirement = "A"', "target = [1.0, 1.0]").replace("tolerance = 0.02", "")

@@ -313,3 +313,18 @@ def test_time_that_is_up_is_told():
     found = compensation_map(problem, seconds=1e-3, error=1e-9)
     assert found.reached > found.error
     assert (found.at(*pairs(found, 100, 9).T).region >= 0).all()
+
+
+def test_transforms_of_a_map_are_those_of_its_motions():
+    """Of the probe before a slab: a shift by the gap that 4 - rho_1 - 3 rho_2 leaves; nan outside the box."""
+    found = slab_map("touch")
+    rho = np.array([[1.01, 0.99], [1.0, 1.01], [9.0, 9.0]])
+    at = found.at(*rho.T)
+    assert at.transforms.shape == (3, 4, 4)
+    moved = np.tile(np.eye(4), (2, 1, 1))
+    moved[:, 0, 3] = at.parameters[:2, 0]
+    np.testing.assert_allclose(at.transforms[:2], moved, atol=1e-14)
+    assert np.isnan(at.transforms[2]).all()
+    assert CompensationMap.from_dict(found.to_dict()).at(1.01, 0.99).transforms.shape == (4, 4)
+    with pytest.raises(InputError, match="knows the transforms"):
+        found.table.at(1.0, 1.0).transforms  # noqa: B018

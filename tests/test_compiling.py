@@ -42,6 +42,7 @@ def part(x):
 """
 CALLER = "from fcdm_opt.compiling import kernel\nfrom callee import part\n@kernel\ndef whole(x):\n    return part(x)\n"
 CALL = "import sys; sys.path.insert(0, sys.argv[1]); from caller import whole; print(whole(1.0))"
+LOGGED = "import logging; logging.basicConfig(); logging.getLogger('fcdm_opt').setLevel('INFO'); "
 
 
 @pytest.mark.parametrize("kind", ["step"])  # and in the end the other
@@ -53,7 +54,7 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
     def answer(**said: Any) -> tuple[float, int]:
         (folder / "callee.py").write_text(CALLEE.format(kind=kind, **said))
         done = subprocess.run(
-            [sys.executable, "-B", "-c", CALL, str(folder)],
+            [sys.executable, "-B", "-c", LOGGED + CALL, str(folder)],
             env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
             capture_output=True,
             text=True,
@@ -132,6 +133,17 @@ def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
     for made in list(compiling._ALL):
         said = compiling._read(made.py_func.__code__, made.py_func, [])
         assert " at 0x" not in repr(said), made
+
+
+def test_compiling_in_a_library_call_prints_nothing(tmp_path: Path) -> None:
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE.format(kind="step", factor=2.0, share=0.0))
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", CALL, str(tmp_path)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("2.0\n", "")
+    assert list(tmp_path.rglob("*.nbc"))
 
 
 def test_the_curve_of_a_small_pair_compiles_nothing(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from fractions import Fraction
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcdm_opt_benchmarks import library
 from fcdm_opt_benchmarks.references import shifts
 from fcdm_opt_benchmarks.shapes import box, random_rotation
 from fcdm_opt_benchmarks.stability.motion_bodies import _least_shift as least_of_boxes
@@ -246,3 +248,18 @@ def test_a_motion_out_of_the_fit_is_one_where_the_judge_passes_it(
     case = {"status": status, "usable": False, "certificate": {"passed": passed}, "seconds": {"solve": 1.0}}
     case |= {"lower_bound": 11.975, "gap": 0.0, "parameters": {"TZ": 11.975}}
     assert answer_fcdm_opt.answer(case)["claim"] == claim
+
+
+def test_the_data_set_is_found_in_an_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing lies beside the package; what is installed so is what `benchmarks/setup.py` names."""
+    package = tmp_path / "fcdm_opt_benchmarks"
+    shutil.copytree(FOLDER, package / "question_files")
+    monkeypatch.setattr(library, "__file__", str(package / "library.py"))
+    monkeypatch.delitem(sys.modules, "score", raising=False)
+    script = library.dataset_script.__wrapped__("score")
+    assert Path(script.__file__) == package / "question_files" / "score.py"
+    monkeypatch.delitem(sys.modules, "score", raising=False)
+    told = (FOLDER.parent / "setup.py").read_text(encoding="utf-8")
+    assert 'DATASET: "dataset"' in told
+    assert all(f'"*{path.suffix}"' in told for path in FOLDER.iterdir() if path.suffix not in (".py", ".pyc", ""))
+

@@ -113,7 +113,7 @@ def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Pa
         assert "--box LOW1,HIGH1,LOW2,HIGH2" in errors
         more = ("--error", 0.05) if command[0] == "map" else ()
         code, text, _ = run(*command, "--box", "0.99,1.0,1.0,1.01", *more, "--json")
-        (case,) = json.loads(text)[0]["cases"]
+        (case,) = json.loads(text)["files"][0]["cases"]
         assert code == 0
         box = case["map"]["box"] if "map" in case else case["as_drawn"]["box"]
         assert box == [[0.99, 1.0], [1.0, 1.01]]
@@ -125,7 +125,7 @@ def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Pa
 
 def test_whatif_sets_any_key(tmp_path: Path) -> None:
     code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "B", "--set", "tolerance=0.02", "--json")
-    (case,) = json.loads(text)[0]["cases"]
+    (case,) = json.loads(text)["files"][0]["cases"]
     assert code == 0
     draft = math.tan(math.radians(5))
     assert case["whatif"]["after"]["amount"] == pytest.approx(10 * 0.04 / draft - 5 * 0.02, rel=1e-9)
@@ -137,7 +137,7 @@ def test_whatif_sets_any_key(tmp_path: Path) -> None:
 
 def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
     code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 0.1, "--compare", "--json")
-    (case,) = json.loads(text)[0]["cases"]
+    (case,) = json.loads(text)["files"][0]["cases"]
     assert code == 0
     assert case["budget"]["requirements"]["A"]["tolerance"] == pytest.approx(0.02, rel=1e-6)  # 5 tau = 0.1
     assert case["compare"]["rows"][0]["amount"] <= 0.05 * (1 + 1e-9)
@@ -161,7 +161,7 @@ def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
 def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 1.0, "--error", 0.05)
     code, text, _ = run(*arguments, "--out", tmp_path, "--json")
-    (case,) = json.loads(text)[0]["cases"]
+    (case,) = json.loads(text)["files"][0]["cases"]
     names = {path.name for path in tmp_path.iterdir()}
     assert code == 0
     assert names >= {"peg_tapered-A-map.json", "peg_tapered-A-map.csv", "peg_tapered-A-map.png"}
@@ -174,10 +174,10 @@ def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> 
     (tmp_path / "sizes.csv").write_text("peg,hole\n1.0,1.0\n1.01,1.0\n0.99,1.0\n")
     sizes = ("--sizes", tmp_path / "sizes.csv", "--columns", "peg,hole")
     code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", *sizes, "--json")
-    (case,) = json.loads(text)[0]["cases"]
+    (case,) = json.loads(text)["files"][0]["cases"]
     assert code == 0
     assert case["as_drawn"]["interference"] == pytest.approx(1 / 3)
     assert run("pose", PROBLEMS / "peg_tapered.toml", "--clearance", "1")[0] == 2
     code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=-inf,0.5", *sizes, "--json")
-    (case,) = json.loads(text)[0]["cases"]
+    (case,) = json.loads(text)["files"][0]["cases"]
     assert (code, case["best_pose"]["window"]) == (0, [None, 0.5])

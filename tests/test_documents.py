@@ -242,7 +242,7 @@ def exists(name: str) -> bool:
 
 
 def test_the_first_result_is_what_the_first_line_prints() -> None:
-    page = next(page for page in PAGES if page.name == "README.md")
+    page = next(page for page in PAGES if page.path.name == "paper-examples.md")
     shown = next(block.text for block in page.blocks if block.text.startswith("example1.toml: "))
     printed = CliRunner().invoke(app, ["solve", "--certify", str(ROOT / "problems/example1.toml")])
     assert printed.exit_code == 0
@@ -256,6 +256,7 @@ def test_the_first_screens_are_short() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     head = re.sub(r"(?s)```.*?```|<(?:img|source).*?>", "", text[: text.index("## Your own parts")])
     assert len(head.split()) <= 350
+    assert len(text.split()) <= 1800
 
 
 def test_the_glossary_is_what_reports_explain() -> None:

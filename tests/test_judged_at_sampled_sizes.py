@@ -193,8 +193,8 @@ def test_commands_say_that_they_judged(tmp_path):
     assert result.exit_code == 0, result.output
     assert "judged with parts made anew" in result.output
     result = CliRunner().invoke(app, ["stack", file, "--case", "as drawn", "--draws", "5000", "--json"])
-    cases = json.loads(result.stdout)[0]["cases"]
+    cases = json.loads(result.stdout)["files"][0]["cases"]
     assert all(case["yield"]["certificate"]["passed"] for case in cases)
     asked = ["pose", "problems/example1_touch.toml", "--case", "A", "--clearance", "0,inf", "--json"]
     result = CliRunner().invoke(app, asked)
-    assert json.loads(result.stdout)[0]["cases"][0]["best_pose"]["certificate"]["passed"], result.output
+    assert json.loads(result.stdout)["files"][0]["cases"][0]["best_pose"]["certificate"]["passed"], result.output

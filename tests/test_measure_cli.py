@@ -15,10 +15,11 @@ from typer.testing import CliRunner
 from fcdm_opt.cli import app
 from fcdm_opt.cli.guarding import BAD_INPUT
 from fcdm_opt.errors import InputError
-from fcdm_opt_benchmarks import record
+from fcdm_opt_benchmarks import contacts as contact_methods
+from fcdm_opt_benchmarks import motions, record
 from fcdm_opt_benchmarks.chart import bench
 from fcdm_opt_benchmarks.comparing import compared
-from fcdm_opt_benchmarks.method import Method, one_by_one
+from fcdm_opt_benchmarks.method import ContactAnswer, Method, one_by_one, read_methods
 from fcdm_opt_benchmarks.record import BenchRun, Load
 from fcdm_opt_benchmarks.stability import contacts, failures, worker
 from fcdm_opt_benchmarks.stability.case import HardCase
@@ -161,3 +162,42 @@ def test_a_system_that_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record.psutil, "cpu_times", unreadable)
     assert record.machine()["cores"]
     assert record.Watch().load().others is None
+
+
+RIVAL = """
+from fcdm_opt_benchmarks.method import ContactAnswer, Method, one_by_one
+
+def prepare(pair, setting):
+    return one_by_one(lambda question: ContactAnswer(0.5))
+
+METHODS = {"contact": [Method("half", "mine", {"only": 1.0}, prepare)]}
+"""
+
+
+def test_a_rival_of_a_file_is_added_to_its_chart(tmp_path: Path) -> None:
+    path, known = tmp_path / "rival.py", {"contact": contact_methods.METHODS, "motion": motions.METHODS}
+    path.write_text(RIVAL)
+    (rival,) = read_methods(path, known)["contact"]
+    assert rival.prepare(None, 1.0)([None, None]) == [ContactAnswer(0.5)] * 2
+    with pytest.raises(InputError, match=r"rival\.py.*unusable method"):
+        read_methods(path, {"contact": [rival]})  # its name is taken
+    wrong = {"1 / 0": "ZeroDivisionError", "": "no methods", "METHODS = {'shape': []}": "contact, motion"}
+    for text, said in wrong.items():
+        path.write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_methods(path, known)
+
+
+def test_the_command_takes_rivals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+
+    def stopped(**given: Any) -> None:
+        asked.update(given)
+        raise InputError("enough")
+
+    monkeypatch.setattr(bench, "bench", stopped)
+    (tmp_path / "rival.py").write_text(RIVAL)
+    line = ["bench", "--quick", "--only", "contact", "--method", str(tmp_path / "rival.py"), "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, line).exit_code == 2
+    assert [method.name for method in asked["rivals"]["contact"]] == ["half"]
+

@@ -136,7 +136,7 @@ def test_a_part_that_fits_is_found_by_the_same_question():
 def test_the_exit_code_tells_whether_there_is_a_motion(name, code):
     result = run("solve", PROBLEMS / f"{name}.toml", "--json")
     assert result.exit_code == code
-    (document,) = json.loads(result.stdout)
+    (document,) = json.loads(result.stdout)["files"]
     assert len(document["cases"]) == len(problems(name))
 
 

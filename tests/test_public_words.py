@@ -19,7 +19,12 @@ import numpy as np
 body = fo.Body.convex(np.eye(4)[:, :3], seed="box")
 problem = fo.Problem(body, body, motion=fo.Translation("z") >> fo.Rotation("z", centre="origin"), target=(1.0, 1.0),
                      goal="touch", pair="any", path="free", amount="weighted", unit="mm", nominal="drawn")
-fo.solve(problem, effort="quick")
+solution = fo.solve(problem, effort="quick", model="nlp")
+fo.Translation("-x") >> fo.OwnMotion(lambda q: q, [("TX", "translation")])
+fo.Body.from_file("peg.stl", unit="cm", file_unit="in", decomposition="exact", seed="vertices")
+fo.Study(problem, sampling="random", effort="proved")
+fo.budget(problem, 1.0, requirements=["B"])
+solution.pair_state == "touching", solution.features[0].kind == "V1F2", problem.goal == "clear"
 fo.Problem(body, body, motion=fo.Translation("z"), requirement="A", tolerance=0.02, made="worst", contacts="all")
 """
 WRONG = {
@@ -34,6 +39,19 @@ WRONG = {
     'made="worst"': 'made="wurst"',
     'contacts="all"': 'contacts="al"',
     'centre="origin"': 'centre="orign"',
+    'model="nlp"': 'model="npl"',
+    '("-x")': '("-q")',
+    '"translation")': '"translaton")',
+    'unit="cm"': 'unit="centimetre"',
+    'file_unit="in"': 'file_unit="inch"',
+    'decomposition="exact"': 'decomposition="exactly"',
+    'seed="vertices"': 'seed="vertex"',
+    'sampling="random"': 'sampling="randm"',
+    'effort="proved"': 'effort="prooved"',
+    'requirements=["B"]': 'requirements=["E"]',
+    '== "touching"': '== "touch"',
+    '== "V1F2"': '== "V1F3"',
+    '== "clear"': '== "cleer"',
 }
 
 
@@ -72,3 +90,32 @@ def test_what_single_precision_does_not_explain_is_refused():
     for change in (1.001, 0.0, -1.0):
         with pytest.raises(fo.InputError, match="rigid motion"):
             body.moved((np.diag([change, 1.0, 1.0, 1.0])).astype(np.float32))
+
+
+def test_the_package_lists_its_public_names_alone():
+    assert dir(fo) == fo.__all__
+    assert not [name for name in dir(fo) if name.startswith("_") and name != "__version__"]
+
+
+def test_a_unit_is_carried_from_the_bodies_to_the_problem():
+    """By all that makes bodies of others too; what contradicts it is refused."""
+    one, two = (fo.Body.convex(np.eye(4)[:, :3] + [k, 0, 0], seed="box", name="tip", unit="mm") for k in (0, 1))
+    assert repr(one).endswith("extent 1 x 1 x 1 mm)")
+    assert one.scaled(1.1).moved(np.eye(4)).unit == fo.as_body(one).unit == "mm"
+    asked = {"target": (0.9, 0.9), "goal": "touch", "motion": fo.Translation("x")}
+    problem = fo.Problem(one, two, **asked)
+    assert problem.unit == "mm"
+    assert "motion TX, mm)" in repr(problem)
+    again = fo.Problem.from_dict(problem.to_dict())
+    assert again.unit == again.static.unit == "mm"
+    plain = fo.Body.convex(np.eye(4)[:, :3], name="plain")
+    assert fo.Problem(one, plain, **asked).unit == "mm"
+    with pytest.raises(fo.InputError, match="different units"):
+        fo.Problem(one, two, keep_out=[fo.Body.convex(two.vertices, unit="in")], **asked)
+    with pytest.raises(fo.InputError, match="not the unit of the bodies; found 'in'"):
+        problem.changed(unit="in")
+    with pytest.raises(fo.InputError, match="unknown unit"):
+        fo.Body.convex(two.vertices, unit="inch")
+    parts = {"one": one, "two": two}
+    joined = [{"parts": ("one", "two"), "goal": "touch"}]
+    assert fo.Assembly(parts, joined, motions={"one": fo.Translation("x")}).unit == "mm"

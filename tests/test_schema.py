@@ -250,10 +250,13 @@ def test_the_page_of_the_command_line_has_every_command_and_option():
 
 
 def test_the_page_of_the_api_names_everything_public():
-    text = (HOME / "docs" / "api.md").read_text("utf-8")
+    pages = sorted((HOME / "docs" / "api").glob("*.md"))
+    text, listed = "\n".join(page.read_text("utf-8") for page in pages), (HOME / "docs" / "api.md").read_text("utf-8")
     named = re.findall(r"^::: (\S+)", text, re.M)
     assert len(named) == len(set(named))
     assert {name.rsplit(".", 1)[1] for name in named} >= set(fo.__all__) - {"__version__"}
+    assert {f"`{name.rsplit('.', 1)[1]}`" for name in named} == set(re.findall(r"`\w+`", listed.split("|---|")[1]))
+    assert all(f"(api/{page.name})" in listed for page in pages)
     for name in named:  # where they are said to be
         module, _, own = name.rpartition(".")
         found = getattr(importlib.import_module(module), own)

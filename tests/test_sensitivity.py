@@ -6,6 +6,7 @@ import json
 import pickle
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import casadi
@@ -13,15 +14,17 @@ import numpy as np
 import pytest
 from ordinary import box, problems
 from scipy.spatial import HalfspaceIntersection
+from scipy.spatial.transform import Rotation as Turn
 
 from fcdm_opt import solver
 from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution
 
 BOX = ((0.5, 2.5), (0.5, 2.5))
@@ -400,3 +403,76 @@ def test_it_is_worked_out_once_and_survives_plain_data_and_pickle():
     assert np.isnan(Solution.from_dict(data).sensitivity.vertices["P1V1"]).all()
     with pytest.raises(InputError, match="target"):
         Sensitivity.from_dict({key: value for key, value in data["sensitivity"].items() if key != "target"})
+
+
+def slightly(seed: np.ndarray, k: int, step: float) -> np.ndarray:
+    """A small shift along an axis, or a small turn about it through a point."""
+    T = np.eye(4)
+    if k < 3:
+        T[k, 3] = step
+        return T
+    T[:3, :3] = Turn.from_rotvec(step * np.eye(3)[k - 3]).as_matrix()
+    T[:3, 3] = seed - T[:3, :3] @ seed
+    return T
+
+
+def motion_found(problem: Problem) -> np.ndarray:
+    return np.array(list(solve(problem).parameters.values()))
+
+
+def differences(problem: Problem, changed: Any, step: float = 1e-4) -> np.ndarray:
+    """Central differences of the motion, solved anew; with the length that the problem has."""
+    ends = (motion_found(changed(sign * step).changed(length=problem.length)) for sign in (1.0, -1.0))
+    return (next(ends) - next(ends)) / (2.0 * step)
+
+
+MOVED: list[tuple[str, Motion]] = [
+    ("touch", Translation("x") >> Translation("y") >> Translation("z")),
+    ("clear", Translation("x") >> Rotation("z")),
+    ("touch", Free()),
+    ("beyond", Translation("z") >> Rotation("z", centre="origin")),
+]
+
+
+@pytest.mark.parametrize(("goal", "motion"), MOVED, ids=lambda own: own if isinstance(own, str) else "".join(own.names))
+def test_the_motion_changes_with_the_pose_as_differences_of_exact_solves_say(goal: str, motion: Motion) -> None:
+    """Of hulls in general position, with fewer contacts than parameters: that takes the constraints' curvature."""
+    if goal == "beyond":
+        problem = load_problems("problems/example1.toml")[1]
+    else:
+        rng = np.random.default_rng(3)
+        one, two = (Body.convex(rng.normal(size=(10, 3)) + centre) for centre in ([0, 0, 0], [4, 0.3, 0.2]))
+        target = (1.02, 0.98) if goal == "touch" else (1.7, 1.8)
+        problem = Problem(one, two, target=target, goal=goal, motion=motion)
+    told, body = solve(problem).sensitivity.motion_by_pose, problem.request["movable"]
+    for k in range(6):
+        found = differences(problem, lambda h, k=k: problem.changed(movable=body.moved(slightly(body.seed, k, h))))
+        assert told[:, k] == pytest.approx(found, abs=1e-5 * (1.0 + np.abs(found).max()))
+
+
+def test_the_motion_changes_with_sizes_as_differences_of_exact_solves_say() -> None:
+    """A block above a slab goes down by their gap, 1 less what its foot and the slab's top come out larger by."""
+    block = Body.convex([*product((-1, 1), (-1, 1), (2, 4))], seed=(0, 0, 3), name="block")
+    slab = Body.convex([*product((-3, 3), (-3, 3), (-1, 1))], seed=(0, 0, 0), name="slab")
+    sizes = (
+        Size("foot", "movable", faces="-z", tolerance=0.1),
+        Size("top", "static", faces="+z", tolerance=0.1),
+        Size("shrink", "movable", scale="z", tolerance=0.1),
+    )
+    made = {"foot": 0.01, "top": 0.02, "shrink": 0.03}
+    problem = Problem(
+        block, slab, sizes=sizes, made=made, goal="touch", motion=Translation("x") >> Translation("z")
+    )
+    told = solve(problem).sensitivity
+    expected = {"foot": 1.0, "top": 1.0, "shrink": 1.0}  # the foot is 1 below the seed
+    for name, rate in expected.items():
+        assert told.motion_by_size[name] == pytest.approx([0.0, rate], abs=1e-9)
+        found = differences(problem, lambda h, name=name: problem.changed(made={**made, name: made[name] + h}))
+        assert found == pytest.approx([0.0, rate], abs=1e-6)
+    assert told.motion_by_pose[1, :3] == pytest.approx([0.0, 0.0, -1.0])
+    assert np.isnan(told.motion_by_pose[:, 3]).all()  # tilted, another edge of the foot comes first to either side
+    again = Sensitivity.from_dict(json.loads(json.dumps(told.to_dict())))
+    assert again.motion_by_size["top"].tolist() == told.motion_by_size["top"].tolist()
+    earlier = {key: value for key, value in told.to_dict().items() if not key.startswith("motion")}
+    assert Sensitivity.from_dict(earlier).motion_by_pose.shape == (2, 6)
+

@@ -90,7 +90,7 @@ def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> No
     line = ("map", KEY, "--case", "as drawn", "--over", "key_foot,slot_depth", "--budget", 0.15, "--error", 2e-2)
     code, text, _ = run(*line, "--out", tmp_path, "--json")
     assert code == 0
-    case = json.loads(text)[0]["cases"][0]
+    case = json.loads(text)["files"][0]["cases"][0]
     assert case["map"]["over"] == ["key_foot", "slot_depth"]
     depths = np.linspace(-0.05, 0.05, 200_001)
     share = np.mean(ndtr(3.0) - ndtr(np.clip((depths - 0.025) / (0.02 / 3), -3.0, 3.0)))  # foot >= depth - 0.025
@@ -135,10 +135,10 @@ def test_a_size_with_a_space_in_its_name_is_set_on_the_command_line(tmp_path: Pa
     ):
         code, text, said = run("whatif", file, "--set", change, "--json")
         assert code == 0, said
-        assert json.loads(text)[0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(amount, abs=1e-12)
+        assert json.loads(text)["files"][0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(amount, abs=1e-12)
     both = ("--set", "made=worst", "--set", "size.peg length.tolerance=[0, 0.3]")
     code, text, _ = run("whatif", file, *both, "--json")
-    assert json.loads(text)[0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(0.5, abs=1e-12)
+    assert json.loads(text)["files"][0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(0.5, abs=1e-12)
     for change, word in (
         ("made.peg lenght=0.02", "no such size, did you mean 'peg length'?"),
         ("size.peg lenght.tolerance=0.02", "no such size, did you mean 'peg length'?"),

@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from scipy.special import ndtr, ndtri
+from scipy.stats import norm, truncnorm
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.stack.spread import _Draw, _scores, moments, spreads
+from fcdm_opt.problem.entries import SizeEntry
+from fcdm_opt.problem.schema import checked
 from fcdm_opt.show.printing import console
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -354,7 +357,7 @@ def run(*arguments: Any) -> tuple[int, str]:
 def test_faces_are_listed_by_name() -> None:
     code, text = run("faces", PROBLEMS / "slot_and_key.toml", "--json")
     assert code == 0
-    faces = json.loads(text)[0]["faces"]["static"]
+    faces = json.loads(text)["files"][0]["faces"]["static"]
     bottom = next(face for face in faces if face["plane"] == "y = 12")
     assert (bottom["face"], bottom["normal"], bottom["area"]) == ("F7", "+y", pytest.approx(10.125 * 30))
     code, text = run("faces", PROBLEMS / "slot_and_key.toml")
@@ -404,7 +407,7 @@ def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
     line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 5000, "--cost", "key_width=1")
     code, text = run(*line, "--json", "--out", tmp_path)
     assert code == 0
-    case = json.loads(text)[0]["cases"][0]
+    case = json.loads(text)["files"][0]["cases"][0]
     assert case["stack"]["worst"]["least"] == pytest.approx(0.0325, abs=1e-12)
     assert case["stack"]["worst"]["largest"] == pytest.approx(0.0955, abs=1e-9)
     assert case["yield"]["count"] == 5000
@@ -417,10 +420,15 @@ def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
     assert "of the worst case" in text
 
 
-def test_a_stack_without_sizes_says_what_to_write() -> None:
+def test_a_stack_without_sizes_says_what_to_write(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["stack", str(PROBLEMS / "boxes.toml")])
     assert result.exit_code == 2
     assert "[[size]]" in result.stderr
+    assert result.stderr.count("error: ") == 1  # once, not once a case
+    path = tmp_path / "own.toml"
+    text = (PROBLEMS / "boxes.toml").read_text(encoding="utf-8")
+    path.write_text(f"{text}\n#[[size]]\n#name = \"a\"\n# [[size]]  # as init leaves it\n", encoding="utf-8")
+    assert "2 are there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
 
 
 # ----------------------------------------------------------------------------------------------- who contributes what
@@ -513,3 +521,69 @@ def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
         with console().capture() as said:
             print_stack(stack, drawn)
         assert ("another one decides" in said.get().replace("\n", " ")) == differ
+
+
+def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """A channel of 20 + d about a block of 19 + e: the gap is (1 + d - e) / 2."""
+    stack = stacked(box((-9.5, -5, -5), (9.5, 5, 5)), channel(20.0), inner(0.2), replace(BLOCK, tolerance=0.1))
+    wider, larger = np.linspace(-0.2, 0.2, 5), np.linspace(-0.1, 0.1, 3)[:, None]
+    found = stack.gap({"gap": wider, "block": larger})
+    assert found.shape == (3, 5)
+    np.testing.assert_allclose(found, (1.0 + wider - larger) / 2.0, atol=1e-12)
+    assert isinstance(stack.gap({"gap": 0.1}), float)
+    with pytest.raises(fo.InputError, match="do not broadcast"):
+        stack.gap({"gap": wider, "block": np.zeros(2)})
+    lines = str(stack).splitlines()
+    assert capsys.readouterr().out == ""
+    assert lines[0].split() == ["gap", "at"]
+    assert sum(line.startswith(("gap ", "block ")) for line in lines) == 2  # one row a size
+    assert repr(stack).startswith("StackUp(gap ")
+    assert "\n" not in repr(stack)
+
+
+SIGMAS: list[tuple[dict[str, float], Any]] = [
+    ({"sigma": 0.004}, norm(0.015, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01}, norm(0.01, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01, "low": 0.008}, truncnorm(-0.5, np.inf, 0.01, 0.004)),
+    ({"sigma": 0.02, "mean": 0.0, "low": -0.02, "high": 0.03}, truncnorm(-1.0, 1.5, 0.0, 0.02)),
+]
+
+
+@pytest.mark.parametrize(("normal", "truth"), SIGMAS)
+def test_a_size_is_distributed_by_its_standard_deviation(normal: dict[str, float], truth: Any) -> None:
+    """The gap is 0.03 - w; of w with tolerance [0, 0.03], limits leave P(0.012 <= w <= 0.02) by scipy."""
+    size = fo.Size("w", "movable", faces="+x", tolerance=(0.0, 0.03), distribution={"normal": normal})
+    bodies = box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1))
+    stack = stacked(*bodies, size, limits=(0.01, 0.018))
+    told, drawn = stack.root_sum_square(), stack.yield_(200_000)
+    assert told.mean == pytest.approx(0.03 - truth.mean(), abs=1e-12)
+    assert told.deviation == pytest.approx(truth.std(), rel=1e-9)
+    share = truth.cdf(0.02) - truth.cdf(0.012)
+    assert drawn.share == pytest.approx(share, abs=5.0 * np.sqrt(share * (1.0 - share) / 2e5))
+
+
+def test_pairs_drawn_beyond_the_tolerances_meet_the_contacts_that_are_there() -> None:
+    """A step that no size within the tolerance brings into contact first, but most of those drawn: a block of 10 + w
+    ends 1 before a wall, its step, which does not move, 1.05: beyond w = -0.05 the gap stays 1.05."""
+    long, step = [*product((0.0, 10.0), (0.0, 1.0), (0.0, 1.0))], [*product((0.0, 9.95), (2.0, 3.0), (0.0, 1.0))]
+    body = fo.Body.from_parts([long, step], seed=(0, 0, 0), name="stepped")
+    spread = {"normal": {"sigma": 0.05, "mean": -0.1, "low": -0.2, "high": 0.0}}
+    face = {"through": (10.0, 0.5, 0.5)}
+    size = fo.Size("w", "movable", faces=[face], tolerance=0.01, distribution=spread)
+    stack = stacked(body, box((11.0, 0, 0), (12.0, 3.0, 1)), size)
+    assert len(stack.rows) == 1
+    assert stack.yield_(20_000).largest == pytest.approx(1.05, abs=1e-12)
+    stack.yield_(2_000).claims()
+
+
+def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
+    for wrong, named in (({"sigma": 0.01, "cp": 1.0}, "cp"), ({"sigma": -1.0}, "sigma"), ({"mean": 0.0}, "normal")):
+        told = {"normal": wrong}
+        size = fo.Size("w", "movable", faces="+x", tolerance=0.1, distribution=told)
+        with pytest.raises(fo.InputError, match=named):
+            spreads([size])
+        entry = {"name": "w", "body": "movable", "faces": "+x", "tolerance": 0.1, "distribution": told}
+        with pytest.raises(fo.InputError, match=next(iter(wrong)) if named == "normal" else named):
+            checked(SizeEntry, entry)
+    known = checked(SizeEntry, {**entry, "distribution": {"normal": {"sigma": 0.004}}}).size()
+    assert spreads([known]) == [fo.Normal(0.0, 0.004)]

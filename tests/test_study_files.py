@@ -760,7 +760,7 @@ WRONG = [
     ('parameters = { x = "y", y = "x" }\nderive = { snap = "x" }',
      "parameters: .*circle; found 'x -> y -> x'|'y -> x -> y'"),
     ('parameters = { x = "x" }\nderive = { snap = "x" }', "circle"),
-    ('parameters = { x = "y", y = "x" }\nderive = { snap = "x" }', "study.toml: parameters: parameters follow"),
+    ('parameters = { x = "y", y = "x" }\nderive = { snap = "x" }', "study.toml:3: parameters: parameters follow"),
     ('parameters = { x = nan }\nderive = { snap = "x" }', "parameters.x"),
     ('parameters = { x = true }\nderive = { snap = "x" }', "parameters.x"),
     ('parameters = { pi = 3 }\nderive = { snap = "pi" }', "parameters.pi: this name has a meaning"),

@@ -404,6 +404,17 @@ def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said[-1].startswith("7,950 of 10,000 points")
 
 
+def test_equal_points_of_a_fresh_folder_are_not_from_before(tmp_path: Path) -> None:
+    """The second half repeats the first, of which rows are there when it is met: from this very run."""
+    values = [0.001 * k for k in range(1, 7)]
+    asked, said = Study(EXAMPLE, {"tolerance": [*values, *values]}, cases=["B"], effort="quick"), list[str]()
+    run_study(asked, tmp_path, jobs=1, say=said.append)
+    assert said[-1].startswith("12 of 12 points")
+    assert "from before" not in said[-1]
+    run_study(asked, tmp_path, jobs=1, say=said.append)
+    assert said[-1] == "12 of 12 points (12 from before)"
+
+
 def test_nothing_is_said_unasked(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     run_study(Study(EXAMPLE, {"tolerance": [0.01]}, cases=["B"]), tmp_path, jobs=1)
     assert capfd.readouterr() == ("", "")

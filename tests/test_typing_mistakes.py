@@ -136,3 +136,32 @@ def test_what_is_clear_is_left_as_it_is(text: str) -> None:
     except tomllib.TOMLDecodeError as found:
         reason = found
     assert mistake(text, reason) == str(reason)
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("bodies.movable.seed", 3), ("size[2] 'depth'.tolerance", 9), ("case[2] 'B'.limits.TX", 15),
+        ("case 'B'.goal", 14),
+        ("case[2] 'B'.Rotation.centre", 14), ("case[1] 'A'", 11), ("nothing", None),
+    ],
+)  # fmt: skip
+def test_a_key_of_a_file_is_named_with_its_line(tmp_path: Path, key: str, line: int | None) -> None:
+    """Where it stands, or else the table in which it would."""
+    path = tmp_path / "own.toml"
+    path.write_text(
+        'title = "own"\n[bodies.movable]\nseed = [\n  1, 2, 3]\n[[size]]\nname = "width"\n[[size]]\nname = "depth"\n'
+        'tolerance = 0.1\n\n[[case]]\nname = "A"\ngoal = "touch"\n[[case]]\nlimits = { TX = [0, 1] }\nname = "B"\n'
+    )
+    told = str(InputError("wrong", file=path, key=key))
+    assert told == f"{path}{'' if line is None else f':{line}'}: {key}: wrong"
+
+
+def test_of_thousands_of_names_an_error_lists_the_first() -> None:
+    names = [f"F{k}" for k in range(5000)]
+    told = str(InputError("no such face", key="faces", found="F9999", allowed=", ".join(names)))
+    assert len(told) < 1000
+    listed = told.partition("allowed: ")[2]
+    assert listed.startswith("F0, F1, F2")
+    shown = listed.partition(", ... and ")[0].count(",") + 1
+    assert listed.endswith(f", ... and {5000 - shown:,} more")

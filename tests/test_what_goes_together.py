@@ -52,7 +52,7 @@ def test_the_table_of_an_assembly_was_said_to_be_written_and_was_not(tmp_path: P
     files = sorted((PROBLEMS / "assemblies").glob("*.toml"))
     table = tmp_path / "t.csv"
     found = CliRunner().invoke(app, ["solve", str(files[0]), "--table", str(table), "--json"])
-    told = json.loads(found.stdout)[0]["cases"]
+    told = json.loads(found.stdout)["files"][0]["cases"]
     assert f"wrote {table}" in found.stderr
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     assert [row["case"] for row in rows] == [case["name"] for case in told]
@@ -102,7 +102,7 @@ def test_a_range_refuses_keep_outs_that_it_cannot_answer_for() -> None:
 
 def test_what_a_range_cannot_answer_leaves_the_rest_of_it() -> None:
     asked = ["range", str(PROBLEMS / "bracket.toml"), "--case", "A flush above the ribs", "--json"]
-    (case,) = json.loads(CliRunner().invoke(app, asked).stdout)[0]["cases"]
+    (case,) = json.loads(CliRunner().invoke(app, asked).stdout)["files"][0]["cases"]
     assert case["events"]
     assert "kept clear of by more" in case["contact_times"]["error"]
 

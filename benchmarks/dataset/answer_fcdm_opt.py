@@ -115,8 +115,9 @@ def document(command: str, files: Sequence[Path], *options: str) -> list[Mapping
     """Return what `fcdm-opt` says of some files; the command of this Python's environment goes before the path's."""
     beside = shutil.which("fcdm-opt", path=str(Path(sys.executable).parent))
     asked = [beside or "fcdm-opt", command, *map(str, files), "--json", *options]
-    made: list[Mapping[str, Any]] = json.loads(subprocess.run(asked, stdout=subprocess.PIPE, check=False).stdout)
-    return made
+    made = json.loads(subprocess.run(asked, stdout=subprocess.PIPE, check=False).stdout)
+    files_said: list[Mapping[str, Any]] = made["files"]
+    return files_said
 
 
 def main() -> None:

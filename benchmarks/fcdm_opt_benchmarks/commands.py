@@ -15,6 +15,7 @@ from fcdm_opt.cli.guarding import NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
+    from fcdm_opt_benchmarks.method import Method
     from fcdm_opt_benchmarks.record import BenchRun
 
 LISTED = 3  # scenes in which a rival is ahead
@@ -33,16 +34,29 @@ def bench_command(
         list[str] | None,
         typer.Option("--only", metavar="PART", help="contact, curve, motion, growth or models; may be repeated."),
     ] = None,
+    method: Annotated[
+        list[Path] | None,
+        typer.Option("--method", metavar="FILE.py", help="Add the rivals in its METHODS; may be repeated."),
+    ] = None,
     compare: Compare = None,
 ) -> None:
     """Chart speed against accuracy: every method at several settings, against exact references.
 
-    The quick form takes about two minutes, the full form nearly an hour.
+    The quick form takes about two minutes, the full form nearly an hour. A rival of your own is a file that defines
+    METHODS = {"contact": [Method(...)]}, for "contact", "curve" or "motion".
     """
+    from fcdm_opt_benchmarks import contacts, curves, motions
     from fcdm_opt_benchmarks.chart import bench, results
+    from fcdm_opt_benchmarks.method import read_methods
 
+    known = {"contact": contacts.METHODS, "curve": curves.METHODS, "motion": motions.METHODS}
+    rivals: dict[str, tuple[Method, ...]] = {}
+    for path in method or ():
+        taken = {task: (*own, *rivals.get(task, ())) for task, own in known.items()}
+        for task, own in read_methods(path, taken).items():
+            rivals[task] = (*rivals.get(task, ()), *own)
     old = _earlier(compare, "bench", out)
-    run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=say)
+    run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, rivals=rivals, say=say)
     _recorded(run, old, out, partial(results.write, run))
     typer.echo(results.summary(run, most=LISTED))
     raise typer.Exit(NOT_VERIFIED if bench.wrong(run) else SOLVED)

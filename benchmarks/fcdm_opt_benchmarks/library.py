@@ -66,8 +66,9 @@ def rounding_upward() -> Iterator[None]:
 
 @cache
 def dataset_script(name: str) -> Any:
-    """Return a script of the data set, which lies beside this package, as a module."""
-    folder = str(Path(__file__).parents[1] / "dataset")
+    """Return a script of the data set as a module: it lies beside this package, or in it where that is installed."""
+    beside, within = Path(__file__).parents[1] / "dataset", Path(__file__).with_name("question_files")
+    folder = str(beside if beside.is_dir() else within)
     sys.path.insert(0, folder)
     try:
         return import_module(name)

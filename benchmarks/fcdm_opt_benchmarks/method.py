@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 
@@ -122,3 +125,35 @@ def one_by_one(answer: Callable[[Any], Any]) -> Ask:
         return made
 
     return ask
+
+
+def read_methods(path: Path, known: Mapping[str, Sequence[Method]]) -> dict[str, tuple[Method, ...]]:
+    """Return the methods of a Python file, which is run: its `METHODS`, a dict of lists by task.
+
+    Parameters
+    ----------
+    path : Path
+    known : mapping
+        Task -> the methods that are there already, whose names are taken.
+
+    Raises
+    ------
+    InputError
+        Names the file, and what is wrong with its methods.
+    """
+    try:
+        found = runpy.run_path(str(path)).get("METHODS")
+    except Exception as reason:  # whatever a file may raise
+        raise InputError(f"cannot be run: {type(reason).__name__}: {reason}", file=path) from reason
+    allowed = f"METHODS = {{task: [Method(...)]}} with tasks among {', '.join(known)}"
+    if not isinstance(found, Mapping) or not found or not {*found} <= {*known}:
+        told = found if found is None else list(found) if isinstance(found, Mapping) else type(found).__name__
+        raise InputError("no methods in the file", file=path, key="METHODS", found=told, allowed=allowed)
+    for task, methods in found.items():
+        names = [own.name for own in known[task]]
+        for own in methods:
+            if not isinstance(own, Method) or own.ours or own.name in names:
+                allowed = "a Method with a name that none has yet, and a family other than ours"
+                raise InputError("unusable method", file=path, key=f"METHODS.{task}", found=own, allowed=allowed)
+            names.append(own.name)
+    return {task: tuple(methods) for task, methods in found.items()}

@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, SeedRule
 from fcdm_opt_benchmarks.curves.rays import growth_distance
 from fcdm_opt_benchmarks.method import ContactQuestion, CurveQuestion, Pair
 from fcdm_opt_benchmarks.placed import SeededPart
@@ -221,7 +221,7 @@ class DrawnPair:
             raise InputError("no such separation", key="separation", found=separation, allowed=", ".join(SEPARATIONS))
         rng = np.random.default_rng([seed, vertices, list(SHAPES).index(shape)])
         hulls = [SHAPES[shape].corners(rng, vertices) for _ in range(2)]
-        middle = "box" if SHAPES[shape].parallel else "centroid"  # the centroid would be rounded
+        middle: SeedRule = "box" if SHAPES[shape].parallel else "centroid"  # the centroid would be rounded
         movable, static = (
             Body.convex(hull, seed=middle, name=name) for hull, name in zip(hulls, ("one", "two"), strict=True)
         )

@@ -58,6 +58,8 @@ def _section(command: Any, context: Any) -> Iterator[str]:
     for kind in sorted(groups, key=lambda kind: (kind != "argument", kind == "Output")):
         head = "option" if kind == OPTIONS else kind[0].lower() + kind[1:]
         yield from ("", *_table(head, _records(groups[kind], context)))
+    ends = "; ".join(f"{code} {meaning}" for code, meaning in command.ends.items())
+    yield from ("", f"Exit codes: {_plain(ends)}.")
     if command.epilog:
         yield from ("", "```console", *(f"$ {line}" for line in command.epilog.strip().splitlines()), "```")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
+State = Literal["apart", "overlapping"]
 STEPS = 20_000  # along a ray, at most
 WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
 TOUCHES = 1_000  # instants of touching on one side, at most
@@ -59,7 +60,7 @@ class Touch(Plain):
 class StateSpan(Plain):
     """A stretch low <= x <= high over which the pair is "apart" or "overlapping"."""
 
-    state: str
+    state: State
     low: float
     high: float
 
@@ -104,7 +105,7 @@ class ContactTimes(Plain):
         known = [own for own in each if own is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(each) else None
 
-    def state(self, x: float) -> str:
+    def state(self, x: float) -> State | Literal["unknown"]:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
         return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")
 
@@ -188,14 +189,14 @@ class _OneWay:
         body = problem.movable
         self._local = pair[0] * (np.concatenate([part.vertices for part in body.parts]) - body.seed)
         self._slack = DEFAULT.tie * problem.size
-        self.spans: list[tuple[str, float, float]] = []
+        self.spans: list[tuple[State, float, float]] = []
         self.touches: list[Touch] = []
         self.proved = True
         self._run()
 
     def _run(self) -> None:
         x = start = 0.0
-        state = "overlapping" if self._gap(0.0) < -self._slack else "apart"
+        state: State = "overlapping" if self._gap(0.0) < -self._slack else "apart"
         if abs(self._gap(0.0)) <= self._slack:
             self._touch(0.0, False)
             state = "apart" if self._gap(min(self._floor, self._end)) >= -self._slack * DEFAULT.march else "overlapping"

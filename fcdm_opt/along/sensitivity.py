@@ -18,12 +18,14 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
+from fcdm_opt.along.motion_rates import Field, motion_rates
 from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.resizing import vertex_rates
-from fcdm_opt.model.equations import feature_points
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.amounts import OwnAmount
@@ -283,19 +285,62 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         sizes=_by_size(problem, faces, vertices),
         multipliers=balance.multipliers,
         residual=balance.residual,
+        **_motions(problem, task, q),
     )
+
+
+def _motions(problem: Problem, task: Task, q: Array | None) -> dict[str, Any]:
+    """Return the derivatives of the motion by the problem's sizes, and by the pose of the movable body as drawn."""
+    fields = [_by_pose(task.movable.seed, k) for k in range(6)]
+    fields += [_by_one_size(problem, size) for size in problem.sizes]
+    moved = np.full((len(fields), len(task.weights)), np.nan)
+    if q is not None and task.amount(q) > 0 and not problem.contacts and problem.resolution is None:
+        nominal = _nominal_features(problem, task) if problem.requirement else ()
+        moved = motion_rates(task, q, fields, nominal, problem.target / problem.nominal_pair)
+    by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
+    return {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size}
+
+
+def _by_pose(seed: Array, k: int) -> Field:
+    """Return how points move as body 1 is drawn a little further along an axis, or turned about it through its seed."""
+    axis = np.eye(3)[k % 3]
+
+    def moves(owner: int, point: Array) -> Array:
+        if owner == 2:
+            return np.zeros(3)
+        return axis if k < 3 else np.cross(axis, point - seed)
+
+    return moves
+
+
+def _by_one_size(problem: Problem, size: Size) -> Field:
+    """Return how the vertices of a body as made move with one of its sizes."""
+    body, rates = getattr(problem, size.body), _size_rates(problem, size)
+
+    def moves(owner: int, point: Array) -> Array:
+        if owner != (1 if size.body == "movable" else 2):
+            return np.zeros(3)
+        rows = np.flatnonzero((body.vertices == point).all(axis=1))
+        return np.full(3, np.nan) if rates is None or not len(rows) else np.asarray(rates[rows[0]])
+
+    return moves
 
 
 def _by_size(problem: Problem, faces: Mapping[str, float], vertices: Mapping[str, Array]) -> dict[str, float]:
     """Return the derivatives by the problem's sizes, of bodies as made."""
     found = {}
     for size in problem.sizes:
-        drawn, body = problem.request[size.body], getattr(problem, size.body)
-        made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
-        moves = vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
+        body, moves = getattr(problem, size.body), _size_rates(problem, size)
         key = "P1" if size.body == "movable" else "P2"
         found[size.name] = np.nan if moves is None else by_moves(key, body, moves, faces, vertices)[0]
     return found
+
+
+def _size_rates(problem: Problem, size: Size) -> Array | None:
+    """Return how the vertices of a body as made move a unit of one of its sizes, see `vertex_rates`."""
+    drawn, body = problem.request[size.body], getattr(problem, size.body)
+    made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
+    return vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
 
 
 def by_moves(
@@ -355,19 +400,27 @@ def _shifts(body: Body, moves: Array) -> Array:
 
 def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Rate, ...]:
     """Return the rates of both nominal scales; none where they are numbers that stay as given."""
-    contact = problem.nominal_contact
-    if not isinstance(contact, SwitchingPoint) or not (isinstance(problem.nominal, int) or task.goal in TRACKING):
+    contact, tracked = problem.nominal_contact, _nominal_features(problem, task)
+    if not tracked:
         return ()
-    tracked = tuple(
-        feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))
-        for piece in contact.pieces
-    )
+    assert isinstance(contact, SwitchingPoint)
     flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
     free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), besides=())
     holding = Holding(free, task.rest, Layout.of(task), problem.limits)
     rates = holding.at_rest()
     reasons += holding.reasons
     return rates
+
+
+def _nominal_features(problem: Problem, task: Task) -> tuple[FeaturePoints, ...]:
+    """Return the features of the nominal switching point; none where it is a pair of numbers, which stays as given."""
+    contact = problem.nominal_contact
+    if not isinstance(contact, SwitchingPoint) or not (isinstance(problem.nominal, int) or task.goal in TRACKING):
+        return ()
+    return tuple(
+        feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))
+        for piece in contact.pieces
+    )
 
 
 def _weights_by_length(problem: Problem) -> Array:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, refuse, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
@@ -214,7 +213,7 @@ class Inquiry:
         """
         waiting = sum(len(file.problems) for file in self._opened)
         for file in self:
-            entries, rows = self.say_of("cases", []), []
+            entries, rows, refused = self.say_of("cases", []), [], dict[str, tuple[InputError, list[str]]]()
             for problem in file.problems:
                 entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
                 entries.append(entry)
@@ -225,9 +224,12 @@ class Inquiry:
                     entry["error"] = refuse(reason, f"{file.path}: case {problem.name!r}: {reason}")
                     self.codes.append(NO_MOTION)
                 except InputError as reason:
-                    entry["error"] = _refused(reason, file=file.path, key=f"case {problem.name!r}")
+                    entry["error"] = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
+                    refused.setdefault(str(reason), (reason, []))[1].append(problem.name)
                     self.codes.append(BAD_INPUT)
                 waiting -= 1
+            for met, names in refused.values():  # what is wrong with several cases is said once
+                _refused(met, file=file.path, key=f"case{'s' * (len(names) > 1)} {', '.join(map(repr, names))}")
             if rows and print_all is not None and not self.as_json:
                 with pacing.telling():
                     self.print_head(file)
@@ -239,7 +241,7 @@ class Inquiry:
         for line in self._written:
             say(line)
         failed = [BAD_INPUT] if self.pictures is not None and self.pictures.failed else []
-        finish(self._document if self.as_json else None, [*self.codes, *failed])
+        finish({"files": self._document} if self.as_json else None, [*self.codes, *failed])
 
 
 def code_of(usable: bool, status: str) -> int:
@@ -247,10 +249,8 @@ def code_of(usable: bool, status: str) -> int:
     return SOLVED if usable else NOT_VERIFIED if status == "NOT_VERIFIED" else NO_MOTION
 
 
-def finish(document: Any, codes: Iterable[int]) -> None:
+def finish(contents: Mapping[str, Any] | None, codes: Iterable[int]) -> None:
     """Write the JSON document, if one is wanted, and exit with the most severe code."""
-    if document is not None:
-        from fcdm_opt.plain import finite
-
-        typer.echo(json.dumps(finite(document), indent=2, allow_nan=False))
+    if contents is not None:
+        typer.echo(document(contents))
     raise typer.Exit(max(codes, key=SEVERITY.index, default=SOLVED))

@@ -126,12 +126,12 @@ def whatif_command(
             yield "whatif", whatif(*_changed(file.path, problem.name, values)), tables.print_whatif
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
-        solution: Solution | None = solve(problem, time=math.inf) if plain else None
-        if solution is not None and solution.verified and not solution.usable:  # outside the fit
+        solution: Solution | None = solve(problem, time=math.inf) if plain or conflicts else None
+        if plain and solution is not None and solution.verified and not solution.usable:  # outside the fit
             yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
         if conflicts or (solution is not None and not solution.verified):
-            yield "conflicts", clashing(problem), tables.print_said
-        if drop or (solution is not None and solution.usable):
+            yield "conflicts", clashing(problem if solution is None else solution), tables.print_said
+        if drop or (plain and solution is not None and solution.usable):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
             yield "compare", compared(problem), tables.print_comparison
@@ -281,6 +281,8 @@ def stack_command(
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        if not problem.sizes:
+            raise InputError("there are no sizes", key="size", allowed=f"one [[size]] table or more{_left_out(file)}")
         found = stack_up(problem, limits=limits)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
@@ -302,6 +304,12 @@ def stack_command(
     _each_case(inquiry, asked)
 
 
+def _left_out(file: OpenedFile) -> str:
+    """Return in words how many tables of sizes a file has as comments, as `init` writes them."""
+    count = len(re.findall(r"^\s*#\s*\[\[size\]\]", file.path.read_text(encoding="utf-8-sig"), re.MULTILINE))
+    return f": {count} are there, commented out; take the # away before the lines of those that count" if count else ""
+
+
 def _each_case(
     inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
@@ -312,9 +320,9 @@ def _each_case(
     from fcdm_opt.show.tables import print_case, print_judged
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        if not inquiry.as_json:
-            print_case(file.path.name, problem)
-        for key, answer, printed in asked(file, problem):
+        for number, (key, answer, printed) in enumerate(asked(file, problem)):
+            if not (inquiry.as_json or number):
+                print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
             if not inquiry.as_json:

@@ -12,11 +12,12 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from types import FrameType
+from typing import Any
 
 import typer
 
@@ -33,6 +34,43 @@ EXIT_CODES = (
     (INTERNAL, "a defect of fcdm-opt"),
     (INTERRUPTED, "interrupted"),
 )
+SCHEMA = 1  # of the JSON documents; another one where a key changes its meaning or goes
+SCENE = "bodies", "keep_out", "size"  # of a problem: what several cases share
+_BAD, _TIME = {BAD_INPUT: "bad input"}, {NO_MOTION: "the time given was over"}
+_SOLVED = {SOLVED: "all solved and verified", NO_MOTION: "a case without a motion to use"}
+_NOT_VERIFIED = {NOT_VERIFIED: "a motion that was not verified"}
+ENDS: dict[str, dict[int, str]] = {
+    "init": {SOLVED: "the file is written", **_TIME, **_BAD},
+    "schema": {SOLVED: "all well", **_BAD},
+    "curve": {SOLVED: "all well", **_BAD},
+    "solve": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
+    "range": {SOLVED: "all well", **_BAD},
+    "report": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
+    "whatif": {
+        SOLVED: "answered: that nothing can be done is an answer, too",
+        NO_MOTION: "with --set the changed question has no motion; without options the motion leaves the fit; or the "
+        "time given was over",
+        **_BAD,
+        **_NOT_VERIFIED,
+    },
+    "map": {SOLVED: "all well", **_TIME, **_BAD, NOT_VERIFIED: "a yield that was not confirmed"},
+    "pose": {
+        SOLVED: "a pose that is confirmed",
+        NO_MOTION: "no pose in the window, or none was found in time",
+        **_BAD,
+        NOT_VERIFIED: "a pose that was not confirmed",
+    },
+    "faces": {SOLVED: "all well", **_BAD},
+    "stack": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "a share of pairs that was not confirmed"},
+    "study": {
+        SOLVED: "all points are worked out; that some have no motion is a result",
+        BAD_INPUT: "bad input, of a point too",
+        NOT_VERIFIED: "a point that failed, is left, or was not verified",
+    },
+    "bench": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "an answer of ours is wrong"},
+    "stability": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "an answer of ours is wrong, hung or crashed"},
+}
+"""By command: the exit codes with which it ends, besides those of defects and interrupts, and what they mean there."""
 GRACE, PATIENCE = 0.7, 10.0  # seconds after which a run ends that an interrupt does not get through to; with processes
 BEGUN_BY_OTHERS = ("importlib", "_frozen_importlib", "numba", "llvmlite", "casadi", "coal")
 """Modules in whose midst an interrupt ends the run at once: their code is not made to be left there."""
@@ -40,10 +78,11 @@ BEGUN_BY_OTHERS = ("importlib", "_frozen_importlib", "numba", "llvmlite", "casad
 
 @dataclass(frozen=True)
 class Manner:
-    """How a run speaks: with tracebacks or without, in JSON or in text."""
+    """How a run speaks: with tracebacks or without, in JSON or in text, and for which command."""
 
     debug: bool = False
     as_json: bool = False
+    command: str = ""
 
 
 manner: ContextVar[Manner] = ContextVar("manner", default=Manner())  # noqa: B039 (frozen)
@@ -53,6 +92,33 @@ def say(text: str) -> None:
     """Write a line to stderr; one that nobody can read any more is no reason to stop."""
     with suppress(OSError):
         typer.echo(text, err=True)
+
+
+def document(contents: Mapping[str, Any]) -> str:
+    """Return the JSON document of a command: which schema it has, and the version that wrote it, come first."""
+    from fcdm_opt.plain import finite
+    from fcdm_opt.version import __version__
+
+    scenes: dict[str, dict[str, Any]] = {}
+    told = _with_scenes(finite(contents), scenes)
+    schema = " ".join(filter(None, ("fcdm_opt", manner.get().command, str(SCHEMA))))
+    head: dict[str, Any] = {"schema": schema, "version": __version__}
+    head |= {"scenes": [*scenes.values()]} if scenes else {}
+    return json.dumps({**head, **told}, indent=2, allow_nan=False)
+
+
+def _with_scenes(told: Any, scenes: dict[str, dict[str, Any]]) -> Any:
+    """Return plain data in which problems name their bodies by the number of a scene, each of which is there once."""
+    if isinstance(told, list):
+        return [_with_scenes(item, scenes) for item in told]
+    if not isinstance(told, dict):
+        return told
+    if not {"bodies", "case"} <= told.keys():
+        return {key: _with_scenes(item, scenes) for key, item in told.items()}
+    scene = {key: told[key] for key in SCENE if key in told}
+    number = list(scenes).index(key) if (key := json.dumps(scene)) in scenes else len(scenes)
+    scenes[key] = scene
+    return {"scene": number, **{key: item for key, item in told.items() if key not in SCENE}}
 
 
 def refuse(reason: Exception, text: str | None = None) -> str:
@@ -69,7 +135,7 @@ def stopped(reason: Exception, text: str | None = None, *, code: int = BAD_INPUT
     error = refuse(reason, text)
     if manner.get().as_json:
         try:
-            typer.echo(json.dumps({"error": error}, indent=2))
+            typer.echo(document({"error": error}))
             sys.stdout.flush()
         except OSError:  # a full disk may be the very reason
             _silence()

@@ -17,18 +17,18 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.cli.guarding import ENDS, EXIT_CODES, Manner, guarded, manner, stopped
 from fcdm_opt.cli.showing import shown
 from fcdm_opt.errors import InputError
 
 OPTIONS = "Options"  # heading of options without a group
 LENT = "fcdm_opt.commands"
 """Entry points of commands that another distribution brings: name of a command -> the function that is the command."""
-INSTALL = "needs the package fcdm_opt_benchmarks: pip install -e benchmarks, in a copy of the repository"
+INSTALL = "needs the package fcdm_opt_benchmarks: pip install ./benchmarks, in a copy of the repository"
 
 
 class Command(TyperCommand):
-    """A command whose help ends with examples, one a line of its epilog."""
+    """A command whose help ends with its exit codes, and examples, one a line of its epilog."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line: FILE... without braces."""
@@ -52,10 +52,17 @@ class Command(TyperCommand):
                 formatter.write_dl(groups[group])
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the examples as they are, never folded."""
+        """Write the exit codes, and the examples as they are, never folded."""
+        formatter.write_paragraph()
+        formatter.write_text(f"Exit codes: {'; '.join(f'{code} {meaning}' for code, meaning in self.ends.items())}.")
         if self.epilog:
             formatter.write_paragraph()
             formatter.write("Examples:\n" + "".join(f"  {line}\n" for line in self.epilog.splitlines()))
+
+    @property
+    def ends(self) -> dict[int, str]:
+        """The exit codes with which the command ends, and what they mean."""
+        return ENDS[self.name or ""]
 
 
 class LentCommand(Command):
@@ -67,11 +74,12 @@ class LentCommand(Command):
         Raises
         ------
         InputError
-            Where it is not installed; while a shell completes words, nothing is completed instead.
+            Where it is not installed; its help says so. While a shell completes words, nothing is completed instead.
         """
         points = entry_points(group=LENT, name=self.name or "")
         if not points:
-            if extra.get("resilient_parsing"):
+            if extra.get("resilient_parsing") or {"--help", "-h"} & {*args}:
+                self.help = f"{self.help}\n\nIt {INSTALL}."
                 return super().make_context(info_name, args, parent, **extra)
             raise InputError(INSTALL, key=self.name)
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -124,7 +132,8 @@ class Overview(TyperGroup):
             return super().main(args, standalone_mode=False, **extra)
         words = list(sys.argv[1:] if args is None else args)
         ours = words[: words.index("--")] if "--" in words else words
-        before = manner.set(Manner(debug="--debug" in ours, as_json="--json" in ours))
+        command = next((word for word in ours if word in self.commands), "")
+        before = manner.set(Manner(debug="--debug" in ours, as_json="--json" in ours, command=command))
         words = [word for word in ours if word != "--debug"] + words[len(ours) :]
         try:
             code = super().main(words, standalone_mode=False, **extra)

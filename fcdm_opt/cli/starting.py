@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
+
+if TYPE_CHECKING:
+    from fcdm_opt.geometry.units import Unit
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
@@ -44,7 +47,7 @@ def init_command(
 
     path = Path(own_name(movable, static, SUFFIX)) if out is None else out
     _check_place(path, (movable, static), force)
-    made = draft(movable, static, file=path, unit=unit, deviation=deviation)
+    made = draft(movable, static, file=path, unit=cast("Unit | None", unit), deviation=deviation)
     with suppress(OSError):  # what is wrong with it is said when the file is written
         path.parent.mkdir(parents=True, exist_ok=True)
     write(path, made.text)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
 Vertices = tuple[int, ...]
+Configuration = Literal["F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"]
 _ORDER = {"F": 0, "E": 1, "V": 2}
 
 
@@ -42,11 +43,12 @@ class Contact:
     parallel: bool = False
 
     @property
-    def configuration(self) -> str:
+    def configuration(self) -> Configuration:
         """One of the seven: "F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"."""
         kinds = sorted("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two))
         name = "-".join(sorted(kinds, key=_ORDER.__getitem__))
-        return name + {True: " parallel", False: " crossing"}[self.parallel] if name == "E-E" else name
+        found = name + {True: " parallel", False: " crossing"}[self.parallel] if name == "E-E" else name
+        return cast("Configuration", found)
 
     def labelled(self, feature: Feature) -> Contact:
         """Return the same contact under another feature."""

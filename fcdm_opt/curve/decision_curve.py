@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -161,7 +161,7 @@ class DecisionCurve(Shown):
         return {path: taken.count(path) for path in ("float", "exact")}
 
     @cached_property
-    def status(self) -> str:
+    def status(self) -> CurveStatus:
         """Return "contact", or "apart" or "overlapping" in the whole box."""
         if len(self.regions) == 1:  # without building any segment
             state = self.regions[0].state_in(np.array(self.box, dtype=np.float64).ravel())
@@ -465,7 +465,10 @@ def drawn_curve(movable: Body, static: Body, box: Box) -> DecisionCurve:
     return curve
 
 
-_STATUS = {kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPPING: "overlapping"}
+CurveStatus = Literal["contact", "apart", "overlapping"]
+_STATUS: dict[int, CurveStatus] = {
+    kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPPING: "overlapping",
+}  # fmt: skip
 
 
 def checked_bodies(movable: Body, static: Body) -> None:

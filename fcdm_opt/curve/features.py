@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Literal, cast
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import MANY, names_of_faces, told_element
+
+FeatureKind = Literal["V1V2", "V1E2", "E1V2", "E1E2", "V1F2", "F1V2", "E1F2", "F1E2", "F1F2"]
 
 _VERTICES = r"V[1-9][0-9]*(?:,V[1-9][0-9]*)*"
 _LABEL = re.compile(rf"([VEF])1([VEF])2\(P1({_VERTICES}); ?P2({_VERTICES})\)")
@@ -31,9 +34,9 @@ class Feature:
     two: Element
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> FeatureKind:
         """For instance "V1F2": vertex of body 1 on a face of body 2."""
-        return f"{self.one.kind}1{self.two.kind}2"
+        return cast("FeatureKind", f"{self.one.kind}1{self.two.kind}2")
 
     @property
     def is_flush(self) -> bool:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, Meeting, contact_set, meetings
+from fcdm_opt.curve.contact import Configuration, Contact, Meeting, contact_set, meetings
 from fcdm_opt.curve.envelope import Run
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece
@@ -54,7 +54,7 @@ class Segment:
     run: Run
 
     @property
-    def configuration(self) -> str:
+    def configuration(self) -> Configuration:
         """Which of the seven contact configurations it is, see `Contact.configuration`."""
         return self.run.whole.contact.configuration
 
@@ -148,7 +148,7 @@ class SwitchingPoint:
         return frozen([middle(own) for own in found.values()])
 
     @property
-    def configurations(self) -> tuple[str, ...]:
+    def configurations(self) -> tuple[Configuration, ...]:
         """Which of the seven contact configurations each contact feature is, see `Contact.configuration`."""
         first = {contact.feature: contact.configuration for contact in reversed(self.touching)}
         return tuple(first[feature] for feature in self.contact_features)

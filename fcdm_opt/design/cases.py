@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.design.moved_files import to_csv
+from fcdm_opt.design.moved_files import extra, to_csv
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -17,6 +18,9 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 COLUMNS = (
     "case", "requirement", "goal", "status", "usable", "amount", "lower_bound", "gap", "amount_low",
     "amount_high", "rho_1", "rho_2", "pair_state", "pair_gap", "unit",
@@ -24,8 +28,8 @@ COLUMNS = (
 """Of a table of cases, before the motion's parameters (angles in degrees) and the verdict."""
 
 
-class SolvedCases(Mapping[str, Solution]):
-    """Solutions by the name of their case, in order; `print` shows their verdicts, `to_csv` writes one table."""
+class SolvedCases(Mapping[str, Solution], Shown):
+    """Solutions by the name of their case, in order; `print` shows their verdicts, `to_frame` gives one table."""
 
     def __init__(self, solutions: Mapping[str, Solution]) -> None:
         self._solutions = dict(solutions)
@@ -49,6 +53,11 @@ class SolvedCases(Mapping[str, Solution]):
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each case: numbers, texts and None, with one column for each parameter of any motion."""
         return case_rows(self.items())
+
+    def to_frame(self) -> DataFrame:
+        """Return these rows as a pandas table (extra `tables`); numbers that are not there are nan."""
+        frame: DataFrame = extra("pandas").DataFrame(self.rows(), columns=None if self else list(COLUMNS))
+        return frame
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write these rows as CSV, which Excel opens as a table."""

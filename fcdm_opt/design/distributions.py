@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +20,7 @@ from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real
 
+ALL = 8.0  # deviations beyond which a normal distribution draws nothing that floats of 53 digits could tell
 _ONE_DOWN = 1.0 - np.finfo(np.float64).eps  # k / n times n may round to above k; this takes it back
 
 
@@ -78,17 +80,20 @@ class Normal(_Drawn):
     mean, deviation : float
         Of the whole distribution, before it is cut off; the mean may lie outside the range.
     low, high : float
-        The range, low < high.
+        The range, low < high; by default eight deviations to either side of the mean, which cuts off nothing.
     """
 
     mean: float
     deviation: float
-    low: float
-    high: float
+    low: float = -math.inf
+    high: float = math.inf
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", real(self.mean, "normal.mean", "a finite number"))
         object.__setattr__(self, "deviation", positive(self.deviation, "normal.deviation"))
+        for key, free in (("low", -math.inf), ("high", math.inf)):
+            if getattr(self, key) == free:
+                object.__setattr__(self, key, self.mean + math.copysign(ALL * self.deviation, free))
         self._set_range("normal")
         below, above = self._masses
         if not max(below[1] - below[0], above[0] - above[1]) > 0.0:

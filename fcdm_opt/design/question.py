@@ -21,10 +21,11 @@ from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
+from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, closest, known_sizes
 
@@ -126,7 +127,7 @@ class BodyTable:
     @cached_property
     def body(self) -> Body:
         """The body itself; equal ones are built once a process."""
-        return _built(canonical({key: item for key, item in self.bare.items() if key not in _OF_KEEP_OUTS}), self.role)
+        return _built(canonical({key: item for key, item in self.data.items() if key not in _OF_KEEP_OUTS}), self.role)
 
     @property
     def bare(self) -> Mapping[str, Any]:
@@ -208,7 +209,7 @@ class SceneTables:
     @cached_property
     def unit(self) -> str:
         """The unit that the bodies name, "" where none does; raises `InputError` where they differ."""
-        return same_unit({place: table.data.get("unit") for place, table in self.tables.items()}, None)
+        return same_unit({place: table.data.get("unit") for place, table in self.tables.items()})
 
     @cached_property
     def built(self) -> Parts:

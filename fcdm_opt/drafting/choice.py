@@ -13,7 +13,7 @@ from fcdm_opt import pacing
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.motions import Free, Motion, Translation
+from fcdm_opt.motion.motions import XYZ, AxisWord, Free, Motion, Translation
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -26,7 +26,6 @@ MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 SHORT = 2.5  # seconds for one case of large meshes, or of parts whose widths do not go together
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
-AXES = "xyz"
 Contacts = str | tuple[str, ...] | None
 ANY_SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
@@ -111,7 +110,7 @@ def chosen(situation: Situation) -> Choice:
         best: Choice | None = None
         along = Translation(named(situation.normal))
         if situation.large:  # a motion across many faces is soon told along an axis
-            along = Translation(AXES[int(np.abs(situation.normal).argmax())])
+            along = Translation(XYZ[int(np.abs(situation.normal).argmax())])
         # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
         shifts = (along, ANY_SHIFT) if goal == "seat" else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
@@ -157,12 +156,12 @@ def _on_one_side(situation: Situation) -> Choice | None:
     return best
 
 
-def named(axis: Array) -> str | tuple[float, float, float]:
+def named(axis: Array) -> AxisWord | tuple[float, float, float]:
     """Return "x", "y" or "z" for a direction along that axis, either way, else its components."""
     k = int(np.abs(axis).argmax())
     others = math.hypot(*np.delete(axis, k).tolist())
     x, y, z = (0.0 if abs(x) <= NOISE else float(x) for x in axis)
-    return AXES[k] if others <= DEFAULT.nominal else (x, y, z)
+    return XYZ[k] if others <= DEFAULT.nominal else (x, y, z)
 
 
 def _simpler(situation: Situation, choice: Choice) -> Choice:

@@ -18,18 +18,19 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fcdm_opt import beside, pacing
-from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, TOLERANCE, Choice, chosen, named
+from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import known_to
-from fcdm_opt.geometry.files import NANOMETRES, STEP, called, chosen_solid
+from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.geometry.units import NANOMETRES, Unit
+from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.entries import plain_step
 from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -38,7 +39,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-UNIT = "mm"
+UNIT: Unit = "mm"
 OWN_UNIT = (".glb", *STEP)  # files that say themselves what their lengths are
 LARGE = 0.1  # share of the size from which a motion is no correction any more
 TIE = "another motion is as small"
@@ -94,7 +95,7 @@ def draft(
     static: str | Path,
     *,
     file: str | Path,
-    unit: str | None = None,
+    unit: Unit | None = None,
     deviation: float | None = None,
 ) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
@@ -339,7 +340,7 @@ def _nominal(situation: Situation) -> dict[str, Any]:
 def _motions(situation: Situation, choice: Choice) -> list[tuple[Motion, str]]:
     """Return other motions than the one chosen, and what they are."""
     k = int(np.abs(situation.normal).argmax())
-    along, across = AXES[k], AXES[(k + 1) % 3]  # a turn about the normal itself would often change nothing
+    along, across = XYZ[k], XYZ[(k + 1) % 3]  # a turn about the normal itself would often change nothing
     offset = situation.static.seed - situation.movable.seed
     distance = float(np.linalg.norm(offset))
     others: list[tuple[Motion, str]] = [

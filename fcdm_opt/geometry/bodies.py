@@ -12,10 +12,10 @@ from functools import cached_property
 from itertools import combinations
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
@@ -42,9 +42,11 @@ from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import errors_of_faces
+from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
+Seed = SeedRule | Sequence[float] | NDArray[Any]
 SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
@@ -215,6 +217,8 @@ class Body(_Sealed, Shown):
         The numbers, from 0, of the parts of `whole` that these are.
     rounding : float
         Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
+    unit : "m", "cm", "mm", "um", "in", "ft" or ""
+        Of all its lengths, "" where none is named; a `Problem` takes it over, and no number follows from it.
     """
 
     name: str
@@ -231,9 +235,17 @@ class Body(_Sealed, Shown):
     whole: Body | None = field(default=None, repr=False)
     rows: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
+    unit: UnitOrNone = ""
 
     @classmethod
-    def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
+    def convex(
+        cls,
+        vertices: ArrayLike,
+        *,
+        seed: Seed = "centroid",
+        name: str = "body",
+        unit: UnitOrNone = "",
+    ) -> Body:
         """Return the convex hull of points as a body.
 
         Parameters
@@ -244,6 +256,8 @@ class Body(_Sealed, Shown):
             Volume centroid, mean of the vertices, centre of the axis-aligned box, or a point.
         name : str
             Used in messages and pictures.
+        unit : "m", "cm", "mm", "um", "in", "ft" or ""
+            Of the coordinates, see the attribute.
 
         Raises
         ------
@@ -251,7 +265,7 @@ class Body(_Sealed, Shown):
             For anything that is not a finite solid; names the body and the offending row.
         """
         points = _points(vertices, f"body '{name}'")
-        return cls._made(points, [np.arange(len(points))], None, seed, name)
+        return cls._made(points, [np.arange(len(points))], None, seed, name)._in(unit)
 
     @classmethod
     def from_parts(
@@ -260,9 +274,10 @@ class Body(_Sealed, Shown):
         *,
         parts: Iterable[Iterable[int]] | None = None,
         faces: Iterable[Iterable[int]] | None = None,
-        seed: SeedRule | ArrayLike = "centroid",
+        seed: Seed = "centroid",
         name: str = "body",
         deviation: tuple[float, float] = (0.0, 0.0),
+        unit: UnitOrNone = "",
     ) -> Body:
         """Return a union of convex parts as one body.
 
@@ -283,6 +298,8 @@ class Body(_Sealed, Shown):
             Used in messages and pictures.
         deviation : (float, float)
             Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
+        unit : "m", "cm", "mm", "um", "in", "ft" or ""
+            Of the coordinates, see the attribute.
 
         Raises
         ------
@@ -300,7 +317,7 @@ class Body(_Sealed, Shown):
             if len(face) < 3:
                 raise InputError("a face needs at least 3 corners", key=f"body '{name}': face {k + 1}", found=len(face))
         body = cls._made(points, [np.array(part, np.int64) for part in rows], given, seed, name)
-        return replace(body, deviation=_deviation(deviation, name))
+        return replace(body, deviation=_deviation(deviation, name))._in(unit)
 
     @classmethod
     def from_mesh(
@@ -309,8 +326,9 @@ class Body(_Sealed, Shown):
         faces: Iterable[Sequence[int]] | ArrayLike | None = None,
         *,
         decomposition: Method = "auto",
-        seed: SeedRule | ArrayLike = "centroid",
+        seed: Seed = "centroid",
         name: str = "body",
+        unit: UnitOrNone = "",
     ) -> Body:
         """Return the solid inside a closed surface as one body.
 
@@ -328,6 +346,8 @@ class Body(_Sealed, Shown):
             As in `convex`.
         name : str
             Used in messages and pictures.
+        unit : "m", "cm", "mm", "um", "in", "ft" or ""
+            Of the coordinates, see the attribute.
 
         Raises
         ------
@@ -335,7 +355,7 @@ class Body(_Sealed, Shown):
             For a surface that bounds no solid: open, crossing itself, or with no one inside.
         """
         if faces is None:
-            return as_body(vertices, decomposition=decomposition, seed=seed, name=name)
+            return as_body(vertices, decomposition=decomposition, seed=seed, name=name, unit=unit)
         mesh = checked_mesh(vertices, faces, name=name)
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
         pacing.check()
@@ -343,21 +363,23 @@ class Body(_Sealed, Shown):
         pacing.check()
         apart = made.method == "coacd"
         if made.made is not None:
-            return cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)
+            body = cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)
+            return body._in(unit)
         body = cls._made(made.points, list(made.parts), None, origin, name, surface=made.surface, apart=apart)
         out, short = made.deviation
-        return replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
+        body = replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
+        return body._in(unit)
 
     @classmethod
     def from_file(
         cls,
         path: str | Path,
         *,
-        unit: str,
-        file_unit: str | None = None,
+        unit: Unit,
+        file_unit: Unit | None = None,
         deviation: float | None = None,
         decomposition: Method = "auto",
-        seed: SeedRule | ArrayLike = "centroid",
+        seed: Seed = "centroid",
         name: str | None = None,
     ) -> Body:
         """Return the solid in an STL, OBJ, PLY, OFF, GLB or STEP file as one body.
@@ -367,9 +389,9 @@ class Body(_Sealed, Shown):
         path : path
             Several solids of a file are one body; "drive.step#key" is one of them alone, by its name in a STEP, GLB,
             OBJ or text STL file, by its number, from 1, in others.
-        unit : str
-            Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
-        file_unit : str, optional
+        unit : "m", "cm", "mm", "um", "in" or "ft"
+            Of the body's coordinates, and its `unit`.
+        file_unit : "m", "cm", "mm", "um", "in" or "ft", optional
             Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`.
         deviation : float, optional
             Of a STEP file: the chord error, how far triangles may leave its curved faces at most, in `unit`. Default
@@ -404,17 +426,18 @@ class Body(_Sealed, Shown):
                 told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
                 raise told.within(file=path) from reason.__cause__
             body = cls._side_by_side(made, seed, own_name)
-            return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks))
+            return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks), unit=unit)
         out, short = body.deviation
         errors = None
         if read.surfaces is not None:
             errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), read.surfaces))
         own_deviation = out + read.off[0], short + read.off[1]
         notes = (*body.notes, *read.remarks)
-        return replace(body, deviation=own_deviation, facet_errors=errors, notes=notes, rounding=read.rounding)
+        body = replace(body, deviation=own_deviation, facet_errors=errors, notes=notes, rounding=read.rounding)
+        return body._in(unit)
 
     @classmethod
-    def _side_by_side(cls, solids: Sequence[Body], seed: SeedRule | ArrayLike, name: str) -> Body:
+    def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:
         """Return solids whose surfaces cross or touch as one body: the parts of all of them."""
         drawn = [body.face_triangles[0] for body in solids]
         first, same = distinct_rows(np.concatenate(drawn).reshape(-1, 3))
@@ -464,7 +487,7 @@ class Body(_Sealed, Shown):
 
     def __repr__(self) -> str:
         """Return name, counts, seed and extent on one line; the arrays are attributes."""
-        extent = " x ".join(f"{x:.4g}" for x in np.ptp(self.vertices, axis=0).tolist())
+        extent = measured(" x ".join(f"{x:.4g}" for x in np.ptp(self.vertices, axis=0).tolist()), self.unit)
         seed = ", ".join(f"{0.0 if abs(x) <= DEFAULT.weld * self.size else x:.6g}" for x in self.seed.tolist())
         counts = f"{len(self.corners)} corners, {len(self.faces)} faces, convex parts: {len(self.parts)}"
         return f"Body({self.name!r}: {counts}, seed ({seed}), extent {extent})"
@@ -572,11 +595,17 @@ class Body(_Sealed, Shown):
         mesh = checked_mesh(self.vertices, np.concatenate([np.array(own) for own in self.skin]), name=self.name)
         made = by_features(mesh, rule)
         body = Body._made(made.points, list(made.parts), None, self.seed, self.name, surface=made.surface)
-        return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]))
+        return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]), unit=self.unit)
 
     def only(self, rows: Sequence[int]) -> Body:
         """Return the body with some of its parts alone, by number; the whole one stays with it."""
         return replace(self, parts=tuple(self.parts[k] for k in rows), whole=self, rows=tuple(rows))
+
+    def _in(self, unit: str) -> Body:
+        if unit not in ("", *NANOMETRES):
+            allowed = ", ".join(NANOMETRES)
+            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=allowed)
+        return self if unit == self.unit else replace(self, unit=cast("UnitOrNone", unit))
 
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])
@@ -611,14 +640,19 @@ class Body(_Sealed, Shown):
 
 
 def as_body(
-    x: Any, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body", decomposition: Method = "auto"
+    x: Any,
+    *,
+    seed: Seed = "centroid",
+    name: str = "body",
+    decomposition: Method = "auto",
+    unit: UnitOrNone = "",
 ) -> Body:
     """Return a body from a solid in any of the usual forms.
 
     Parameters
     ----------
     x : Body, trimesh.Trimesh, (vertices, faces), coal.Convex or coal BVH model
-        A body comes back as it is, with its own seed and name. A `coal.Convex` is the hull of its points; coal's
+        A body comes back as it is, with its own seed, name and unit. A `coal.Convex` is the hull of its points; coal's
         other shapes are approximated by nothing here. Units are those of the numbers.
     seed : {"centroid", "vertices", "box"} or (3,) array
         See `Body.convex`.
@@ -626,6 +660,8 @@ def as_body(
         Used in messages and pictures.
     decomposition : {"auto", "exact", "surface", "coacd"}
         See `Body.from_mesh`.
+    unit : "m", "cm", "mm", "um", "in", "ft" or ""
+        See `Body.convex`.
 
     Raises
     ------
@@ -636,7 +672,7 @@ def as_body(
         return x
     library = {kind.__module__.partition(".")[0] for kind in type(x).__mro__}
     if "coal" in library and hasattr(x, "convexHull"):
-        return Body.convex(np.array(x.points()), seed=seed, name=name)
+        return Body.convex(np.array(x.points()), seed=seed, name=name, unit=unit)
     if "coal" in library and hasattr(x, "tri_indices"):
         triangles = map(x.tri_indices, range(x.num_tris))
         faces: Any = [(own[0], own[1], own[2]) for own in triangles]  # coal's triangles have three entries, but no end
@@ -649,7 +685,7 @@ def as_body(
         what = f"cannot be made a body: {type(x).__module__}.{type(x).__qualname__}"
         hint = "; for a file Body.from_file(path, unit=...)" if isinstance(x, str) or hasattr(x, "__fspath__") else ""
         raise InputError(what, key=f"body '{name}'", allowed=KNOWN_SOLIDS + hint)
-    return Body.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=name)
+    return Body.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=name, unit=unit)
 
 
 IDENTITY = frozen(np.eye(4))

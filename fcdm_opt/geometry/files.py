@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
@@ -29,9 +30,9 @@ from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
+from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.tolerances import DEFAULT
 
-NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 STEP = (".step", ".stp")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
@@ -106,7 +107,7 @@ def called(path: str | Path) -> str:
 
 
 def drawn_mesh(
-    path: str | Path, *, unit: str, file_unit: str | None = None, deviation: float | None = None
+    path: str | Path, *, unit: Unit, file_unit: Unit | None = None, deviation: float | None = None
 ) -> ReadMesh:
     """Return vertices, faces, remarks, how far they are off the solid in a mesh or STEP file, and its surfaces.
 
@@ -370,7 +371,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         raise ValueError("it ends without 'END-ISO-10303-21'")
     tolerance = deviation
     for _ in range(TRIES):
-        with _messages_to_stderr():
+        with _unheard():
             glb = cascadio.load(
                 data,
                 tol_linear=DEFAULT.tessellation if tolerance is None else 1e3 * tolerance,  # it counts in millimetres
@@ -431,16 +432,21 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
 
 
 @contextmanager
-def _messages_to_stderr() -> Iterator[None]:
-    """Send what the library prints to the error stream: standard output may be a program's result."""
-    sys.stdout.flush()
-    kept = os.dup(1)
+def _unheard() -> Iterator[None]:
+    """Let the library print nothing: standard output may be a program's result, and what is wrong is raised."""
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.flush()
+    kept = {own: os.dup(own) for own in ((1,) if pacing.heard() else (1, 2))}  # a bar of ours may be on the second
+    nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(2, 1)
+        for own in kept:
+            os.dup2(nowhere, own)
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        for own, before in kept.items():
+            os.dup2(before, own)
+            os.close(before)
+        os.close(nowhere)
 
 
 def _lines(data: bytes) -> list[tuple[int, list[str]]]:

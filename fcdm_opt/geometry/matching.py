@@ -165,5 +165,5 @@ def _moved(body: Body, points: Array) -> Body:
         made = Body.from_mesh(drawn, triangles, decomposition=method, seed=body.seed, name=body.name)
     out, short = body.deviation
     errors = body.facet_errors if made.faces == body.faces else None
-    made = replace(made, notes=body.notes, rounding=body.rounding, facet_errors=errors)
+    made = replace(made, notes=body.notes, rounding=body.rounding, facet_errors=errors, unit=body.unit)
     return replace(made, deviation=(out + moved, short + moved))

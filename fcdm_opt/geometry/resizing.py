@@ -311,7 +311,8 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
 def _offset(moving: Resizing, values: Array) -> Body:
     body, (points, rows, parts, surface) = moving.body, _corners_of_parts(moving, values)
     if not parts:
-        return replace(Body.from_parts(points, seed=body.seed, name=body.name), deviation=body.deviation)
+        made = Body.from_parts(points, seed=body.seed, name=body.name, unit=body.unit)
+        return replace(made, deviation=body.deviation)
     if len(body.parts) == 1:
         part = body.parts[0]
         return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
@@ -322,7 +323,7 @@ def _offset(moving: Resizing, values: Array) -> Body:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
     errors = body.facet_errors if made.faces == body.faces else None
-    return replace(made, notes=body.notes, deviation=body.deviation, facet_errors=errors)
+    return replace(made, notes=body.notes, deviation=body.deviation, facet_errors=errors, unit=body.unit)
 
 
 @contextmanager

@@ -55,8 +55,9 @@ class Size(Plain):
         Least and largest deviation from drawn, length units or share; one number t stands for (-t, t).
     distribution : mapping or distribution, optional
         How it is distributed within: {"normal": {"cp": 1.0, "shift": 0.0}} (3 cp deviations to each limit; the shift
-        of the mean from the middle in units of the tolerance), {"uniform": {}} or {"measured": [deviations]}; default
-        normal with cp 1. Or a `Uniform`, `Normal` or `Measured` of deviations.
+        of the mean from the middle in units of the tolerance), {"normal": {"sigma": s}} (standard deviation s, with
+        "mean", default the middle, and "low", "high" where it is cut off), {"uniform": {}} or {"measured":
+        [deviations]}; default normal with cp 1. Or a `Uniform`, `Normal` or `Measured` of deviations.
 
     Raises
     ------

@@ -1,11 +1,41 @@
-"""Lengths and bounds in words, with the unit that a problem names; no number follows from it."""
+"""Units of length, and lengths and bounds in words with the unit that a problem names; no number follows from it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from decimal import ROUND_FLOOR, Context
+from pathlib import Path
+from typing import Literal, cast
+
+from fcdm_opt.errors import InputError
+
+Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
+UnitOrNone = Literal["", Unit]
+NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 
 ROUNDING = 1e-11
 """Of a bound: what floats leave of 0.07 may be 0.06999999999999999, and is shown as it was meant."""
+
+
+def same_unit(given: Mapping[str, str | None], file: Path | None = None) -> UnitOrNone:
+    """Return the unit that bodies, by their places, name; "" where none does. Refuse different ones."""
+    units = {place: unit for place, unit in given.items() if unit}
+    first = next(iter(units), "")
+    for place, unit in units.items():
+        if unit != units[first]:
+            what = "the bodies come in different units"
+            found = f"{place} in {unit}, {first} in {units[first]}"
+            allowed = "one unit for all bodies; file_unit says what a mesh file is in"
+            raise InputError(what, file=file, key=f"{place}.unit", found=found, allowed=allowed)
+    return cast("UnitOrNone", units.get(first, ""))
+
+
+def unit_of(named: str, bodies: Mapping[str, str]) -> UnitOrNone:
+    """Return the unit of a question: that of its bodies, by their places, or else what it names itself."""
+    own = same_unit(bodies)
+    if named and own and named != own:
+        raise InputError("not the unit of the bodies", key="unit", found=named, allowed=f'"{own}", or none')
+    return own or cast("UnitOrNone", named)
 
 
 def measured(length: str, unit: str) -> str:

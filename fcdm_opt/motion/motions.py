@@ -32,6 +32,8 @@ ORIGIN = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
 Kind = Literal["translation", "rotation"]
+AxisWord = Literal["x", "y", "z", "-x", "-y", "-z"]
+XYZ: tuple[AxisWord, AxisWord, AxisWord] = ("x", "y", "z")
 
 
 class Parameter(NamedTuple):
@@ -365,7 +367,7 @@ class Straight(Step):
 class Translation(Straight):
     """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
 
-    axis: str | tuple[float, float, float]
+    axis: AxisWord | tuple[float, float, float]
     direction: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -407,7 +409,7 @@ class Rotation(Straight):
         The movable seed as already moved, the world origin, or a fixed point, world frame.
     """
 
-    axis: str | tuple[float, float, float]
+    axis: AxisWord | tuple[float, float, float]
     centre: Literal["seed", "origin"] | tuple[float, float, float] = "seed"
     direction: tuple[float, ...] = field(init=False, repr=False)
 

@@ -52,7 +52,7 @@ class OwnMotion(Step):
     """
 
     def __init__(
-        self, function: Callable[[Any], Any], parameters: Iterable[tuple[str, str]], name: str = "own motion"
+        self, function: Callable[[Any], Any], parameters: Iterable[tuple[str, Kind]], name: str = "own motion"
     ) -> None:
         if not isinstance(name, str) or not name:
             raise InputError("not a name", key="OwnMotion.name", found=name, allowed="a text")
@@ -63,7 +63,7 @@ class OwnMotion(Step):
         _check(self._function, self._parameters)
 
     @classmethod
-    def from_text(cls, text: str, parameters: Iterable[tuple[str, str]], name: str) -> OwnMotion:
+    def from_text(cls, text: str, parameters: Iterable[tuple[str, Kind]], name: str) -> OwnMotion:
         """Return the motion whose `text` this is, bit for bit."""
         try:
             function = function_of(text)

@@ -23,11 +23,12 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, Length, Unit, checked, closest, declared, known_sizes
+from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -125,7 +126,7 @@ class Assembly:
     lengths: Mapping[str, float]
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
     name: str
-    unit: str
+    unit: UnitOrNone
     fixed: tuple[str, ...]
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
 
@@ -143,7 +144,7 @@ class Assembly:
         lengths: Mapping[str, float] | None = None,
         limits: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
         name: str = "",
-        unit: Literal["", Unit] = "",
+        unit: UnitOrNone = "",
     ) -> None:
         bodies = {
             part: fit_for_sizes(body, tuple(size for size in sizes if size.body == part))
@@ -180,7 +181,7 @@ class Assembly:
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
             "limits": _limits(limits, moved),
             "name": name,
-            "unit": unit,
+            "unit": unit_of(unit, {f"parts.{part}": body.unit for part, body in bodies.items()}),
             "fixed": resting,
         }
         for key, value in own.items():

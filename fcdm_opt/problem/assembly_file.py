@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from fcdm_opt.errors import InputError, placed
+from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import BodyEntry, SizeEntry, StepEntry
-from fcdm_opt.problem.keys import by_name, each, same_unit, unlike_names
+from fcdm_opt.problem.keys import by_name, each, unlike_names
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
 

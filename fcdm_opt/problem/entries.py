@@ -20,7 +20,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
-from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
+from fcdm_opt.geometry.units import Unit
+from fcdm_opt.motion.motions import AxisWord, Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
@@ -32,14 +33,14 @@ from fcdm_opt.problem.schema import (
     Number,
     Pair,
     Point,
-    Unit,
+    Positive,
     closest,
     declared,
     one_of,
     refusal,
 )
 
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
+Axis = AxisWord | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
 _PITCHES: dict[str, float | Literal["free"]] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
@@ -147,11 +148,12 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         if folder is None and not path.is_absolute():
             allowed = "a full path"
             raise InputError("there is no problem file to start from", key="file", found=self.file, allowed=allowed)
+        assert self.unit is not None
         pacing.at(f"reading {path.name!r} and cutting it into convex parts")
         try:
             return Body.from_file(
                 (folder or path) / path,
-                unit=str(self.unit),
+                unit=self.unit,
                 file_unit=self.file_unit,
                 deviation=self.deviation if isinstance(self.deviation, float) else None,
                 decomposition=self.decomposition or "auto",
@@ -176,7 +178,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             body = Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
         else:
             body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
-        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes)}
+        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
         if self.facet_errors is not None:
             errors = np.zeros((len(body.faces), 2))
             for face, *own in self.facet_errors:
@@ -210,11 +212,12 @@ def plain_body(body: Body) -> dict[str, Any]:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
         told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
     told = {key: value for key, value in told.items() if value or key == "facet_errors"}
+    unit = {"unit": body.unit} if body.unit else {}
     if body.hollow:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
         faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]
         surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
-        return {"name": body.name, **surface, **told, "seed": body.seed.tolist()}
+        return {"name": body.name, **surface, **told, "seed": body.seed.tolist(), **unit}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [
@@ -225,7 +228,8 @@ def plain_body(body: Body) -> dict[str, Any]:
     ]
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
-    return {**entry, **told, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
+    faces = [list(face) for face in body.outlines]
+    return {**entry, **told, "faces": faces, "seed": body.seed.tolist(), **unit}
 
 
 class KeepOutEntry(BodyEntry, title="Keep-outs"):
@@ -279,10 +283,31 @@ Selector = Annotated[
 
 
 class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
-    """A normal distribution within a tolerance."""
+    """A normal distribution of a size, by the capability of its process or by its standard deviation."""
 
-    cp: Number = declared(1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33)
+    cp: Positive = declared(
+        1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33
+    )
     shift: Number = declared(0.0, "of the mean from the middle, in units of half the tolerance", 0.1)
+    sigma: Positive | None = declared(
+        None, "standard deviation > 0 in the size's own unit, in place of cp and shift; of what is not cut off", 0.004
+    )
+    mean: Number | None = declared(
+        None, "mean deviation from drawn in the size's own unit, goes with sigma; without it the middle", 0.001
+    )
+    low: Number | None = declared(
+        None, "least deviation, in the size's own unit, as parts beyond are sorted out; goes with sigma", -0.01
+    )
+    high: Number | None = declared(None, "largest deviation, in the size's own unit; goes with sigma", 0.01)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        capable = self.model_fields_set & {"cp", "shift"}
+        for key in ("mean", "low", "high") if self.sigma is None else capable:
+            if key in self.model_fields_set:
+                allowed = "cp and shift, or sigma with mean, low and high"
+                raise refusal("this does not go together", found=getattr(self, key), allowed=allowed, inside=(key,))
+        return self
 
 
 class SpreadEntry(
@@ -290,7 +315,9 @@ class SpreadEntry(
 ):
     """How a size is distributed within its tolerance: exactly one of the keys."""
 
-    normal: NormalSpreadEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
+    normal: NormalSpreadEntry | None = declared(
+        None, "{ cp = 1.0, shift = 0.0 } or { sigma = 0.004, mean = 0.0, low = -0.01, high = 0.01 }", {"cp": 1.0}
+    )
     uniform: dict[str, Number] | None = declared(
         None, "{}: every deviation of the tolerance alike; or { low = .., high = .. } in the size's own unit", {}
     )
@@ -329,9 +356,10 @@ class SizeEntry(Entry, title="Sizes", json_schema_extra=one_of(("faces",), ("sca
     )
     distribution: SpreadEntry | None = declared(
         None,
-        "{ normal = { cp = 1.0, shift = 0.0 } }, { uniform = {} } or { measured = [...] } deviations; without it "
-        "normal with cp 1",
+        "{ normal = { cp = 1.0, shift = 0.0 } }, { normal = { sigma = 0.004, mean = 0.0 } }, { uniform = {} } or "
+        "{ measured = [...] } deviations; without it normal with cp 1",
         {"normal": {"cp": 1.33}},
+        {"normal": {"sigma": 0.004}},
     )
 
     def size(self) -> Size:

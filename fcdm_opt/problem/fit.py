@@ -22,6 +22,7 @@ REST = np.eye(4)
 FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
+NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
 fits, and meshes of round faces out of phase."""
@@ -192,7 +193,10 @@ def verdict(problem: Problem) -> str:
     inner, outer = names[found.inside], names[1 - found.inside]
     widths = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
     wide, room = (measured(width, problem.unit) for width in widths)
-    fit = f"{inner} {wide} in {outer} {room}"
+    fit, lack = f"{inner} {wide} in {outer} {room}", found.inner - found.outer
+    if lack < NEARLY * found.outer:  # digits that differ where nobody reads them
+        room = measured(f"{found.outer:.6g}", problem.unit)
+        fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
     walls = " and ".join(found.walls)
     between = f", between its {walls}" if len(found.walls) == 2 else f", across its {walls}" if walls else ""
     return f"does not fit: {fit}{between}"

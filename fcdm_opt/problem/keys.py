@@ -23,6 +23,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import UnitOrNone, same_unit
 from fcdm_opt.motion.motions import Motion, Step
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount
 from fcdm_opt.problem.entries import AmountEntry, Bodies, BodyEntry, KeepOutEntry, PublishedEntry, SizeEntry, StepEntry
@@ -38,7 +39,6 @@ from fcdm_opt.problem.schema import (
     Real,
     ScaleRange,
     Scales,
-    Unit,
     checked,
     closest,
     declared,
@@ -328,7 +328,7 @@ class Arguments(Case):
     movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], BeforeValidator(_tuple)] = declared((), "Sizes")
-    unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
+    unit: UnitOrNone = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 
 ARGUMENTS = ("movable", "static", *(key for key in Arguments.model_fields if key not in ("movable", "static")))
@@ -528,16 +528,3 @@ def unlike_names(table: str, entries: Sequence[Any]) -> dict[str, Any]:
             raise InputError(what, key=f"{key}.name", found=entry.name, allowed=f"a name that no other {table} has")
         found[key] = entry
     return found
-
-
-def same_unit(given: Mapping[str, str | None], file: Path | None) -> str:
-    """Return the unit that bodies, by their places, name; "" where none does. Refuse different ones."""
-    units = {place: unit for place, unit in given.items() if unit is not None}
-    first = next(iter(units), "")
-    for place, unit in units.items():
-        if unit != units[first]:
-            what = "the bodies come in different units"
-            found = f"{place} in {unit}, {first} in {units[first]}"
-            allowed = "one unit for all bodies; file_unit says what a mesh file is in"
-            raise InputError(what, file=file, key=f"{place}.unit", found=found, allowed=allowed)
-    return units.get(first, "")

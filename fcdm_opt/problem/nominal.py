@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class NominalContact:
 
     movable: Body
     static: Body
-    nominal: int | str | tuple[float, float]
+    nominal: int | Literal["drawn"] | tuple[float, float]
     box: Box
     snap: float
     goal: str | None
@@ -241,7 +241,7 @@ class NominalContact:
         allowed = f"one of {len(points)}: {listed}" if points else "a scale pair; the curve has no switching point"
         raise InputError(what, key="nominal", found=self.nominal, allowed=allowed)
 
-    def default_goal(self, required: bool) -> str:
+    def default_goal(self, required: bool) -> Literal["beyond", "seat", "touch"]:
         """Return the goal where none is asked for; `required` tells whether there is a requirement."""
         contact = self.nominal_contact
         at_point = required and isinstance(contact, SwitchingPoint) and not contact.alone

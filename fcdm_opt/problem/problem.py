@@ -26,6 +26,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Screw
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount, amount
@@ -48,7 +49,7 @@ from fcdm_opt.problem.keys import (
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
 from fcdm_opt.problem.reach import AROUND, Rows, modelled_parts
-from fcdm_opt.problem.schema import Unit, checked, known_sizes
+from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -141,7 +142,8 @@ class Problem(NominalContact, Shown):
     published_text : str
         The reference motion in the words of its source.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
-        Of all lengths, as shown with results; no number follows from it. Without it they are in length units.
+        Of all lengths, as shown with results; no number follows from it. By default that of the bodies; where these
+        name none, lengths are in length units.
 
     Attributes
     ----------
@@ -156,16 +158,16 @@ class Problem(NominalContact, Shown):
 
     movable: Body = field(repr=False)
     static: Body = field(repr=False)
-    nominal: int | str | tuple[float, float]
+    nominal: int | Literal["drawn"] | tuple[float, float]
     tolerance: Any
-    requirement: str | None
+    requirement: Requirement | None
     target: Array
     box: Box
     motion: Motion
-    goal: str
-    pair: str
+    goal: Goal
+    pair: PairState
     clearance: float
-    path: str
+    path: PathWord
     amount: Any
     length: float
     weights: Array
@@ -180,7 +182,7 @@ class Problem(NominalContact, Shown):
     name: str
     published: tuple[float, ...] | None
     published_text: str
-    unit: str
+    unit: UnitOrNone
     request: Mapping[str, Any] = field(init=False, repr=False)
 
     def __init__(
@@ -212,7 +214,7 @@ class Problem(NominalContact, Shown):
         name: str = "",
         published: Sequence[float] | Array | None = None,
         published_text: str = "",
-        unit: Literal["", Unit] = "",
+        unit: UnitOrNone = "",
         **unknown: Any,
     ) -> None:
         given = {key: value for key, value in locals().items() if key in ARGUMENTS}
@@ -390,11 +392,14 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
         # the curve of the parts made has no contact where they are: those drawn are to be restored
         given = {**given, "contacts": given.get("contacts") or "all"}
     asked = _asked(given)
-    names = asked.motion.names
+    names, others = asked.motion.names, keep_outs(asked.keep_out)
+    units = {"movable": asked.movable.unit, "static": asked.static.unit}
+    units |= {f"keep_out[{k}]": other.body.unit for k, other in enumerate(others, 1)}
     request = {
         **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
-        **_matched(asked.movable, asked.static, keep_outs(asked.keep_out), asked.motion),
+        "unit": unit_of(asked.unit, units),
+        **_matched(asked.movable, asked.static, others, asked.motion),
     }
     request |= {role: fit_for_sizes(request[role], own) for role, own in _sizes_of(asked.sizes).items()}
     parts = _parts_made(request)
@@ -448,6 +453,10 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
 
 def _asked(given: Mapping[str, Any]) -> Arguments:
     """Return checked arguments; raises `InputError` for what cannot be asked."""
+    if given.get("made") and not given.get("sizes"):
+        known_sizes(given["made"] if isinstance(given["made"], Mapping) else (), "made", ())
+        allowed = "[[size]] tables, or sizes=[Size(...)]"
+        raise InputError("there are no sizes to be made so", key="made", found=given["made"], allowed=allowed)
     motion, step = given.get("motion"), given.get("resolution")
     if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
         given = {**given, "target": (1.0, 1.0)}

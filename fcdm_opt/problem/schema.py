@@ -31,6 +31,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from fcdm_opt.errors import InputError, checked_path
+from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import mistake, parsed
 
@@ -48,7 +49,6 @@ Bound = Annotated[
     BeforeValidator(lambda end: float(end) if end in ("inf", "-inf") else end),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf"], "type": "string"}]}),
 ]
-Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
@@ -232,6 +232,9 @@ class Entry(BaseModel):
 def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
     """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
     file = checked_path(path, kind)
+    if file.suffix.lower() in mesh_formats:
+        what = f"a mesh file, and no {kind}: fcdm-opt init MOVABLE STATIC writes one about two meshes"
+        raise InputError(what, file=file, allowed=f"a {kind} (TOML)")
     try:
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)

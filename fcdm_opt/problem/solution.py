@@ -24,6 +24,7 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
+MadeState = Literal["apart", "touching", "overlapping", "unknown"]
 Effort = Literal["proved", "quick"]
 EFFORTS = get_args(Effort)
 """What `solve` may spend."""
@@ -181,6 +182,13 @@ class Sensitivity(Plain):
         Constraint -> multiplier, amount per unit of the constraint.
     residual : float
         Share of the amount's gradient that the constraints leave unbalanced.
+    motion_by_pose : (k, 6) array
+        Of the motion's parameters, by how body 1 stands as drawn: per length that it is shifted along the world's x, y
+        and z, and per radian that it is turned about each, through its seed. nan where there is no derivative or none
+        is worked out: the change goes with other contacts to either side, several contacts are restored together, a
+        keep-out or the way of a contact holds the motion, or it is rounded to steps of the machine.
+    motion_by_size : dict
+        Name of each of the problem's sizes -> (k,) array of the same parameters by it, per unit of the size.
     """
 
     exists: bool
@@ -199,6 +207,14 @@ class Sensitivity(Plain):
     sizes: Mapping[str, float]
     multipliers: Mapping[str, float]
     residual: float
+    motion_by_pose: Array
+    motion_by_size: Mapping[str, Array]
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
+        """Rebuild it from plain data, of earlier versions too, which did not work out how the motion changes."""
+        unknown = {"motion_by_pose": [[None] * 6] * len(data.get("limits", ())), "motion_by_size": {}}
+        return super().from_dict({**unknown, **data})
 
 
 class Bounded(Plain):
@@ -295,8 +311,8 @@ class Solution(Bounded, Shown):
     pair_gap : float
         Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 apart, < 0
         overlapping.
-    pair_state : str
-        "apart", "touching" or "overlapping".
+    pair_state : "apart", "touching", "overlapping" or "unknown"
+        "apart", "touching" or "overlapping"; "unknown" where no motion was judged.
     active : tuple of str
         What stops the motion from being smaller.
     modelled : dict
@@ -340,7 +356,7 @@ class Solution(Bounded, Shown):
     features: tuple[Feature, ...] = ()
     pair: Array
     pair_gap: float = float("nan")
-    pair_state: str = "unknown"
+    pair_state: MadeState = "unknown"
     active: tuple[str, ...] = ()
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
@@ -353,8 +369,7 @@ class Solution(Bounded, Shown):
 
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
-        values = list(self.parameters.values())
-        motion = self.problem.motion.describe(values, unit=self.problem.unit) if values else "no motion"
+        motion = upper("show.texts:motion_text")(self) if self.parameters else "no motion"
         amount = measured(f"{self.amount:.4g}", self.problem.amount_unit)
         proved = measured(f"{self.lower_bound:.4g}", self.problem.amount_unit)
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)

@@ -114,8 +114,9 @@ def solution_figure(
         Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
-    shown_at = "shown unmoved, sizes" if solution.transform is None else "sizes shown"
-    sizes = f" ({shown_at}: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)" if (rho != 1.0).any() else ""
+    shown = "shown unmoved" if solution.transform is None else "shown"
+    at = "the sizes drawn" if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times the sizes drawn"
+    sizes = f" ({shown} at {at})"
     return scene_figure(
         **drawn, said=motion_said(solution), title=title, caption=caption.replace("{sizes}", sizes)
     )

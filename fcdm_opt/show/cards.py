@@ -40,6 +40,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.design.cases import SolvedCases
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
     from fcdm_opt.design.fixed_pose.best_pose import BestPose
@@ -213,6 +214,23 @@ def solution_card(solution: Solution) -> Card:
         mood=mood_of(solution),
         picture=before_after_figure(problem, solution),
         told="decision curve before and after the motion, nominal pair and pair made",
+    )
+
+
+def cases_card(cases: SolvedCases) -> Card:
+    """Return the card of several answers: a line for each case."""
+    lines = [
+        (name, solution.status.name, number(solution.amount), solution.problem.amount_unit or "length",
+         _bound(solution, "")[0], solution.pair_state, verdict_text(solution))
+        for name, solution in cases.items()
+    ]  # fmt: skip
+    usable = sum(solution.usable for solution in cases.values())
+    return Card(
+        counted(len(cases), "case"),
+        tables=[(("case", "status", "amount", "of", "proved at least", "pair made", "motion"), lines)],
+        state=f"{usable} of {len(cases)} usable",
+        mood="good" if usable == len(cases) else "bad",
+        most=CHECKS_SHOWN,
     )
 
 
@@ -431,6 +449,7 @@ CARDS: dict[str, Callable[[Any], Card]] = {
     "DecisionCurve": curve_card,
     "Problem": problem_card,
     "Solution": solution_card,
+    "SolvedCases": cases_card,
     "Certificate": certificate_card,
     "CoherentRange": range_card,
     "WhatIf": whatif_card,

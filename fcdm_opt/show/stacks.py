@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -113,36 +115,24 @@ def _place(face: dict[str, Any]) -> tuple[int, str]:
     return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
 
 
-def print_stack(stack: StackUp, share: GapYield) -> None:
-    """Print worst case, statistics, contributions and rows."""
-    worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
-    low, high = stack.limits
+def stack_text(stack: StackUp) -> str:
+    """Return what `print_stack` prints without a yield, as through a pipe."""
+    with redirect_stdout(StringIO()) as said:
+        print_stack(stack)
+    return "\n".join(map(str.rstrip, said.getvalue().rstrip().splitlines()))
+
+
+def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
+    """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
+    worst, spread = stack.worst(), stack.root_sum_square()
     print_rows([
         {"": "worst case, least gap", "gap": f"{worst.least:+.4g}", "at": _sizes(worst.at_least) or DRAWN},
         {"": "worst case, largest gap", "gap": f"{worst.largest:+.4g}", "at": _sizes(worst.at_largest) or DRAWN},
         {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.4g}", "at": f"sigma {spread.deviation:.4g}"},
         {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.4g}", "at": f"mean {spread.mean:+.4g}"},
     ], numbers=("gap",))  # fmt: skip
-    ends = share.interval
-    words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
-    told = zip(words, (low, high), strict=True)
-    within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
-    print_text(
-        f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
-        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
-        f"{spread.share:.4%} by root sum square"
-    )
-    if stack.known_to:
-        print_text(
-            f"the mesh leaves open {share.share_low:.4%} to {share.share_high:.4%}, and gaps from "
-            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)} in the worst cases"
-        )
-    if not ends[0] <= spread.share <= ends[1]:
-        print_text(
-            "they differ: root sum square takes one contact, that of the worst case, as normal; "
-            f"in {spread.elsewhere:.2%} of the pairs drawn another one decides"
-        )
-    print_text()
+    if share is not None:
+        _print_yield(stack, share)
     steepest = max(abs(own.coefficient) for own in stack.contributions)
     print_rows([
         {
@@ -175,6 +165,32 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def _print_yield(stack: StackUp, share: GapYield) -> None:
+    """Print how many of the pairs drawn are within the limits."""
+    worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
+    low, high = stack.limits
+    ends = share.interval
+    words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
+    told = zip(words, (low, high), strict=True)
+    within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
+    print_text(
+        f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
+        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
+        f"{spread.share:.4%} by root sum square"
+    )
+    if stack.known_to:
+        print_text(
+            f"the mesh leaves open {share.share_low:.4%} to {share.share_high:.4%}, and gaps from "
+            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)} in the worst cases"
+        )
+    if not ends[0] <= spread.share <= ends[1]:
+        print_text(
+            "they differ: root sum square takes one contact, that of the worst case, as normal; "
+            f"in {spread.elsewhere:.2%} of the pairs drawn another one decides"
+        )
+    print_text()
 
 
 def print_allocation(found: Allocation) -> None:

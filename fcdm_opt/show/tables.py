@@ -238,7 +238,10 @@ def print_budgets(budgets: Budgets) -> None:
         }
         for budget in budgets.values()
     ]
-    notes = [f"{budget.requirement}: {budget.reason}" for budget in budgets.values()]
+    reasons: dict[str, list[str]] = {}
+    for budget in budgets.values():
+        reasons.setdefault(budget.reason, []).append(budget.requirement)
+    notes = [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
 
 

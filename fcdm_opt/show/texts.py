@@ -180,8 +180,10 @@ def bound_text(solution: Solution | AssemblySolution) -> str:
 
 
 def bound_line(solution: Solution | AssemblySolution) -> str:
-    """Return the lower bound and how near it is, on one line."""
-    return bound_text(solution).replace("\n", ", ")
+    """Return the lower bound with its unit, and how near it is, on one line."""
+    bound, *near = bound_text(solution).split("\n")
+    unit = solution.problem.amount_unit if hasattr(solution, "problem") else solution.assembly.unit
+    return ", ".join([measured(bound, unit) if bound[0].isdigit() else bound, *near])
 
 
 def outcome_text(solution: Solution) -> str:

@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Answer, Task
-from fcdm_opt.motion.motions import Free, Translation
+from fcdm_opt.motion.motions import XYZ, Free, Translation
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
@@ -32,7 +32,7 @@ from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
 
-AXES = tuple(map(Translation, "xyz"))  # what a free motion shifts along
+AXES = tuple(map(Translation, XYZ))  # what a free motion shifts along
 STAGE_APART = "4: descent over the ways apart"
 STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment

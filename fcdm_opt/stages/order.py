@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
@@ -30,6 +31,10 @@ def satisfied(task: Task) -> Answer | None:
     return task.answer(task.rest, "0: met without motion", modelled=task.modelled(), status=status)
 
 
+StageName = Literal[
+    "satisfied", "together", "shift", "straight", "translations", "one parameter", "rotations", "descent", "ways apart",
+    "directions", "branch and bound", "nlp", "full",
+]  # fmt: skip
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": satisfied,
     "together": together,  # several contacts at once: nothing after it takes them

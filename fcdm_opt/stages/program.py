@@ -307,7 +307,7 @@ def _compiled(
     return casadi.nlpsol("smallest_motion", "sqpmethod" if method == "sqpmethod" else "ipopt", nlp, options)
 
 
-_QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+_QUIET = {"calc_lam_p": False, "print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 _IPOPT = {**_QUIET, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.bound_relax_factor": 0.0}
 _OPTIONS: dict[str, dict[str, Any]] = {
     "sqpmethod": {

@@ -96,7 +96,7 @@ def _asked(file: Path, question: str, axis: int, seconds: float) -> tuple[str, s
             static,
             target=(rho, 1.0),
             goal="touch" if question == "touch" else "clear",
-            motion=fo.Translation("xyz"[axis]),
+            motion=fo.Translation("xyz"[axis]),  # type: ignore[arg-type]
             unit="mm",
         )
     except fo.InputError as reason:

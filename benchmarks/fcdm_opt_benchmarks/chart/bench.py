@@ -26,8 +26,8 @@ Tables "growth" and "models": see there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from time import perf_counter
@@ -116,7 +116,12 @@ class ChartTask:
 
 
 def bench(
-    *, quick: bool = False, seed: int = 1, only: Collection[str] = PARTS, say: Say = lambda text: None
+    *,
+    quick: bool = False,
+    seed: int = 1,
+    only: Collection[str] = PARTS,
+    rivals: Mapping[str, Sequence[Method]] = {},
+    say: Say = lambda text: None,
 ) -> BenchRun:
     """Measure all methods against the exact references.
 
@@ -128,6 +133,8 @@ def bench(
         Of all that is drawn at random.
     only : collection of str
         Which of `PARTS` to measure; the tables of the others stay empty.
+    rivals : mapping
+        Task -> further methods, see `read_methods`.
     say : callable
         Is told what is measured next.
 
@@ -143,6 +150,7 @@ def bench(
     rng, yardstick = np.random.default_rng(seed), list[float]()
     makers = {"contact": contact_task, "curve": curve_task, "motion": motion_task}
     tasks = [make(quick, seed) for name, make in makers.items() if name in only]
+    tasks = [replace(task, methods=(*task.methods, *rivals.get(task.name, ()))) for task in tasks]
     chart = [row for task in tasks for row in charted(task, rng, yardstick, say)]
     compared, faults = 0, list[Row]()
     if "curve" in only:

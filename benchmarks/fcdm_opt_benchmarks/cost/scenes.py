@@ -11,7 +11,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion.motions import Motion, Rotation, Translation
+from fcdm_opt.motion.motions import XYZ, Motion, Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt_benchmarks.pairs import SHAPES
@@ -84,7 +84,8 @@ def scene(name: str, seed: int) -> Problem:
 
 def motion_of(parameters: int) -> Motion:
     """Return the motion of 1, 2, 3 or 6 parameters: shifts along x, then y and z, and turns about z, then x and y."""
-    shifts, turns = ([kind(axis) for axis in axes] for kind, axes in ((Translation, "xyz"), (Rotation, "zxy")))
+    shifts: list[Motion] = [Translation(axis) for axis in XYZ]
+    turns: list[Motion] = [Rotation(axis) for axis in XYZ[-1:] + XYZ[:2]]
     first, *others = {1: shifts[:1], 2: [shifts[0], turns[0]], 3: [*shifts[:2], turns[0]],
                       4: [*shifts, turns[0]], 5: [*shifts, *turns[:2]], 6: [*shifts, *turns]}[parameters]  # fmt: skip
     motion: Motion = first

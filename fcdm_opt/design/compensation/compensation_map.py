@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar
@@ -24,9 +25,13 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.motion.kinematics import Kinematics
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real, positive, whole
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.schema import checked
 
 BUDGET = 20_000
 SECONDS = 120.0
@@ -137,7 +142,20 @@ class CompensationMap(Plain, Shown):
 
     def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
         """Return the motion for pairs of sizes, with bounds of its error, see `Table.at`."""
-        return self.table.at(rho1, rho2)
+        return replace(self.table.at(rho1, rho2), posed=None if self.problem is None else self._transforms)
+
+    def _transforms(self, parameters: Array) -> Array:
+        """Return the transforms, (..., 4, 4), of motions, (..., k)."""
+        posed = self._kinematics.transforms(parameters).reshape(*parameters.shape[:-1], 4, 4)
+        unknown = np.asarray(np.isnan(parameters).any(axis=-1))
+        return np.where(unknown[..., None, None], np.nan, posed)
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        file = checked(ProblemFile, self.problem or {})
+        bodies, _ = file.both_bodies(None)
+        motion: Motion = file.case[0].arguments(file.defaults)["motion"]
+        return motion.kinematics(bodies.movable.seed, bodies.static.seed)
 
     def __str__(self) -> str:
         (low_1, high_1), (low_2, high_2) = self.box

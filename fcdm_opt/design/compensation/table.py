@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
@@ -53,6 +53,20 @@ class MapPoints:
     error: Array
     displacement_error: Array
     region: Ints
+    posed: Callable[[Array], Array] | None = field(default=None, repr=False)
+
+    @property
+    def transforms(self) -> Array:
+        """The same motions as transforms of the movable body, (..., 4, 4); nan where there is none.
+
+        Raises
+        ------
+        InputError
+            Where the points are those of a table alone, or of a map that does not know its problem.
+        """
+        if self.posed is None:
+            raise InputError("only a map that has its problem knows the transforms", key="transforms")
+        return self.posed(self.parameters)
 
     @property
     def undecided(self) -> Flags:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -25,8 +25,10 @@ from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
+from fcdm_opt.tolerances import DEFAULT
 
-BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
+Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
+BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 EFFORT = 20_000  # cells: a second or two for two parameters
 DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
 
@@ -79,7 +81,7 @@ class BestPose(Shown, Plain):
         "status", "parameters", "motion", "transform", "amount", "worst_gap", "violation", "least", "most", "value",
         "lower_bound", "certified", "cells", "checks", "sizes", "window", "seconds",
     )  # fmt: skip
-    status: str
+    status: Verdict
     parameters: dict[str, float]
     motion: str
     transform: Array
@@ -340,7 +342,8 @@ def _told(
     problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
 ) -> BestPose:
     """Return the judged result for a pose, by the ends of the range of its gaps and how far they are off the window."""
-    q = q + 0.0
+    q = np.where(np.abs(problem.weights * q) <= DEFAULT.weld * problem.size, 0.0, q)
+    least, most = (end.without_rounding(problem.size) for end in (least, most))
     pose = BestPose(
         parameters=problem.motion.by_name(q),
         motion=problem.motion.describe(q.tolist(), unit=problem.unit),

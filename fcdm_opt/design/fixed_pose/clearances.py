@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
 
 QUANTILES = (0.0, 0.00135, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.99865, 1.0)  # with three deviations to each side
 BINS = 50
@@ -52,6 +53,10 @@ class EndOfRange(Plain):
     feature: str
     direction: Array
     names: tuple[str, ...] = SCALES
+
+    def without_rounding(self, size: float) -> EndOfRange:
+        """Return the same, touching where the gap is only what digits leave of coordinates of so large bodies."""
+        return replace(self, gap=0.0) if 0.0 < abs(self.gap) <= DEFAULT.weld * size else self
 
     @property
     def sizes_text(self) -> str:
@@ -219,8 +224,8 @@ def _told(
     return Clearances(
         transform=frozen(transform),
         box=box,
-        least=ends[0],
-        most=ends[1],
+        least=ends[0].without_rounding(problem.size),
+        most=ends[1].without_rounding(problem.size),
         doubt=doubt,
         sizes=frozen(pairs),
         source=source,

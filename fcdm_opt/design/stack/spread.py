@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
-from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
+from fcdm_opt.design.distributions import ALL, Distribution, Measured, Normal, Uniform
 from fcdm_opt.design.sizes import proportion_interval
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims, ShareClaim
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real, whole
+from fcdm_opt.tolerances import DEFAULT
 
 CHUNK = 2**13  # pairs of parts that are drawn at a time: what they need stays in the processor's cache
-ALL = 8.0  # deviations beyond which a normal distribution draws nothing that floats of 53 digits could tell
 MOST = 10**9
 OTHERS, SEED = 100_000, 20_011  # pairs of parts drawn otherwise, to judge a share by
 BINS = 200  # of the gaps that are kept for pictures
@@ -89,29 +89,65 @@ def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:
         key = f"size '{size.name}'.distribution"
         kind = next(iter(told)) if isinstance(told, dict) and len(told) == 1 else None
         if kind not in ("normal", "uniform", "measured"):
-            allowed = '{"normal": {"cp": 1.0, "shift": 0.0}}, {"uniform": {}}, {"measured": [...]} or a distribution'
+            allowed = '{"normal": {"cp": 1.0, "shift": 0.0}}, {"normal": {"sigma": 0.01, "mean": 0.0}}, '
+            allowed += '{"uniform": {}}, {"measured": [...]} or a distribution'
             raise InputError("unusable distribution", key=key, found=told, allowed=allowed)
         if kind == "measured":
             found.append(Measured(np.asarray(told[kind])))
         elif told[kind] and not isinstance(told[kind], Mapping):
             raise InputError("unusable distribution", key=f"{key}.{kind}", found=told[kind], allowed="a table")
-        elif not size.half > 0.0:
-            found.append(size.middle)
+        elif kind == "normal" and "sigma" in (told[kind] or {}):
+            found.append(_normal_of_sigma(size, told[kind], key))
         elif kind == "uniform" and told[kind]:
             if set(told[kind]) != {"low", "high"}:
                 raise InputError("unusable distribution", key=key, found=told, allowed="{}, or low and high")
             found.append(Uniform(**told[kind]))
+        elif not size.half > 0.0:
+            found.append(size.middle)
         elif kind == "uniform":
             assert size.tolerance is not None
             found.append(Uniform(*size.tolerance))
         else:
             given = {"cp": 1.0, "shift": 0.0, **(told[kind] or {})}
             if set(given) != {"cp", "shift"}:
-                raise InputError("unusable distribution", key=key, found=told, allowed="cp and shift of a normal one")
+                allowed = "of a normal one cp and shift, or sigma and mean, low, high"
+                raise InputError("unusable distribution", key=key, found=told, allowed=allowed)
             deviation = size.half / (3.0 * positive(given["cp"], f"{key}.cp"))
             mean = size.middle + real(given["shift"], f"{key}.shift", "a finite number") * size.half
-            found.append(Normal(mean, deviation, mean - ALL * deviation, mean + ALL * deviation))
+            found.append(Normal(mean, deviation))
     return found
+
+
+def _normal_of_sigma(size: Size, told: Mapping[str, Any], key: str) -> Normal:
+    """Return the normal distribution of a size that is told by its standard deviation."""
+    if wrong := [name for name in told if name not in ("sigma", "mean", "low", "high")]:
+        allowed = "mean, low and high"
+        raise InputError("not with sigma", key=f"{key}.normal.{wrong[0]}", found=told[wrong[0]], allowed=allowed)
+    with placed(key=key):
+        ends = {name: told[name] for name in ("low", "high") if name in told}
+        sigma = positive(told["sigma"], "normal.sigma")
+        return Normal(told.get("mean", size.middle), sigma, **ends)
+
+
+def drawn_from(touching: TouchingSizes) -> TouchingSizes:
+    """Return the rows that count for the pairs of parts drawn: where these may be beyond the tolerances, further ones.
+
+    So far as three deviations of a normal distribution reach, within which a normal size of cp 1 keeps its tolerance.
+    """
+    sources, wider = spreads(touching.sizes), []
+    for size, source in zip(touching.sizes, sources, strict=True):
+        assert size.tolerance is not None
+        (low, high), slack = size.tolerance, DEFAULT.nominal * size.half
+        least, most = (source, source) if isinstance(source, float) else source.range
+        if isinstance(source, Normal):
+            reach = 3.0 * source.deviation
+            least, most = max(least, source.mean - reach), min(most, source.mean + reach)
+        ends = min(low, least) if least < low - slack else low, max(high, most) if most > high + slack else high
+        wider.append(replace(size, tolerance=ends, distribution=source) if ends != (low, high) else size)
+    if all(one is other for one, other in zip(wider, touching.sizes, strict=True)):
+        return touching
+    bodies, pose = touching.bodies, touching.transform
+    return TouchingSizes.of(*bodies, wider, transform=pose, standing=False)
 
 
 def moments(sources: Sequence[Distribution | float]) -> tuple[Array, Array]:

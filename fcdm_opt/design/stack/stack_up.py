@@ -12,11 +12,13 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
-from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
+from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
+from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
@@ -141,6 +143,16 @@ class StackUp:
     limits: tuple[float, float]
     unit: str = ""
 
+    def __str__(self) -> str:
+        """Return worst cases, statistics and contributions as tables."""
+        told: str = upper("show.stacks:stack_text")(self)
+        return told
+
+    def __repr__(self) -> str:
+        """Return sizes and the range of the gap, on one line."""
+        ends = " to ".join(f"{gap:+.4g}" for gap in (self._worst.least, self._worst.largest))
+        return f"StackUp(gap {measured(ends, self.unit)} over {', '.join(self.names)})"
+
     @property
     def sizes(self) -> tuple[Size, ...]:
         """The sizes, in order."""
@@ -183,8 +195,9 @@ class StackUp:
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
 
-        Its sign is exact: > 0 apart, 0 touching, < 0 overlapping. It is the largest separation over the rows, which
-        never exceeds the distance. Beyond the tolerances other rows may count: they are found anew.
+        By name they are numbers, or arrays that broadcast together: the gaps have their shape. The sign is exact: > 0
+        apart, 0 touching, < 0 overlapping. It is the largest separation over the rows, which never exceeds the
+        distance. Beyond the tolerances other rows may count: they are found anew.
 
         Raises
         ------
@@ -193,7 +206,15 @@ class StackUp:
         """
         if isinstance(p, Mapping):
             known_sizes(p, "sizes", self.names)
-            return float(self.gap([p.get(name, 0.0) for name in self.names]))
+            given = [numbers(p.get(name, 0.0), f"sizes.{name}") for name in self.names]
+            try:
+                told = self.gap(np.stack(np.broadcast_arrays(*given), axis=-1))
+            except InputError:
+                raise
+            except ValueError as reason:
+                found = {name: own.shape for name, own in zip(self.names, given, strict=True) if own.ndim}
+                raise InputError("arrays that do not broadcast", key="sizes", found=found) from reason
+            return told if np.ndim(told) else float(told)
         values = numbers(p, "sizes")
         if values.ndim == 0 or values.shape[-1] != len(self.names) or not np.isfinite(values).all():
             allowed = f"finite numbers, (..., {len(self.names)}): {', '.join(self.names)}"
@@ -237,7 +258,11 @@ class StackUp:
 
     @cached_property
     def _spread(self) -> GapSpread:
-        return gap_spread(self.touching, self.deciding)
+        return gap_spread(self._drawn_from, self.deciding)
+
+    @cached_property
+    def _drawn_from(self) -> TouchingSizes:
+        return drawn_from(self.touching)
 
     @cached_property
     def contributions(self) -> tuple[SizeShare, ...]:
@@ -251,9 +276,7 @@ class StackUp:
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases."""
-        worst, parts = self.worst(), np.array([row.parts for row in self.rows])
-        heights = np.array([[row.gap, *row.coefficients.values()] for row in self.rows])
-        pairs = [heights[(parts == own).all(axis=1)] for own in np.unique(parts, axis=0)]
+        worst, pairs = self.worst(), [pair.values for pair in self._drawn_from.pairs]
 
         def told(places: Array) -> Array:
             return np.min([(rows[:, 1:] @ places.T + rows[:, :1]).max(axis=0) for rows in pairs], axis=0)
@@ -299,7 +322,7 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn = drawn_gaps(self.touching, self.limits, n, **how)
+        drawn = drawn_gaps(self._drawn_from, self.limits, n, **how)
         return drawn if correlation is not None else replace(drawn, claimed=self.claims())
 
     def allocate(

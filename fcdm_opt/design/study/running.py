@@ -91,19 +91,21 @@ def run_study(
                 tell(run.done, run.made)
                 if pacing.clock() >= end:
                     break
+        tell(run.done, run.made)  # equal ones among the last, too
     return StudyResult.read(out)
 
 
 class StudyRun:
     """The way through a study: points are taken from it, in any thread, and it is told what came back.
 
-    Equal points are asked for once, points with a row in the store not at all. `done` points have a row, of which this
-    run worked out `made`.
+    Equal points are asked for once, points with a row in the store not at all. `done` points have a row; of `made` this
+    run worked it out, of the others an earlier one.
     """
 
     def __init__(self, study: Study, store: Store) -> None:
         self._study, self._store = study, store
         self.done = self.made = 0
+        self._own = set[str]()  # keys of the rows that this run worked out
         self._met: list[tuple[int, str, dict[str, Any]]] = []
         self._waiting: dict[str, int] = {}  # keys without a row yet, and how many points have them
         self._lock = threading.Lock()
@@ -134,6 +136,7 @@ class StudyRun:
             return False
         if self._store.has(point.key):
             self.done += 1
+            self.made += point.key in self._own
             return False
         self._waiting[point.key] = 1
         if point.question is None:
@@ -144,6 +147,7 @@ class StudyRun:
         self._store.write(self._met, rows)
         self._met = []
         made = sum(self._waiting.pop(answer["key"]) for answer in rows)
+        self._own.update(answer["key"] for answer in rows)
         self.done += made
         self.made += made
 

@@ -10,8 +10,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
+from fcdm_opt.problem.solution import Effort
 
 Key = Annotated[str, Field(min_length=1)]
+Sampling = Literal["latin hypercube", "random"]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
 KINDS = ("problem", "study", "assembly")
 WAYS = ("values", "grid", "uniform", "normal", "csv")
@@ -139,14 +141,14 @@ class StudyArguments(Entry):
     )
     seed: Annotated[int, Field(strict=True, ge=0)] = declared(1, "whole number >= 0 that the draws follow from", 1)
     certify: Annotated[bool, Field(strict=True)] = declared(False, "true: prove that no smaller motion will do", True)
-    effort: Literal["proved", "quick"] = declared(
+    effort: Effort = declared(
         "proved",
         '"proved": every motion with a bound of how small it can be; "quick": the first that the stages '
         "find, without proof, for many points",
         "quick",
     )
     time_limit: Annotated[Number, Field(gt=0.0)] | None = declared(None, "seconds > 0 a point", 60.0)
-    sampling: Literal["latin hypercube", "random"] = declared(
+    sampling: Sampling = declared(
         "latin hypercube", '"latin hypercube" or "random": how numbers are drawn', "random"
     )
     count: Label | None = declared(None, "how many draws >= 1, goes with uniform, normal or csv column", 1000)

@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 from fcdm_opt.design.places import Place, overlap, parse
 from fcdm_opt.design.question import Question, canonical, digest, excluded, located, plain_value
 from fcdm_opt.design.study.derivation import Derivation
-from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
+from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
 from fcdm_opt.errors import InputError, checked_path, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import checked, closest, read_entry
+from fcdm_opt.problem.solution import Effort
 from fcdm_opt.version import __version__
 
 Ask = Callable[[Question, Mapping[Variable, int]], Question]
@@ -96,11 +97,11 @@ class Study:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     derive: Mapping[str, Any] = field(default_factory=dict)
     cases: Sequence[str] | None = None
-    sampling: str = "latin hypercube"
+    sampling: Sampling = "latin hypercube"
     count: int | None = None
     seed: int = 1
     certify: bool = False
-    effort: str = "proved"
+    effort: Effort = "proved"
     time_limit: float | None = None
     budget: float | None = None
     title: str = ""

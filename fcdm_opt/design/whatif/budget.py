@@ -20,6 +20,7 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -172,7 +173,7 @@ def budget(
     problem: Problem,
     limit: float | None,
     *,
-    requirements: Sequence[str] | None = None,
+    requirements: Sequence[Requirement] | None = None,
     largest: float = LARGEST,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,

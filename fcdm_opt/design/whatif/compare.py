@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected
-from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.problem import Problem
@@ -26,9 +26,9 @@ OWN = "as given"  # name of the problem's own motion
 
 def families() -> dict[str, Motion]:
     """Return the usual families by name: translations, rotations about the seed, screws, pairs of both, any motion."""
-    along = {f"translation {axis}": Translation(axis) for axis in "xyz"}
-    about = {f"rotation {axis}": Rotation(axis) for axis in "xyz"}
-    both = {f"translation and rotation {axis}": Translation(axis) >> Rotation(axis) for axis in "xyz"}
+    along = {f"translation {axis}": Translation(axis) for axis in XYZ}
+    about = {f"rotation {axis}": Rotation(axis) for axis in XYZ}
+    both = {f"translation and rotation {axis}": Translation(axis) >> Rotation(axis) for axis in XYZ}
     return {
         **along,
         "along the seeds": Screw("seeds", pitch=math.inf),

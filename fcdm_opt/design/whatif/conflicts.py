@@ -105,7 +105,7 @@ def conflicts(
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(problem)
-    whole = known or search.solved(problem)
+    whole = known or search.solved(problem, effort="proved")  # as `solve` answers it
     search.inside = whole.verified and not whole.usable
     if whole.usable:
         what = "the problem has a motion: nothing clashes"

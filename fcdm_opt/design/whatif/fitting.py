@@ -17,7 +17,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
-UNKNOWN = "the questions are not nested"
+UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
 def narrowed(

@@ -21,7 +21,7 @@ from fcdm_opt.design.whatif.fitting import deviating, narrowed
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -164,10 +164,10 @@ class ClashSearch:
             self.chains.append([frozenset(chain[: k + 1]) for k in range(len(chain))])
             self.chosen.update(zip(self.chains[-1], chain, strict=True))
 
-    def solved(self, problem: Problem, *, certify: bool = False) -> Solution:
+    def solved(self, problem: Problem, *, certify: bool = False, effort: Effort = "quick") -> Solution:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
-        solution = solve(problem, certify=certify, effort="proved" if certify else "quick")
+        solution = solve(problem, certify=certify, effort="proved" if certify else effort)
         if self.meets(solution):
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))

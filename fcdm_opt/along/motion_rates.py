@@ -1,0 +1,220 @@
+"""How the least motion itself changes with the data: its optimality conditions, differentiated once more.
+
+At a least motion q the gradient of half the amount's square is a sum of multipliers times gradients of constraints g_j
+that are active there. With f = |W q|^2 / 2 and data v that move by dv
+
+    (W^2 - sum m_j g_j,qq) dq - sum g_j,q dm_j = sum m_j g_j,qv dv,     g_j,q dq = - g_j,v dv
+
+gives dq and the change dm of the multipliers. The constraints are the contact equations in CasADi, whose vertices and
+seeds are inputs, so that all their derivatives are exact. What is not told by these is nan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.flush import distinct
+from fcdm_opt.curve.kernels import F1V2, V1F2
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
+from fcdm_opt.model.task import Task
+from fcdm_opt.model.templates import template
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.tolerances import DEFAULT
+
+Field = Callable[[int, Array], Array]
+"""How a point as drawn, (3,), of body 1 or 2 moves; of body 0 how the seed of body 1 does."""
+
+
+@template
+def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
+    """Return the derivatives of a constraint: the gap of one feature, or scale `row` of the point where two meet.
+
+    A CasADi function (q, data) -> (slope (1, k + n), bend (k, k + n)), by q and then the data: seeds, (6,), features,
+    13 numbers each, and the scale pair at which it is taken.
+    """
+    import casadi
+
+    q, data = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("data", 8 + 13 * len(kinds))
+    features = [data[6 + 13 * k : 19 + 13 * k] for k in range(len(kinds))]
+    if len(kinds) == 1:
+        value = contact_line(motion, kinds[0])(q, data[:6], *features, data[-2:])[2]
+    else:
+        value = switching_point(motion, kinds)(q, data[:6], *features)[0][row] - data[-2 + row]
+    both = casadi.vertcat(q, data)
+    slope = casadi.jacobian(value, both)
+    bend = casadi.jacobian(slope[: q.numel()].T, both)
+    return casadi.Function("expanded", [q, data], [casadi.densify(slope), casadi.densify(bend)])
+
+
+class _Constraint(NamedTuple):
+    """What holds a motion, not negative where it is met: its derivatives by q, (k,) and (k, k), and by the data."""
+
+    slope: Array
+    bend: Array
+    by_data: Array  # (n,)
+    mixed: Array  # (k, n)
+    features: tuple[FeaturePoints, ...]
+    free: bool = False  # pushes both ways
+    alone: int = -1  # number of a pair of parts of whose constraints one is to hold
+
+
+def motion_rates(
+    task: Task, q: Array, fields: Sequence[Field], nominal: Sequence[FeaturePoints], ratio: Array
+) -> Array:
+    """Return how a least motion changes as points move.
+
+    Parameters
+    ----------
+    task : Task
+    q : (k,) array
+        Its least motion.
+    fields : sequence of Field
+    nominal : sequence of FeaturePoints
+        Those that meet at the nominal switching point, which takes the target pair along; none where it stays.
+    ratio : (2,) array
+        Of the target pair to the nominal one.
+
+    Returns
+    -------
+    (n, k) array
+        nan where there is no derivative: constraints that go with one side of the change only, and what no constraint
+        here holds.
+    """
+    none = np.full((len(fields), len(q)), np.nan)
+    known = list(_constraints(task, q))
+    if any(own is None for own in known):
+        return none
+    held = [own for own in known if own is not None]
+    weights = task.weights
+    slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
+    if task.weighted:
+        used, multipliers = _multipliers(held, slopes / weights, weights * q)
+    else:  # where constraints alone say what the motion is
+        used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
+    count = len(used)
+    pairs = [held[j].alone for j in used if held[j].alone >= 0]
+    if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not task.weighted):
+        return none
+    if np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) < count:
+        return none
+    bend = np.diag(weights**2) - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=True))
+    system = np.block([[bend, -slopes[used].T], [slopes[used], np.zeros((count, count))]])
+    across = np.linalg.svd(slopes[used])[2][count:]  # ways that the constraints leave open
+    if len(across) and not np.linalg.eigvalsh(across @ bend @ across.T).min() > 0.0:
+        return none
+    found = []
+    start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
+    for field in fields:
+        drawn = [own.by_data @ _moves(task, nominal, field, np.zeros(2)) for own in start]
+        target = ratio * drawn if drawn else np.zeros(2)
+        moves = [_moves(task, own.features, field, target) if own.features else np.zeros(0) for own in held]
+        changes = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
+        mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=True))
+        dq = np.linalg.solve(system, np.append(mixed, -changes[used]))[: len(q)]
+        left = np.delete(slopes @ dq + changes, used)  # those at rest there must stay so, else one side is another's
+        fine = np.abs(left).max(initial=0.0) <= DEFAULT.stationary * (1.0 + float(np.abs(changes).max(initial=0.0)))
+        found.append(dq if fine else none[0])
+    return np.array(found).reshape(-1, len(q))
+
+
+def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Ints, Array]:
+    """Return which constraints hold the motion, and their multipliers; none where they do not balance."""
+    from scipy.optimize import nnls
+
+    signs = [(j, sign) for j, own in enumerate(held) for sign in ((1.0, -1.0) if own.free else (1.0,))]
+    lengths = np.linalg.norm(slopes, axis=1)
+    signs = [(j, sign) for j, sign in signs if lengths[j] > 0.0]
+    size = float(np.linalg.norm(gradient))
+    if not signs or not size > 0.0:
+        return np.empty(0, np.int64), np.empty(0)
+    columns = np.array([sign * slopes[j] / lengths[j] for j, sign in signs]).T
+    shares, residual = nnls(columns, gradient / size)
+    if residual > DEFAULT.stationary:
+        return np.empty(0, np.int64), np.empty(0)
+    used = np.flatnonzero(shares > DEFAULT.stationary)
+    rows = np.array([signs[k][0] for k in used], np.int64)
+    return rows, np.array([size * shares[k] * signs[k][1] / lengths[signs[k][0]] for k in used])
+
+
+def _constraints(task: Task, q: Array) -> Iterator[_Constraint | None]:
+    """Yield what may hold a motion; None for what is not known here."""
+    count, target = len(q), task.target
+    slack = DEFAULT.active * task.size
+    for k, (low, high) in enumerate(task.limits):
+        for limit, sign in ((low, 1.0), (high, -1.0)):
+            if abs(q[k] - limit) * task.weights[k] <= slack and not (sign < 0.0 and low == high):
+                unit = sign * np.eye(count)[k]
+                still = np.zeros((count, count))
+                yield _Constraint(unit, still, np.zeros(0), np.zeros((count, 0)), (), free=low == high)
+    if task.tracked and task.goal == "beyond":
+        rho = task.tracked_contact(q)[0]
+        for k, sign in enumerate(task.signs):
+            if abs(rho[k] - target[k]) <= DEFAULT.active * target[k]:
+                yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
+    elif task.tracked:
+        for feature in (*task.tracked, *task.besides):
+            yield _constraint(task, q, (feature,), 1.0, free=True)
+    if np.isfinite(task.needs).any():
+        yield from _pairs(task, q, slack)
+
+
+def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
+    """Yield what keeps pairs of parts apart, or brings one together."""
+    closes = task.must_touch and task.gap(task.rest) > 0.0
+    rotation = task.pose(q)[:9].reshape(3, 3)
+    near = np.argwhere(task.pair_gaps(q) - task.needs <= slack).tolist()
+    for number, (i, j) in enumerate(near):
+        opponent = task.opponents[j]
+        sites, rows, separations = task.separations((i, j), task.pose(q))
+        widest = float(separations.max())
+        tight = np.flatnonzero(separations >= widest - slack)
+        normals = distinct(rows[tight, :3])
+        if opponent.keep_out >= 0 or len(normals) > 1 or abs(widest - max(opponent.need, 0.0)) > slack:
+            yield None
+            continue
+        for site in dict.fromkeys(own for k in tight for own in _level(task, q, (i, j), tuple(map(int, sites[k])))):
+            feature = feature_points(task.movable, task.static, site, (i, j), normals[0], rotation)
+            yield _constraint(task, q, (feature,), -1.0 if closes else 1.0, alone=number if closes else -1)
+
+
+def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:
+    """Yield a site, and where it is of a face and a vertex those of the other vertices that are level with the face."""
+    kind, one, two = site
+    own, other = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+    rotation = task.pose(q)[:9].reshape(3, 3)
+    slack = DEFAULT.active * task.size
+    if kind == F1V2:
+        heights = other.vertices @ (rotation @ own.normals[one])
+        yield from ((kind, one, k) for k in np.flatnonzero(np.abs(heights - heights[two]) <= slack).tolist())
+    elif kind == V1F2:
+        heights = own.vertices @ (other.normals[two] @ rotation)
+        yield from ((kind, k, two) for k in np.flatnonzero(np.abs(heights - heights[one]) <= slack).tolist())
+    else:
+        yield kind, one, two
+
+
+def _constraint(
+    task: Task, q: Array, features: Sequence[FeaturePoints], sign: float, row: int = 0, **more: Any
+) -> _Constraint:
+    seeds = np.append(task.movable.seed, task.static.seed)
+    data = np.concatenate([seeds, *(feature.values for feature in features), task.target])
+    slope, bend = (
+        sign * np.array(own) for own in _expanded(task.motion, tuple(own.kind for own in features), row)(q, data)
+    )
+    count = len(q)
+    return _Constraint(
+        slope[0, :count], bend[:, :count], slope[0, count:], bend[:, count:], tuple(features), **more
+    )
+
+
+def _moves(task: Task, features: Sequence[FeaturePoints], field: Field, target: Array) -> Array:
+    """Return how the data of a constraint change as points move."""
+    moved = [field(0, task.movable.seed), np.zeros(3)]
+    for feature in features:
+        moved += [field(owner, point) for owner, point in zip(OWNERS[feature.kind], feature.points.T, strict=True)]
+        moved.append(np.zeros(1))
+    return np.concatenate([*moved, target])
