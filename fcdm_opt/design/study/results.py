@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,7 +19,7 @@ from fcdm_opt.design.moved_files import moved, to_csv
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
-from fcdm_opt.doors import Shown
+from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import plain
 from fcdm_opt.tolerances import DEFAULT
@@ -218,7 +217,8 @@ class StudyResult(Shown):
 
     def frame(self) -> DataFrame:
         """Return `rows` as a pandas table; numbers that are not there are nan."""
-        return _extra("pandas").DataFrame({name: _filled(values) for name, values in self._columns.items()})
+        pandas = extra("pandas", "tables", key="StudyResult")
+        return pandas.DataFrame({name: _filled(values) for name, values in self._columns.items()})
 
     def dataset(self) -> Dataset:
         """Return the columns as arrays of an xarray dataset, over the axes of the study.
@@ -227,7 +227,7 @@ class StudyResult(Shown):
         from 0. Where what is drawn is not known yet, it is nan. Select with `.sel({"tolerance": 0.02})`: as an
         argument, xarray takes that name for its own.
         """
-        xarray, pandas = _extra("xarray"), _extra("pandas")
+        xarray, pandas = (extra(name, "tables", key="StudyResult") for name in ("xarray", "pandas"))
         sizes = {self._names[label][0]: len(values) for label, values in self.axes.items()}
         coordinates: dict[str, Any] = {}
         for label, values in self.axes.items():
@@ -265,7 +265,7 @@ class StudyResult(Shown):
         InputError
             Where the file cannot be written; then there is none.
         """
-        _extra("pyarrow")
+        extra("pyarrow", "tables", key="StudyResult")
         frame = self.frame()
         with moved(path) as other:
             frame.to_parquet(other, engine="pyarrow", index=False)
@@ -361,12 +361,3 @@ def _column(values: Iterable[Any]) -> list[Any]:
 def _filled(values: list[Any]) -> list[Any]:
     """Return values whose kind a library can tell: nan where there are none at all."""
     return [math.nan] * len(values) if all(value is None for value in values) else values
-
-
-def _extra(name: str) -> Any:
-    """Import a library that is an extra, or say what to install."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[tables]'"
-        raise InputError(what, key="StudyResult") from reason
