@@ -87,14 +87,6 @@ def light(made: Any) -> Any:
     return made
 
 
-def at_once() -> None:
-    """Let light kernels run as plain Python no more: for a process whose purpose is to compile all of them."""
-    global PATIENCE
-    PATIENCE = 0.0
-    for made in list(_ALL):
-        made.patience = 0.0
-
-
 def step(function: Callable[..., Any]) -> Any:
     """Compile a function into every kernel that calls it: handing over arrays costs more than most steps take."""
     return function if config.DISABLE_JIT else _Inner(function, targetoptions=_STEP, pipeline_class=_Within)
