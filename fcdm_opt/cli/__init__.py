@@ -13,14 +13,18 @@ from typing import Annotated, Any
 import typer
 
 from fcdm_opt import beside
-from fcdm_opt.cli import designing, reporting, solving, starting
+from fcdm_opt.cli import designing, reporting, solving, starting, warming
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 
 COLLECTED = 100_000, 50, 50
 """Thresholds of the garbage collector, of which a short run over many small objects makes little."""
 
 COMMANDS: dict[str, dict[str, Any]] = {
-    "How do I begin?": {"init": starting.init_command, "schema": starting.schema_command},
+    "How do I begin?": {
+        "init": starting.init_command,
+        "schema": starting.schema_command,
+        "warmup": warming.warmup_command,
+    },
     "How do the parts touch, and what is the smallest motion?": {
         "curve": solving.curve_command,
         "solve": solving.solve_command,
@@ -50,6 +54,7 @@ fcdm-opt init problems/meshes/keyway_key.off problems/meshes/keyway_shaft.ply
 fcdm-opt init peg.stl plate.stl --unit mm --out peg.toml --force
 fcdm-opt schema > problem.schema.json
 fcdm-opt schema --what study > study.schema.json
+fcdm-opt warmup
 fcdm-opt curve problems/example1.toml
 fcdm-opt curve problems/example1.toml --out out
 fcdm-opt solve problems/example1.toml problems/example2.toml

@@ -354,7 +354,8 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
-        shared = clipped(X, Y[::-1], DEFAULT.tie)  # seen from body 1 a face of body 2 runs clockwise
+        seen = np.ascontiguousarray(Y[::-1])  # from body 1 a face of body 2 runs clockwise
+        shared = clipped(X, seen, DEFAULT.tie)
     elif len(X) > 2:
         shared = clipped(Y, X, DEFAULT.tie)
     elif contact.parallel:

@@ -652,7 +652,7 @@ def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Ar
     for _ in range(ANSWERS):
         own = rows[held]
         table = own[:, :1] + own[:, 1:] @ corners.T
-        mixture, place = game(table) @ own, game(-table.T) @ corners
+        mixture, place = game(table) @ own, game(np.ascontiguousarray(-table.T)) @ corners
         answer = np.where(mixture[1:] > 0.0, box[:, 0], np.where(mixture[1:] < 0.0, box[:, 1], middle))
         lower = float(mixture[0] + mixture[1:] @ answer)
         reached = rows[:, 0] + rows[:, 1:] @ place

@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.design.moved_files import extra, to_csv
-from fcdm_opt.doors import Shown
+from fcdm_opt.design.moved_files import to_csv
+from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -56,7 +56,8 @@ class SolvedCases(Mapping[str, Solution], Shown):
 
     def to_frame(self) -> DataFrame:
         """Return these rows as a pandas table (extra `tables`); numbers that are not there are nan."""
-        frame: DataFrame = extra("pandas").DataFrame(self.rows(), columns=None if self else list(COLUMNS))
+        pandas = extra("pandas", "tables", key="table")
+        frame: DataFrame = pandas.DataFrame(self.rows(), columns=None if self else list(COLUMNS))
         return frame
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:

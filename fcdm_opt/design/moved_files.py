@@ -8,7 +8,6 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -87,12 +86,3 @@ def to_csv(path: str | os.PathLike[str], rows: Iterable[Iterable[Any]]) -> None:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     write(path, text.getvalue())
-
-
-def extra(name: str) -> Any:
-    """Import a library that tables need and that is an extra, or say what to install."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[tables]'"
-        raise InputError(what) from reason

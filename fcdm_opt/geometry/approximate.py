@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, convex_hull
@@ -48,12 +49,7 @@ def approximate(mesh: Mesh) -> tuple[Array, tuple[Ints, ...], tuple[float, float
     InputError
         Where CoACD is not installed.
     """
-    try:
-        import coacd
-    except ImportError as reason:
-        what = f"CoACD cannot be loaded ({reason}); install it with pip install 'fcdm_opt[coacd]'"
-        raise InputError(what, key=f"body '{mesh.name}': decomposition", found="coacd") from reason
-
+    coacd = extra("coacd", "coacd", key=f"body '{mesh.name}': decomposition", found="coacd")
     used = np.unique(mesh.triangles)
     origin, size = mesh.vertices[used[0]], float(np.ptp(mesh.vertices[used], axis=0).max())
     local = (mesh.vertices - origin) / size

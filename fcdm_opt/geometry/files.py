@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
@@ -361,10 +362,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     ValueError
         For a file that is not complete.
     """
-    try:
-        import cascadio
-    except ImportError as reason:
-        raise InputError("STEP files need cascadio: pip install 'fcdm_opt[step]'", found=str(reason)) from reason
+    cascadio = extra("cascadio", "step", found="STEP")
     if not data.lstrip().startswith(b"ISO-10303-21"):
         raise ValueError("it does not begin with 'ISO-10303-21'")
     if b"END-ISO-10303-21" not in data:

@@ -29,6 +29,8 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from fcdm_opt.doors import extra
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 else:
@@ -85,9 +87,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
-        from matplotlib import rc_context
-
-        with rc_context(STYLE):
+        with extra("matplotlib", "pictures").rc_context(STYLE):
             return draw(*args, **kwargs)
 
     return drawn
@@ -95,11 +95,8 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure (inches) on its own Agg canvas: no windows, no state shared between figures."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
+    figure: Figure = extra("matplotlib.figure", "pictures").Figure(figsize=(width, height))
+    extra("matplotlib.backends.backend_agg", "pictures").FigureCanvasAgg(figure)
     return figure
 
 

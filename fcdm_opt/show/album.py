@@ -9,6 +9,7 @@ from typing import Any
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Solution
@@ -41,10 +42,11 @@ class Album:
     Raises
     ------
     InputError
-        Where the directory cannot be made.
+        Where the directory cannot be made, or nothing can be drawn: before anything is solved.
     """
 
     def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
+        extra("matplotlib", "pictures", key="--out")
         self._directory, self._say = directory, say
         self._given: set[str] = set()
         self._views: dict[str, tuple[float, float]] = {}  # of each file: all its cases are seen from one place

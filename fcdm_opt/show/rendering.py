@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.doors import extra
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.texts import NONE, numbers, shortened, shown, status_text
@@ -51,12 +51,7 @@ def whole_page(template: str, *, scripts: Sequence[str] = (), figures: Any = Non
 @cache
 def plotly() -> tuple[str, str]:
     """Return the notice of plotly.js and the script itself, packed; raises `InputError` where it is not installed."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError as reason:
-        what = f"plotly cannot be loaded ({reason}), whose script draws the figures; install it with pip install plotly"
-        raise InputError(what, key="report") from reason
-    script = get_plotlyjs()
+    script = extra("plotly.offline", "pictures", key="report").get_plotlyjs()
     return script[script.index("/*") + 2 : script.index("*/")].replace("--", "- -"), _packed(script)
 
 

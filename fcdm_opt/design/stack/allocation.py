@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.plain import Plain
@@ -158,8 +159,7 @@ class _Program:
 
     def solved(self, lowers: Sequence[Array], low: float, uppers: Any, high: float) -> tuple[float, Array] | None:
         """Return the least cost and its half tolerances; None where there are none."""
-        import cvxpy as cp
-
+        cp = extra("cvxpy", "allocation", key="allocate")
         free = [k for k, name in enumerate(self._names) if name in self._cost]
         x = cp.Variable(len(free), pos=True)
         held = np.where(np.isin(np.arange(len(self._names)), free), 0.0, self._given)

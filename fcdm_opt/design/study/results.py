@@ -15,11 +15,11 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fcdm_opt.design.moved_files import extra, moved, to_csv
+from fcdm_opt.design.moved_files import moved, to_csv
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
-from fcdm_opt.doors import Shown
+from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import plain
 from fcdm_opt.tolerances import DEFAULT
@@ -217,7 +217,8 @@ class StudyResult(Shown):
 
     def frame(self) -> DataFrame:
         """Return `rows` as a pandas table; numbers that are not there are nan."""
-        return extra("pandas").DataFrame({name: _filled(values) for name, values in self._columns.items()})
+        pandas = extra("pandas", "tables", key="table")
+        return pandas.DataFrame({name: _filled(values) for name, values in self._columns.items()})
 
     def dataset(self) -> Dataset:
         """Return the columns as arrays of an xarray dataset, over the axes of the study.
@@ -226,7 +227,7 @@ class StudyResult(Shown):
         from 0. Where what is drawn is not known yet, it is nan. Select with `.sel({"tolerance": 0.02})`: as an
         argument, xarray takes that name for its own.
         """
-        xarray, pandas = extra("xarray"), extra("pandas")
+        xarray, pandas = (extra(name, "tables", key="table") for name in ("xarray", "pandas"))
         sizes = {self._names[label][0]: len(values) for label, values in self.axes.items()}
         coordinates: dict[str, Any] = {}
         for label, values in self.axes.items():
@@ -264,7 +265,7 @@ class StudyResult(Shown):
         InputError
             Where the file cannot be written; then there is none.
         """
-        extra("pyarrow")
+        extra("pyarrow", "tables", key="table")
         frame = self.frame()
         with moved(path) as other:
             frame.to_parquet(other, engine="pyarrow", index=False)

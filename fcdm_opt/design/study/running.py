@@ -19,6 +19,7 @@ from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
+from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.version import __version__
 
@@ -165,11 +166,7 @@ def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
     if scheduler is not None and jobs is not None:
         raise InputError("the workers are those of the scheduler", key="jobs", found=jobs, allowed="no number")
     if engine == "dask":
-        try:
-            import distributed  # noqa: F401
-        except ImportError as reason:
-            what = f"Dask cannot be loaded ({reason}); install it with pip install 'fcdm_opt[dask]'"
-            raise InputError(what, key="engine", found="dask") from reason
+        extra("distributed", "dask", key="engine", found="dask")
 
 
 @contextmanager
