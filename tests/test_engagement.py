@@ -317,7 +317,7 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     assert "outside" in found.stdout
     assert " yes" not in found.stdout
     data = json.loads(CliRunner().invoke(app, ["solve", str(problem_file), "--json"]).stdout)
-    cases = {case["name"]: case for file in data for case in file["cases"]}
+    cases = {case["name"]: case for file in data["files"] for case in file["cases"]}
     assert {name: case["usable"] for name, case in cases.items()} == {"A": True, "B": False, "flush": False}
     assert [cases[name]["fits_up_to"] for name in ("B", "flush")] == [pytest.approx(0.6 / 39.4, rel=1e-4)] * 2
     assert cases["A"]["fits_up_to"] is None
@@ -328,7 +328,7 @@ def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) ->
     assert found.exit_code == 1
     assert f"Does not fit: nut 19.79 in slot 19.60, {WALLS}." in re.sub(r"\s+", " ", found.stdout)
     data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
-    assert data[0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
+    assert data["files"][0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
 
 
 def test_the_report_shows_nothing_green_of_a_motion_outside_the_fit(problem_file: Path, tmp_path: Path) -> None:

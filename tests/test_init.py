@@ -169,7 +169,7 @@ def test_meshes_that_are_no_boxes_solve_as_written(tmp_path: Path, movable: str,
     assert result.exit_code == 0
     assert result.stderr.strip() == f"wrote {out}"
     assert result.stdout.splitlines()[-1] == f"next: fcdm-opt solve {out}"
-    (document,) = json.loads(run("solve", out, "--json").stdout)
+    (document,) = json.loads(run("solve", out, "--json").stdout)["files"]
     assert [case["usable"] for case in document["cases"]] == [True] * 4
     assert {case["problem"]["case"][0]["goal"] for case in document["cases"]} == {goal}
 

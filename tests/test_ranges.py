@@ -372,7 +372,7 @@ def test_the_command_prints_both_ends_and_gives_them_as_json():
     result = run("range", PROBLEMS / "example2.toml", "--case", "B", "--direction", "TY=1")
     assert result.exit_code == 0
     assert "move 0.4316 along -y; beyond, its " in result.stdout
-    (file,) = json.loads(run("range", PROBLEMS / "example2.toml", "--json").stdout)
+    (file,) = json.loads(run("range", PROBLEMS / "example2.toml", "--json").stdout)["files"]
     assert [case["name"] for case in file["cases"]] == ["A", "B", "C", "D"]
     own = fo.coherent_range(problems("example2")["A"], problems("example2")["A"].published)
     assert file["cases"][0]["high"] == own.high

@@ -163,8 +163,9 @@ def test_what_was_left_out_of_a_problem_with_sizes_was_not_true_of_it() -> None:
     assert "pair of sizes" not in told
     scaled = " ".join(left_out(fo.solve(touching(sizes=[size], target=(1.01, 1.0)))))
     assert "width, and either part uniformly about its seed" in scaled
-    plain = " ".join(left_out(fo.solve(touching())))
-    assert "Sizes change uniformly about the seed" in plain
+    assert "The parts are taken as drawn" in " ".join(left_out(fo.solve(touching())))
+    plain = " ".join(left_out(fo.solve(touching(target=(1.01, 1.0)))))
+    assert "larger or smaller by one factor, about its seed" in plain
 
 
 # --------------------------------------------------------------------------------------------------------- large meshes

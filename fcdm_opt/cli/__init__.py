@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from fcdm_opt import beside
-from fcdm_opt.cli import designing, reporting, solving, starting, warming
+from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 
 COLLECTED = 100_000, 50, 50
@@ -23,7 +23,7 @@ COMMANDS: dict[str, dict[str, Any]] = {
     "How do I begin?": {
         "init": starting.init_command,
         "schema": starting.schema_command,
-        "warmup": warming.warmup_command,
+        "warmup": starting.warmup_command,
     },
     "How do the parts touch, and what is the smallest motion?": {
         "curve": solving.curve_command,

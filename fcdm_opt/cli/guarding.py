@@ -42,6 +42,7 @@ _NOT_VERIFIED = {NOT_VERIFIED: "a motion that was not verified"}
 ENDS: dict[str, dict[int, str]] = {
     "init": {SOLVED: "the file is written", **_TIME, **_BAD},
     "schema": {SOLVED: "all well", **_BAD},
+    "warmup": {SOLVED: "all kernels are kept"},
     "curve": {SOLVED: "all well", **_BAD},
     "solve": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
     "range": {SOLVED: "all well", **_BAD},

@@ -1,14 +1,17 @@
-"""`init` and `schema`: a first problem file from two meshes, and what such files may hold."""
+"""`init`, `schema`, `warmup`: a first problem file from two meshes, what such files may hold, and compiled kernels."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from fcdm_opt import beside, pacing
 from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
@@ -68,6 +71,39 @@ def schema_command(
     from fcdm_opt.design.study.schema import json_schema
 
     typer.echo(json.dumps(json_schema(what), indent=2, ensure_ascii=False))
+
+
+def warmup_command() -> None:
+    """Compile the numerical kernels now and keep them: other commands do so when they first need one.
+
+    A minute or two the first time, on two cores; a few seconds where all are kept already.
+    """
+    from fcdm_opt.design import warming
+
+    start = perf_counter()
+    with pacing.working_on("warmup"):
+        pacing.at("compiling the numerical kernels that all commands share")
+        warming.shared()
+        groups = _moved, warming.sized
+        for done, result in enumerate(beside.each(_asked, groups), 1):
+            result()
+            pacing.at("compiling numerical kernels", done, len(groups))
+        for ask in groups:  # of what both compiled one is kept, which the code of the other may not fit
+            ask()
+    typer.echo(f"the numerical kernels are compiled and kept for later runs, in {perf_counter() - start:.0f} s")
+
+
+def _moved() -> None:
+    from fcdm_opt.design import warming
+    from fcdm_opt.show.album import solution_figure
+
+    solution = warming.moved()
+    with suppress(InputError):  # pictures are an extra
+        solution_figure(solution)
+
+
+def _asked(ask: Callable[[], None]) -> None:
+    ask()
 
 
 def _check_place(path: Path, meshes: tuple[Path, Path], force: bool) -> None:

@@ -12,7 +12,6 @@ from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -66,7 +65,7 @@ class SolvedCases(Mapping[str, Solution], Shown):
 
 
 def solve_all(
-    problem: Problem | Iterable[Problem], *, requirement: Requirement | None = None, **how: Any
+    problem: Problem | Iterable[Problem], *, requirement: str | None = None, **how: Any
 ) -> SolvedCases:
     """Solve several questions, each by itself.
 

@@ -107,7 +107,8 @@ class BestPose(Shown, Plain):
         if self.problem is None:
             raise InputError("a pose is judged with the problem it is of", key="BestPose.problem", found=None)
         problem = self.problem
-        q, (low, high), slack = np.array([*self.parameters.values()]), self.window, problem.contact_slack
+        q, (low, high) = np.array([*self.parameters.values()]), self.window
+        slack = max(problem.contact_slack, DEFAULT.touch * problem.size)
         end = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
         ends = self.least.gap, self.most.gap
         violation = max(low - ends[0], ends[1] - high, 0.0)

@@ -276,7 +276,13 @@ class StackUp:
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases."""
-        worst, pairs = self.worst(), [pair.values for pair in self._drawn_from.pairs]
+        parts = np.array([row.parts for row in self.rows])
+        heights = np.array([[row.gap, *row.coefficients.values()] for row in self.rows])
+        return self._claims([heights[(parts == own).all(axis=1)] for own in np.unique(parts, axis=0)])
+
+    def _claims(self, pairs: Sequence[Array]) -> GapClaims:
+        """Return the claims of a gap that is the least over pairs of the largest of their rows."""
+        worst = self.worst()
 
         def told(places: Array) -> Array:
             return np.min([(rows[:, 1:] @ places.T + rows[:, :1]).max(axis=0) for rows in pairs], axis=0)
@@ -323,7 +329,9 @@ class StackUp:
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
         drawn = drawn_gaps(self._drawn_from, self.limits, n, **how)
-        return drawn if correlation is not None else replace(drawn, claimed=self.claims())
+        if correlation is not None:
+            return drawn
+        return replace(drawn, claimed=self._claims([pair.values for pair in self._drawn_from.pairs]))
 
     def allocate(
         self,
