@@ -65,7 +65,10 @@ TANGENT = 0.93
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
 
 MOST_SPOTS = 24
-"""Places of a face that its number may stand at."""
+"""Pieces of a face that its number may stand in."""
+
+CORNERWARDS = 0.4, 0.8
+"""Where it may stand beside a piece's middle: so far from there to a corner, of the whole way."""
 
 MOST_INSETS, ALIKE = 2, 0.999
 """Contacts that are magnified; cosine between normals of those that look alike."""
@@ -346,11 +349,11 @@ def draw_numbered(
     normals = normals_of_faces(body)
     for element in (Element("F", face) for face in body.faces):
         if element.vertices in numbers and float(normals[element.vertices] @ toward) > EDGE_ON:
-            pieces = [piece @ page for piece in face_polygons(body, element)]
-            middles = np.array([piece.mean(axis=0) for piece in face_polygons(body, element)])
-            sizes = [float(np.prod(np.ptp(piece, axis=0))) for piece in pieces]
-            order = np.argsort(-np.array(sizes))[:MOST_SPOTS]
-            seen = middles[order][raster.seen(middles[order])]
+            pieces = sorted(face_polygons(body, element), key=lambda own: -float(np.prod(np.ptp(own @ page, axis=0))))
+            middles = [piece.mean(axis=0) for piece in pieces[:MOST_SPOTS]]
+            near = [x + t * (piece - x) for t in CORNERWARDS for x, piece in zip(middles, pieces, strict=False)]
+            places = np.vstack([*middles, *near])  # of a face half hidden, the middles may be
+            seen = places[raster.seen(places)]
             spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
     names, middle = Names(axes), body.vertices.mean(axis=0) @ page
     for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
