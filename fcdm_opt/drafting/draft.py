@@ -256,7 +256,8 @@ def state_text(situation: Situation, unit: str) -> str:
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
             return text  # as from a hole that opens: true, and of no use
-        return f"{text}; both made {situation.growth:.4g} times as large, they would touch"
+        share = 100.0 * (situation.growth - 1.0)
+        return f"{text}; both made {abs(share):.3g} % {'larger' if share > 0.0 else 'smaller'}, they would touch"
     low, high = WIDE[0]
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 

@@ -133,7 +133,7 @@ def _told(problem: Problem, label: str) -> str:
     if len(corners) < 2:
         return f"corner {corners[0]} of {name}" if corners else name
     told = told_element(body, Element("F", corners)).partition(" (facing")[0]
-    return f"{f'facet {numbers[0]}V{numbers[1]}... of {told}' if is_round(told) else told} of {name}"
+    return f"{f'facet V{corners[0]},V{corners[1]}... of {told}' if is_round(told) else told} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
