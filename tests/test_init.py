@@ -438,3 +438,13 @@ def test_the_thickness_of_a_flange_was_not_offered_as_a_size() -> None:
     offered = {what for _, what, _ in widths(Body.from_mesh(trimesh.boolean.union(blocks)))}
     distances = ("x", 16), ("y", 16), ("z", 12), ("x", 10), ("y", 10), ("z", 4)
     assert offered == {f"-{axis} and +{axis}, {width} of material," for axis, width in distances}
+
+
+def test_the_width_of_a_t_slot_was_not_offered_as_a_size() -> None:
+    """Its walls are nearer to the block's outsides than to each other: only these distances were."""
+    block, *cuts = (
+        trimesh.creation.box(bounds=ends)
+        for ends in (((-20, -15, 0), (20, 15, 16)), ((-7, -16, 5), (7, 16, 10)), ((-4, -16, 9), (4, 16, 17)))
+    )
+    offered = {what for _, what, _ in widths(Body.from_mesh(trimesh.boolean.difference([block, *cuts])))}
+    assert {"+x and -x, 14 of room,", "+x and -x, 8 of room,", "-z and +z, 5 of room,"} <= offered

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.text import Text
 from ordinary import problems
 from picture_checks import check_texts, shown
@@ -24,6 +25,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     ShownPair,
+    _joined,
     contacts_of,
     draw_scene,
     own_polygons,
@@ -288,6 +290,24 @@ def test_hidden_edges_are_not_drawn() -> None:
     toward = np.cross(page[:, 0], page[:, 1])
     assert seen(cube, box(20.0 * toward, 5.0)) == pytest.approx(0.0, abs=0.02)  # a larger one stands before it
     assert seen(cube, box(-20.0 * toward, 5.0)) == pytest.approx(0.75, abs=0.02)
+
+
+def test_cuts_within_a_solid_were_drawn_as_edges() -> None:
+    """A tray is cut inside its walls: these lines showed as dots on its faces."""
+    x = (0.0, 1.0, 9.0, 10.0)
+    blocks = [trimesh.creation.box(bounds=ends) for ends in (((0, 0, 0), (10, 10, 5)), ((1, 1, 1), (9, 9, 6)))]
+    edges = sharp_edges(Body.from_mesh(trimesh.boolean.difference(blocks)))
+    assert len(edges) == 24
+    assert np.isin(edges[..., :2], x).all()
+
+
+def test_dashes_went_round_no_curve() -> None:
+    """Each facet's edge began them anew: a ring was drawn in full."""
+    angles = 2.0 * np.pi * np.arange(25) / 24
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    pieces = np.stack([ring[:-1], ring[1:]], axis=1)[np.random.default_rng(0).permutation(24)]
+    (line,) = _joined(pieces, 2.0)
+    assert len(line) == 25
 
 
 def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:

@@ -22,6 +22,7 @@ from fcdm_opt.show import tables, texts
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
 from fcdm_opt.show.printing import print_head
+from fcdm_opt.show.report.cases import answered
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.show.report.page import page, study_page
 from fcdm_opt.show.scene import ShownPair, scene_figure
@@ -322,3 +323,8 @@ def test_amounts_of_ones_own_have_no_unit() -> None:
     own = boxes("mm").changed(amount=2.0 * casadi.SX.sym("TZ") ** 2)
     assert (own.unit, own.amount_unit) == ("mm", "")
     assert boxes("mm").amount_unit == "mm"
+
+
+def test_a_bound_in_a_report_had_its_unit_twice() -> None:
+    """Proved at least "0 mm mm": the page adds the unit to the number."""
+    assert answered(replace(solved("mm").solution, lower_bound=0.0))["least"]["text"] == "0"

@@ -256,7 +256,8 @@ def state_text(situation: Situation, unit: str) -> str:
     if math.isfinite(situation.growth):
         if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
             return text  # as from a hole that opens: true, and of no use
-        return f"{text}; both made {situation.growth:.4g} times as large, they would touch"
+        share = 100.0 * (situation.growth - 1.0)
+        return f"{text}; both made {abs(share):.3g} % {'larger' if share > 0.0 else 'smaller'}, they would touch"
     low, high = WIDE[0]
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 
@@ -392,8 +393,8 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
     """Return faces whose distance is a size, and can be one: their labels or name, words for what it is, `each`.
 
     The diameters of cylinders and bores, then `most` distances of material or room between plane faces that look
-    opposite ways and lie over one another: first those of faces that are the nearest so to each other, then the others,
-    the largest first.
+    opposite ways and lie over one another: first those of faces that are the nearest so to each other on their side,
+    of material or of room, then the others, the largest first.
     """
     normals, points = body.face_planes
     names = names_of_rows(body)
@@ -415,20 +416,24 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
         offered((name,), width if kind in ROUND_KINDS[::2] else -width, f"diameter {width:.6g}")
     plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
     over = [
-        (abs(float((points[j] - points[i]) @ normals[j])), i, j)
+        (float((points[j] - points[i]) @ normals[j]), i, j)
         for i, j in combinations(plain_ones if len(plain_ones) <= MOST_FACES else (), 2)
         if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal and _lie_over(body, i, j)
     ]
-    nearest = dict[int, float]()
-    for width, *ends in sorted(over, reverse=True):
-        nearest.update(dict.fromkeys(ends, width))
+    nearest = dict[tuple[int, bool], float]()
+    for width, *ends in sorted(over, key=lambda own: -abs(own[0])):
+        nearest.update({(end, width > 0.0): abs(width) for end in ends})
     limit = len(found) + most
-    for width, i, j in sorted(over, key=lambda own: (own[0] > max(nearest[own[1]], nearest[own[2]]), -own[0])):
+
+    def rank(own: tuple[float, int, int]) -> tuple[bool, float]:
+        far = max(nearest[end, own[0] > 0.0] for end in own[1:])
+        return abs(own[0]) > far, -abs(own[0])
+
+    for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if width and key not in known and len(found) < limit:
             ways = " and ".join(map(direction, normals[[i, j]]))
-            signed = float((points[j] - points[i]) @ normals[j])
-            if offered((f"F{i + 1}", f"F{j + 1}"), signed, f"{ways}, {width:.6g}"):
+            if offered((f"F{i + 1}", f"F{j + 1}"), width, f"{ways}, {abs(width):.6g}"):
                 known.add(key)
     return found
 

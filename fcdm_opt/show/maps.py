@@ -68,7 +68,7 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
                 bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
             )  # fmt: skip
         least, largest = region.amounts
-        amount = "" if np.isnan(least) else f", amount {least:.4g} to {largest:.4g}"
+        amount = "" if np.isnan(least) else f", amount {least:.4g} to {measured(f'{largest:.4g}', sizes.unit)}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
         lines.append(f"     {region}")
     if len(sizes.regions) > LISTED:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -65,7 +65,10 @@ TANGENT = 0.93
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
 
 MOST_SPOTS = 24
-"""Places of a face that its number may stand at."""
+"""Pieces of a face that its number may stand in."""
+
+CORNERWARDS = 0.4, 0.8
+"""Where it may stand beside a piece's middle: so far from there to a corner, of the whole way."""
 
 MOST_INSETS, ALIKE = 2, 0.999
 """Contacts that are magnified; cosine between normals of those that look alike."""
@@ -344,13 +347,14 @@ def draw_numbered(
     raster = _draw_solids(axes, shown, [(body, colour, "")])
     toward, spots = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]]()
     normals = normals_of_faces(body)
-    for element in (Element("F", face) for face in body.faces):
-        if element.vertices in numbers and float(normals[element.vertices] @ toward) > EDGE_ON:
-            pieces = [piece @ page for piece in face_polygons(body, element)]
-            middles = np.array([piece.mean(axis=0) for piece in face_polygons(body, element)])
-            sizes = [float(np.prod(np.ptp(piece, axis=0))) for piece in pieces]
-            order = np.argsort(-np.array(sizes))[:MOST_SPOTS]
-            seen = middles[order][raster.seen(middles[order])]
+    facing = {face: float(normals[face] @ toward) for face in body.faces if face in numbers}
+    for element in (Element("F", face) for face in sorted(facing, key=lambda face: -facing[face])):
+        if facing[element.vertices] > EDGE_ON:
+            pieces = sorted(face_polygons(body, element), key=lambda own: -float(np.prod(np.ptp(own @ page, axis=0))))
+            middles = [piece.mean(axis=0) for piece in pieces[:MOST_SPOTS]]
+            near = [x + t * (piece - x) for t in CORNERWARDS for x, piece in zip(middles, pieces, strict=False)]
+            places = np.vstack([*middles, *near])  # of a face half hidden, the middles may be
+            seen = places[raster.seen(places)]
             spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
     names, middle = Names(axes), body.vertices.mean(axis=0) @ page
     for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
@@ -388,10 +392,29 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     alone = Raster(page, np.array([left, bottom]), np.array([right, top]), 500)
     alone.fill(own_polygons(old), BLUE, 0)
-    pieces = alone.visible(sharp_edges(old))
+    pieces = _joined(alone.visible(sharp_edges(old)), right - left)
     axes.add_collection(LineCollection(pieces, colors=BLUE, linewidths=0.8, linestyles=[(0, (4, 2.5))], zorder=3))
     far = f", drawn {times:g} times as far off" if times > 1.0 else ""
     axes.plot([], [], color=BLUE, linewidth=0.8, linestyle=(0, (4, 2.5)), label=f"before the motion{far}")
+
+
+def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
+    """Return lines of pieces (2, 2) that meet end to end, by twos, so that dashes go on round a curve."""
+
+    def place(point: Array) -> tuple[int, ...]:
+        return tuple(np.rint(point / size * 1e6).astype(int).tolist())
+
+    lines, ends = dict[int, list[Array]](), dict[tuple[int, ...], int]()
+    for k, piece in enumerate(pieces):
+        line = list(piece)
+        for _ in range(2):  # at one end; turned round, at the other
+            here = place(line[-1])
+            if other := lines.pop(ends.get(here, -1), []):
+                line += other[1:] if place(other[0]) == here else other[-2::-1]
+            line.reverse()
+        lines[k] = line
+        ends |= {place(line[0]): k, place(line[-1]): k}
+    return [np.array(line) for line in lines.values()]
 
 
 def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: str) -> None:
@@ -468,15 +491,21 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
 
 
 def sharp_edges(body: Body) -> Array:
-    """Return the edges at which a body has a corner, (m, 2, 3): none where faces nearly go on one in another."""
+    """Return the edges at which a body has a corner, (m, 2, 3): none where faces nearly go on one in another.
+
+    Nor those that lie within the body, where it was cut into parts.
+    """
     normals = normals_of_faces(body)
     around: dict[int, set[tuple[int, ...]]] = {}
     for face in body.faces:
-        for corner in face if face in normals else ():
+        for corner in face:
             around.setdefault(corner, set()).add(face)
     kept = []
     for (one, two), ends in true_edges(body).items():
-        sides = [normals[face] for face in around.get(one, set()) & around.get(two, set())]
+        faces = around.get(one, set()) & around.get(two, set())
+        sides = [normals[face] for face in faces if face in normals]
+        if not faces:
+            continue
         if len(sides) != 2 or float(sides[0] @ sides[1]) < TANGENT:
             kept.append(ends)
     return np.array(kept).reshape(-1, 2, 3)

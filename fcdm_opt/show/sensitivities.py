@@ -33,8 +33,8 @@ MOST, LEAST = 16, 4
 NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
 """Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
 
-ROOM, HATCH, LETTERS = 1.36, "////", 40
-"""How far the axis goes, largest bar 1; hatch of what lowers the amount; letters of a name in full."""
+ROOM, HATCH, LETTERS, LISTED = 1.36, "////", 40, 240
+"""How far the axis goes, largest bar 1; hatch of what lowers the amount; letters of a name, of a list of names."""
 
 
 class Bar(NamedTuple):
@@ -72,6 +72,8 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     """
     derivatives, problem = solution.sensitivity, solution.problem
     every = bars(derivatives, problem)
+    unknown = [bar.name for bar in every if not math.isfinite(bar.value)]
+    every = [bar for bar in every if math.isfinite(bar.value)]
     few = [bar for bar in every if bar.note not in (SHIFTED, MOVED)]
     shape = sorted((bar for bar in every if bar not in few), key=lambda bar: -abs(bar.value))
     shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
@@ -86,8 +88,10 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     missing = sum(map(math.isnan, derivatives.faces.values()))
     if every and missing:
         notes.append(f"{missing} faces have no derivative of their own: their shift would part a corner that matters")
+    if unknown:
+        notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
-        notes.append("derivatives are one-sided or not unique: " + "; ".join(derivatives.reasons))
+        notes.append("derivatives are missing, one-sided or not unique: " + "; ".join(derivatives.reasons))
     sheet = Sheet.of(PAGE, BELOW + ROW * max(len(shown), 2), title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
     axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
@@ -103,16 +107,14 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         return sheet.figure
     axes.grid(visible=True, axis="x")
     axes.axvline(0.0, color=BLACK, linewidth=0.6)
-    largest = max(abs(bar.value) for bar in shown if math.isfinite(bar.value)) or 1.0
+    largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
     for row, bar in enumerate(shown):
-        known, less = math.isfinite(bar.value), bar.value < 0.0
-        if known:
-            axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
-                      edgecolor="white", linewidth=0.0)  # fmt: skip
-        text = f"{bar.value:+.3g}" if known and bar.value else "0" if known else "no derivative"
-        axes.annotate(text, (bar.value if known else 0.0, row), xytext=(-3.0 if less else 3.0, 0.0),
+        less = bar.value < 0.0
+        axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
+                  edgecolor="white", linewidth=0.0)  # fmt: skip
+        axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
                       ha="right" if less else "left", color=DARK, **beside)  # fmt: skip
         axes.annotate(bar.unit, (1.0, row), xycoords=("axes fraction", "data"), xytext=(6.0, 0.0),
                       annotation_clip=False, **beside)  # fmt: skip
@@ -131,7 +133,7 @@ def _told(problem: Problem, label: str) -> str:
     if len(corners) < 2:
         return f"corner {corners[0]} of {name}" if corners else name
     told = told_element(body, Element("F", corners)).partition(" (facing")[0]
-    return f"{f'facet {numbers[0]}V{numbers[1]}... of {told}' if is_round(told) else told} of {name}"
+    return f"{f'facet V{corners[0]},V{corners[1]}... of {told}' if is_round(told) else told} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:

@@ -43,7 +43,7 @@ NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\npair")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CUT = ", exactly the solid"  # what a note on a body says first
 MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
-DOUBT_WIDTH = 12  # characters, of what is said below an amount
+DOUBT_WIDTH = 14  # characters, of what is said below an amount
 
 
 def slope(segment: Any) -> float:
@@ -157,7 +157,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount)
-        + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
+        + (f"\n{wrapped(solution.doubt.partition(': the mesh')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,

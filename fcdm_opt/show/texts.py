@@ -98,6 +98,8 @@ def asked_text(problem: Problem) -> str:
         return f"{problem.requirement} ({signs})"
     if problem.made is not None and (problem.target == 1.0).all():
         return "made " + (", ".join(f"{name} {x:+.6g}" for name, x in problem.made.items() if x) or "as drawn")
+    if (problem.target == 1.0).all():
+        return "parts as drawn"
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 

@@ -26,7 +26,7 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import view_of
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import advised, asked_text, bound_line, listed, motion_text, parameter_texts, shown, telling
+from fcdm_opt.show.texts import advised, asked_text, bound_text, listed, motion_text, parameter_texts, shown, telling
 from fcdm_opt.show.verdict import fit_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -68,7 +68,7 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
 
 def answered(solution: Solution) -> dict[str, Any]:
     """Return what a case, and a cell of the table of requirements, says of an answer; its bound, and how near it is."""
-    text, _, near = bound_line(solution).partition(", ")
+    text, _, near = bound_text(solution).partition("\n")  # the page adds the unit
     return {
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
