@@ -303,6 +303,17 @@ def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
     assert fo.Solution.from_dict(json.loads(json.dumps(tight.to_dict()))).amount_low == math.inf
 
 
+def test_a_press_fit_that_no_smaller_parts_mend_passes_the_judge() -> None:
+    """A motion out of the fit is no answer: that smaller cylinders do not fit either does not contradict it."""
+    shaft = fo.Body.convex(np.vstack([ring(10.2, 32, z) for z in (-5.0, 45.0)]), name="shaft")
+    bush = bored(10.0, 10.0, 20.0, 32)
+    solution = fo.solve(fo.Problem(shaft, bush, target=(1.0, 1.0), motion=fo.Translation("x"), goal="clear"))
+    assert solution.status is fo.Status.OUTSIDE_FIT
+    assert solution.amount < solution.amount_low == math.inf
+    assert fo.verify(solution).passed
+    assert not fo.verify(replace(solution, amount_low=0.0, amount_high=1.0)).passed
+
+
 def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import hypot, isfinite, isnan
+from math import hypot, inf, isfinite, isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -196,12 +196,18 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
 
 
 def left_by_mesh(solution: Bounded, slack: float) -> list[Check]:
-    """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
+    """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all.
+
+    One that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
+    """
     low, amount, high = solution.amount_low, solution.amount, solution.amount_high
     if low == amount == high or (isnan(low) and isnan(high)):
         return []
+    if solution.status is Status.OUTSIDE_FIT:
+        amount = inf
+    off = 0.0 if 0.0 <= low <= amount <= high else float(np.max([low - amount, amount - high, -low]))
     note = f"left open by the mesh: {low:.6g} to {high:.6g}"
-    return [_at_most("amount the mesh allows", float(np.max([low - amount, amount - high, -low])), slack, note)]
+    return [_at_most("amount the mesh allows", off, slack, note)]
 
 
 def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:
