@@ -128,6 +128,19 @@ def test_a_flat_on_a_shaft_is_not_taken_for_a_piece_of_it() -> None:
     np.testing.assert_array_equal(errors[:, 0], 0.0)
 
 
+def test_a_quarter_of_a_cylinder_is_round_on_a_body_of_few_faces() -> None:
+    """Six facets of 15 degrees and four plane faces: fewer faces than a whole turn of facets has."""
+    angles = np.linspace(0.0, math.pi / 2, 7)
+    outline = np.vstack([[0.0, 0.0], 10.0 * np.column_stack([np.cos(angles), np.sin(angles)])])
+    sector = fo.Body.convex(np.vstack([np.column_stack([outline, np.full(8, z)]) for z in (0.0, 5.0)]))
+    errors, (normals, _) = facet_errors(sector), sector.face_planes
+    round_ones = (normals > 0.05).sum(axis=1) == 2
+    assert round_ones.sum() == 6
+    np.testing.assert_allclose(errors[round_ones, 1], 10.0 * (1.0 - math.cos(math.radians(7.5))), rtol=1e-9)
+    assert not errors[~round_ones].any()
+    assert not errors[:, 0].any()
+
+
 SOLIDS = {
     "cylinder": ([(0, 0), (6, 0), (6, 20), (0, 20)], 36 * math.pi * 20),
     "cone": ([(0, 0), (8, 0), (4, 12), (0, 12)], math.pi * 12 * (64 + 32 + 16) / 3),

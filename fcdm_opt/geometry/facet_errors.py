@@ -69,8 +69,10 @@ def _recognised(body: Body) -> Array | None:
     if max(body.deviation) > DEFAULT.drawn * body.size:
         return None
     errors = np.zeros((len(body.faces), 2))
-    if len(body.faces) < ROUNDED:
-        return frozen(errors)
+    if len(body.faces) < ROUNDED:  # most of them are prisms, which is seen at a glance
+        looks = body.face_planes[0]
+        if np.count_nonzero(np.triu(looks @ looks.T > GENTLE, 1)) < STRIP - 1:
+            return frozen(errors)
     normals, (corners, owners) = normals_of_faces(body), body.face_triangles
     rounds = round_faces(body)
     if not all(face in body.face_rows for own in rounds for face in own.faces):

@@ -353,8 +353,8 @@ def draw_numbered(
             pieces = sorted(face_polygons(body, element), key=lambda own: -float(np.prod(np.ptp(own @ page, axis=0))))
             middles = [piece.mean(axis=0) for piece in pieces[:MOST_SPOTS]]
             near = [x + t * (piece - x) for t in CORNERWARDS for x, piece in zip(middles, pieces, strict=False)]
-            places = np.vstack([*middles, *near])  # of a face half hidden, the middles may be
-            seen = places[raster.seen(places)]
+            looked = np.vstack([*middles, *near])  # of a face half hidden, the middles may be
+            seen = looked[raster.seen(looked)]
             spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
     names, middle = Names(axes), body.vertices.mean(axis=0) @ page
     for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
