@@ -22,7 +22,7 @@ CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CASES = ("A", "B")
 HOSTILE = "</script><b>bold"
-PATIENCE, AGAIN = 60.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
+PATIENCE, AGAIN = 180.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
 DRAWN = 1e-6  # of what plotly hands back: WebGL keeps single precision
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Text lines of different elements that share pixels, by the rectangles of what is drawn.
