@@ -139,7 +139,10 @@ def _like(problem: Problem, other: Problem) -> Problem:
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    problem, most = (None if pacing.over() else more_parts(problem, None, 0.0)) or problem, AT_ONCE
+    most = AT_ONCE
+    with suppress(pacing.TimeOverError):
+        pacing.check()
+        problem = more_parts(problem, None, 0.0) or problem
     if problem.movable.whole is None:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -151,7 +154,10 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = None if pacing.over() else more_parts(problem, pose, least, most)
+        further = None
+        with suppress(pacing.TimeOverError):  # then that is said below
+            pacing.check()
+            further = more_parts(problem, pose, least, most)
         late = pacing.over()
         if further is None:
             break

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
@@ -121,6 +122,7 @@ def near_facets(
     high = np.concatenate([corners[0].max(axis=1) + band, corners[1].max(axis=1)])
     found = [NearFacets(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2, 3, 3)))]
     for first, second in overlapping(low, high, np.repeat([0, 1], [count, len(corners[1])])):
+        pacing.check()
         i, j = np.minimum(first, second), np.maximum(first, second) - count
         heights = facing(*corners, *normals, i, j, band)
         close = np.isfinite(heights[:, 0])
