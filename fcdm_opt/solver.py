@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -107,10 +108,7 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = None
-        with suppress(pacing.TimeOverError):
-            pacing.check()
-            lies = with_insides(problem, pose)
+        lies = _in_time(with_insides, problem, pose)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
@@ -137,12 +135,18 @@ def _like(problem: Problem, other: Problem) -> Problem:
     return problem.with_parts((rows[0], rows[1]))
 
 
+def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | None:
+    """Return a problem with more of the bodies in it, as a look finds it; None where the time is over by then."""
+    try:
+        pacing.check()
+        return look(*arguments)
+    except pacing.TimeOverError:
+        return None
+
+
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    most = AT_ONCE
-    with suppress(pacing.TimeOverError):
-        pacing.check()
-        problem = more_parts(problem, None, 0.0) or problem
+    problem, most = _in_time(more_parts, problem, None, 0.0) or problem, AT_ONCE
     if problem.movable.whole is None:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -154,10 +158,7 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = None
-        with suppress(pacing.TimeOverError):  # then that is said below
-            pacing.check()
-            further = more_parts(problem, pose, least, most)
+        further = _in_time(more_parts, problem, pose, least, most)
         late = pacing.over()
         if further is None:
             break

@@ -282,7 +282,8 @@ def stack_command(
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if not problem.sizes:
-            raise InputError("there are no sizes", key="size", allowed=f"one [[size]] table or more{_left_out(file)}")
+            allowed = f"one [[size]] table or more{_commented_out_sizes(file)}"
+            raise InputError("there are no sizes", key="size", allowed=allowed)
         found = stack_up(problem, limits=limits)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
@@ -304,7 +305,7 @@ def stack_command(
     _each_case(inquiry, asked)
 
 
-def _left_out(file: OpenedFile) -> str:
+def _commented_out_sizes(file: OpenedFile) -> str:
     """Return in words how many tables of sizes a file has as comments, as `init` writes them."""
     count = len(re.findall(r"^\s*#\s*\[\[size\]\]", file.path.read_text(encoding="utf-8-sig"), re.MULTILINE))
     return f": {count} are there, commented out; take the # away before the lines of those that count" if count else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import operator
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -85,7 +85,7 @@ def warmup_command() -> None:
         pacing.at("compiling the numerical kernels that all commands share")
         warming.shared()
         groups = _moved, warming.sized
-        for done, result in enumerate(beside.each(_asked, groups), 1):
+        for done, result in enumerate(beside.each(operator.call, groups), 1):
             result()
             pacing.at("compiling numerical kernels", done, len(groups))
         for ask in groups:  # of what both compiled one is kept, which the code of the other may not fit
@@ -100,10 +100,6 @@ def _moved() -> None:
     solution = warming.moved()
     with suppress(InputError):  # pictures are an extra
         solution_figure(solution)
-
-
-def _asked(ask: Callable[[], None]) -> None:
-    ask()
 
 
 def _check_place(path: Path, meshes: tuple[Path, Path], force: bool) -> None:

@@ -301,7 +301,7 @@ class NormalSpreadEntry(Entry, title="Normal distribution of a size"):
     high: Number | None = declared(None, "largest deviation, in the size's own unit; goes with sigma", 0.01)
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _keys_go_together(self) -> Self:
         capable = self.model_fields_set & {"cp", "shift"}
         for key in ("mean", "low", "high") if self.sigma is None else capable:
             if key in self.model_fields_set:

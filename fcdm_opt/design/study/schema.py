@@ -65,7 +65,7 @@ class CsvEntry(Entry, title="Measured values", json_schema_extra=one_of(("column
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _exactly_one_key(self) -> Self:
         if (self.column is None) == (self.columns is None):
             found = "neither" if self.column is None else "both"
             raise refusal("exactly one of column and columns must be given", found=found, allowed="column or columns")
@@ -115,7 +115,7 @@ class VaryEntry(Entry, title="What varies", json_schema_extra=one_of(*((way,) fo
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _exactly_one_key(self) -> Self:
         given = [way for way in WAYS if getattr(self, way) is not None]
         if len(given) != 1:
             allowed = f"exactly one of {', '.join(WAYS)}"
