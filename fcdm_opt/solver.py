@@ -19,10 +19,10 @@ from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
+from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
@@ -112,7 +112,7 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
-        if problem.goal == "touch" and problem.movable.whole is not None:  # where it comes free it touches
+        if problem.goal == "touch" and problem.partial:  # where it comes free it touches
             problem = _like(problem, _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem)
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
@@ -123,16 +123,12 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
 
 def _like(problem: Problem, other: Problem) -> Problem:
     """Return a problem with those parts of large bodies modelled, too, that are in another about the same bodies."""
-    if problem.movable.whole is None or problem.static.whole is None:
+    known, others = problem.active_indices, other.active_indices
+    if known is None or others is None:
         return problem
-    rows = []
-    for body, whole, more in (
-        (problem.movable, problem.movable.whole, other.movable.rows),
-        (problem.static, problem.static.whole, other.static.rows),
-    ):
-        new = np.setdiff1d(more, body.rows)
-        rows.append(np.append(body.rows, new[new < len(whole.parts)]))
-    return problem.with_parts((rows[0], rows[1]))
+    new = [np.setdiff1d(more, own) for own, more in zip(known, others, strict=True)]
+    own, its = (more[more < len(body.parts)] for more, body in zip(new, problem.bodies, strict=False))
+    return problem.with_active_parts((np.append(known[0], own), np.append(known[1], its)))
 
 
 def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | None:
@@ -145,9 +141,9 @@ def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | 
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
-    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    problem, most = _in_time(more_parts, problem, None, 0.0) or problem, AT_ONCE
-    if problem.movable.whole is None:
+    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
+    problem, most = _in_time(expand_active_parts, problem, None, 0.0) or problem, AT_ONCE
+    if not problem.partial:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
     while True:
@@ -158,7 +154,7 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = _in_time(more_parts, problem, pose, least, most)
+        further = _in_time(expand_active_parts, problem, pose, least, most)
         late = pacing.over()
         if further is None:
             break
@@ -243,7 +239,7 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer), None
-    with pacing.within(None if problem.movable.whole is None else SHOWN_SECONDS, share=1.0):
+    with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 

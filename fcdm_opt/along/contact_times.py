@@ -27,9 +27,9 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 State = Literal["apart", "overlapping"]
@@ -142,7 +142,7 @@ def contact_times(
         alone is modelled.
     """
     along = checked_direction(problem, direction)
-    need_all_parts(problem.movable, problem.static, "a range", problem.keep_out)
+    need_all_parts(problem, "a range")
     pair = (
         problem.target
         if scale_pair is None
@@ -225,7 +225,7 @@ class _OneWay:
         return min(beyond, self._end)
 
     def _touch(self, x: float, grazing: bool) -> None:
-        one, two, slack = self._problem.movable, self._problem.static, DEFAULT.nominal * self._problem.size
+        (one, two), slack = self._problem.active, DEFAULT.nominal * self._problem.size
         pose = relative_pose(one, two, self._transform(x))
         self.touches.append(Touch(x, touching_features(one, two, pose, self._pair, slack), grazing))
 
@@ -239,7 +239,7 @@ class _OneWay:
 
     def _deepest(self, x: float) -> tuple[float, tuple[int, int]]:
         """Return the least gap of a part pair, and which that is."""
-        one, two = self._problem.movable, self._problem.static
+        one, two = self._problem.active
         pose = self._transform(x), one.seed, two.seed
         (gap,), ((i, j),) = kernels.least_gaps(*one.packed, *two.packed, *pose, self._pair[None])
         return float(gap), (int(i), int(j))
@@ -293,7 +293,7 @@ class _OneWay:
         However shallow: bodies that slide along each other stay so.
         """
         i, j = self._deepest(here.x)[1]
-        one, two, rho = self._problem.movable.parts[i], self._problem.static.parts[j], self._pair
+        (one, two), rho = (body.parts[k] for body, k in zip(self._problem.active, (i, j), strict=True)), self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         tops = one.bases - one.seed, two.bases - two.seed
         R, d = here.R[0], here.d[0]

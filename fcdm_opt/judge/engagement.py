@@ -56,7 +56,7 @@ def outside_fit(solution: Solution) -> bool:
 def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     """Tell whether a motion leaves the fit in which a problem's parts are drawn."""
     q, bodies = np.array(parameters), (problem.movable, problem.static)
-    if not q.any() or all(len((body.whole or body).parts) == 1 for body in bodies):
+    if not q.any() or all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
     try:
         T = problem.motion.transform(q, *(body.seed for body in bodies))
@@ -117,7 +117,6 @@ def _corners(problem: Problem, share: float, pose: Array) -> tuple[Array, Array]
 
 def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
     """Return corners of the same facets of a body as drawn and as made; as made alone where these are others."""
-    drawn, made = drawn.whole or drawn, made.whole or made
     if drawn is not made and made.skin:  # triangulated anew, on vertices that keep their labels
         triangles = np.array([own for face in made.skin for own in face])
         points = made.vertices

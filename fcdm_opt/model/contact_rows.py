@@ -12,8 +12,8 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
         bodies and keep-outs of which not all parts are modelled: the rows of some would not keep the others apart.
     """
     expected(problem, Problem, "problem")
-    need_all_parts(problem.movable, problem.static, "contact_rows", problem.keep_out)
+    need_all_parts(problem, "contact_rows")
     if problem.contacts:
         allowed = 'one tracked contact, or goal "touch" or "clear"'
         raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)

@@ -176,7 +176,7 @@ class _Examiner:
         if seats:
             lines = tuple(seat_of(line, seats) or line for line in lines)
         others = besides(seats, lines, problem.target)
-        bodies = problem.movable, problem.static
+        bodies = problem.active
         made = (feature_points(*bodies, own.site, own.parts, own.normal, np.eye(3)) for own in (*lines, *others))
         return tuple(made), len(lines)
 
@@ -192,7 +192,7 @@ class _Examiner:
             return None
         given = [Interval(x) for x in self.target]
         one, two = features[:2]
-        bodies = self.problem.movable, self.problem.static
+        bodies = self.problem.active
         for own in (0, 1) if one.parts == two.parts else ():  # the body of the edge
             parts = [body.parts[k] for body, k in zip(bodies, one.parts, strict=True)]
             shared = [sorted(_corners(one, k, parts[k]) & _corners(two, k, parts[k])) for k in (0, 1)]
@@ -259,7 +259,7 @@ class _Examiner:
             return np.inf
         least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1]) - DEFAULT.nominal
         parts = [_norm(own).max() for own in self.movable]
-        others = [_norm(own.vertices).max() for own in self.obstacles[: len(self.problem.static.parts)]]
+        others = [_norm(own.vertices).max() for own in self.obstacles[: len(self.problem.active[1].parts)]]
         away = _norm(Interval(self.problem.static.seed) - self.problem.movable.seed)
         return float((away + max(parts) + max(others)) * (1.0 + FLOATS) / least) if least > 0 else np.inf
 
@@ -271,7 +271,7 @@ class _Examiner:
     @cached_property
     def movable(self) -> list[Interval]:
         """Vertices of the parts of body 1 at the scale made, about the moved seed in its own axes."""
-        own = self.problem.movable
+        own = self.problem.active[0]
         return [(Interval(part.vertices) - own.seed) * self.target[0] for part in own.parts]
 
     @cached_property
@@ -282,7 +282,7 @@ class _Examiner:
         # a contact that ends at the target pair is none where parts overlap at it
         apart = self.must_touch or problem.goal in ("at", "seat")
         need = problem.clearance if clear else 0.0 if apart else -np.inf
-        placed = [(part, self.target[1], need) for part in problem.static.parts]
+        placed = [(part, self.target[1], need) for part in problem.active[1].parts]
         placed += [(part, scale, own.clearance) for own in problem.keep_out for part, scale in own.obstacles]
         return [
             Obstacle(part, Interval(part.seed) - seed + (Interval(part.vertices) - part.seed) * scale, need)
@@ -461,7 +461,7 @@ class _Examiner:
         features, tracked = self.features
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
-        bodies = self.problem.movable, self.problem.static
+        bodies = self.problem.active
         for k, body in product(range(tracked), (0, 1)):
             feature = features[k]
             part = bodies[body].parts[feature.parts[body]]
@@ -480,7 +480,7 @@ class _Examiner:
         """Return by how much a direction keeps the tracked parts apart at the tracked pair."""
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
-        movable, static = self.problem.movable, self.problem.static
+        movable, static = self.problem.active
         if self.crossing is None or len(movable.parts) != 1 or len(static.parts) != 1:
             return margin  # parts of unions may be left for one another
         kinds, given = self.crossing.kinds, self.crossing.given
@@ -501,7 +501,7 @@ class _Examiner:
 
     def apart(self, poses: Poses) -> Array:
         """Return by how much a direction for each part pair keeps it apart at the target pair."""
-        count, others = len(poses.pieces.rows), len(self.problem.static.parts)
+        count, others = len(poses.pieces.rows), len(self.problem.active[1].parts)
         if not self.must_touch:
             return np.full(count, -np.inf)
         first = self.evidence.first

@@ -147,7 +147,7 @@ class Frames:
             return self._rest
         last, curve = self._moved
         if last is None or not (transform == last).all():
-            curve = decision_curve(self._problem.movable, self._problem.static, box=self.box, transform=transform)
+            curve = decision_curve(*self._problem.active, box=self.box, transform=transform)
             self._moved = transform, curve
         return curve
 
@@ -165,7 +165,7 @@ class Frames:
         """
         if pacing.over():
             return []
-        large = self._problem.movable.whole is not None
+        large = self._problem.partial
         if large or curve.box == self._problem.box:
             names = ("" if large else f"SW{point.index}" for point in curve.switching_points)
             return [[*drawn(point.rho), name] for point, name in zip(curve.switching_points, names, strict=True)]
