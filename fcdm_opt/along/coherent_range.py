@@ -162,6 +162,7 @@ def coherent_range(
     """
     expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
+    need_all_parts(problem, "a range of tracked contacts")
     if problem.contacts:
         what = "a range tells how far one tracked contact lasts"
         raise InputError(what, key="contacts", found="several", allowed="none, or another question of each contact")
@@ -244,7 +245,6 @@ class Reach(NamedTuple):
 
 def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     """Return how far to look along a ray from no motion."""
-    need_all_parts(problem, "a range")
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []

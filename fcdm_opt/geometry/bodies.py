@@ -641,6 +641,11 @@ class Body(_Sealed, Shown):
         scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
         return replace(scaled, deviation=(out, short), facet_errors=errors)
 
+    def with_seed(self, seed: Array) -> Body:
+        """Return the same body with another datum of scaling."""
+        parts = tuple(replace(part, seed=seed) for part in self.parts)
+        return replace(self, seed=seed, parts=parts)
+
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
         T = rigid_transform(transform, key=f"body '{self.name}': transform")

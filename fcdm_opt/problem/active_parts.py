@@ -35,6 +35,7 @@ AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the 
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
 DISTANCES = 1e-3 * 2.0 ** np.arange(9)  # of the size: how near parts are taken up where those modelled never touch
+WIDEST = 1.0 / 64  # of the size: how far parts may move on a stretch of a way on which all near ones are taken up
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
 Indices = tuple[Ints, Ints]
@@ -121,6 +122,49 @@ def _near(
     return near_facets(
         one, rho[0] * one.points @ transform[:3, :3].T + away, two, rho[1] * two.points, band, crossing=crossing
     )
+
+
+def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array | None = None) -> Problem:
+    """Return the problem with all parts active, too, whose surfaces come as near to the other body's as a length.
+
+    Parameters
+    ----------
+    problem : Problem
+    transform : (4, 4) array
+        Pose change of body 1.
+    band : float
+    rho : (2,) array, optional
+        Scale pair; by default the target pair.
+    """
+    known = problem.active_indices
+    if known is None:
+        return problem
+    near = _near(problem.movable, problem.static, problem.target if rho is None else rho, transform, band)
+    more = [np.setdiff1d(own, rows) for rows, own in zip(known, near.parts.T, strict=True)]
+    if not any(map(len, more)):
+        return problem
+    return problem.with_active_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+
+
+def with_parts_on_the_way(problem: Problem, along: Array, rho: Array, low: float, high: float) -> Problem:
+    """Return the problem with all parts active that may touch after some motion q = x * along, low <= x <= high.
+
+    At a scale pair. Stretches are halved until nothing moves far on them.
+    """
+    fastest = float(_rates(problem) @ np.abs(along))
+    if not (problem.partial and math.isfinite(fastest)):
+        return problem
+    stretches = [(low, high)]
+    while stretches:
+        pacing.check()
+        low, high = stretches.pop()
+        middle, band = (low + high) / 2.0, fastest * (high - low) / 2.0
+        if band > WIDEST * problem.size:
+            stretches += [(low, middle), (middle, high)]
+            continue
+        pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
+        problem = with_near_parts(problem, pose, band, rho)
+    return problem
 
 
 def expand_active_parts(

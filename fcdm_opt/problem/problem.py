@@ -405,11 +405,14 @@ def _resolved(
         **_matched(asked.movable, asked.static, others, asked.motion),
     }
     request |= {role: fit_for_sizes(request[role], own) for role, own in _sizes_of(asked.sizes).items()}
-    parts = _parts_made(request)
-    if parts and asked.contacts is not None:
-        parts |= _contacts_made(request, parts)
-    made_bodies = {**request, **parts}
-    bodies = made_bodies["movable"], made_bodies["static"]
+    if before is None:
+        parts = _parts_made(request)
+    else:
+        parts = {"movable": before.movable, "static": before.static, "made": before.made}
+    bodies = parts.get("movable", request["movable"]), parts.get("static", request["static"])
+    if before is None and parts and asked.contacts is not None:
+        contacts, indices = _contacts_made(request, parts)
+        parts |= contacts
     parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
@@ -521,23 +524,28 @@ def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
     return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
 
 
-def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored."""
+def _contacts_made(
+    request: Mapping[str, Any], parts: Mapping[str, Any]
+) -> tuple[dict[str, Any], Indices | None]:
+    """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored; and active parts."""
     if isinstance(request["nominal"], int):
         what = "with sizes the contacts to restore are those of the parts as drawn"
         raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
     active, box = active_bodies(request["movable"], request["static"], request["nominal"], request["box"])
     drawn = NominalContact(**{**request, "goal": request["goal"] or "at", "active": active, "box": box})
-    values = _by_role(request["sizes"], parts["made"])
-    over = CarriedOver(
-        (drawn.movable, drawn.static), (parts["movable"], parts["static"]), (values["movable"], values["static"])
-    )
-    known = {name: getattr(drawn, name) for name in _NOMINAL}
-    return {
-        **known,
+    values, made, indices = _by_role(request["sizes"], parts["made"]), [], drawn.active_indices
+    for role, body in zip(("movable", "static"), active, strict=True):
+        if indices is not None and len(parts[role].parts) == len(request[role].parts):
+            made.append(parts[role].subset(body.part_indices))
+        else:
+            made.append(parts[role])
+    over = CarriedOver(active, (made[0], made[1]), (values["movable"], values["static"]))
+    contacts = {
+        **{name: getattr(drawn, name) for name in _NOMINAL},
         "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
         "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
     }
+    return contacts, indices
 
 
 def _check_motion(asked: Arguments) -> None:
