@@ -27,12 +27,12 @@ from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
-from fcdm_opt.motion.motions import Motion, Screw
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
-from fcdm_opt.problem.entries import plain_body, plain_step
+from fcdm_opt.problem.entries import plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
@@ -307,7 +307,7 @@ class Problem(NominalContact, Shown):
         asked, kinds = self.request, dict(self.motion.parameters)
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]
         case = {key: plain(asked[key]) for key in keys}
-        case["motion"] = [plain_step(step) for step in self.motion.steps]
+        case["motion"] = [step.own_plain() for step in self.motion.steps]
         if isinstance(asked["amount"], OwnAmount):
             case["amount"] = {"casadi": asked["amount"].text}
         for key in BY_PARAMETER.keys() & case.keys():
@@ -552,7 +552,7 @@ def _check_motion(asked: Arguments) -> None:
     """Refuse a motion that does not move, or whose axis is not there."""
     if not asked.motion.parameters:
         raise InputError("the motion has no parameters", key="motion", found=asked.motion)
-    if not any(isinstance(step, Screw) and step.axis == "seeds" for step in asked.motion.steps):
+    if not asked.motion.along_seeds.any():
         return
     away = float(np.linalg.norm(asked.static.seed - asked.movable.seed))
     if away <= DEFAULT.seeds * max(asked.movable.size, asked.static.size):

@@ -23,7 +23,6 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import besides, held, seat_of
-from fcdm_opt.motion.motions import Rotation, Step, Translation
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
@@ -240,22 +239,19 @@ class _Examiner:
             limits[still & around] = 0.0
         if self.features[1]:
             return limits
-        steps = problem.motion.owners
-        half, reach = np.pi * (1.0 + FLOATS), self._reach(steps)
-        for k, step in enumerate(steps):
+        directions = problem.motion.shift_directions
+        half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
+        for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
             low, high = limits[k]
             if step.closed and around[k]:
                 limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
-            elif isinstance(step, Translation):
+            elif direction is not None:
                 limits[k] = max(low, -reach), min(high, reach)
         return limits
 
-    def _reach(self, steps: Sequence[Step]) -> float:
+    def _reach(self, shifts: Sequence[Array]) -> float:
         """Return a translation beyond which nothing touches; infinite if that is not known or not asked."""
-        shifts = [step.direction for step in steps if isinstance(step, Translation)]
-        turns = [step for step in steps if not isinstance(step, Translation)]
-        seeded = all(isinstance(step, Rotation) and step.centre == "seed" for step in turns)
-        if not (self.must_touch and seeded and 0 < len(shifts) <= 3):
+        if not (self.must_touch and self.problem.motion.about_seed and 0 < len(shifts) <= 3):
             return np.inf
         least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1]) - DEFAULT.nominal
         parts = [_norm(own).max() for own in self.movable]
