@@ -39,6 +39,12 @@ class _Scene(NamedTuple):
     keep_outs: tuple[Body, ...]
 
 
+def facets_known(problem: Problem) -> None:
+    """Work out what the facets of a problem's bodies leave open, which is kept: it is told however late it is."""
+    for body in problem.bodies:
+        facet_errors(body)
+
+
 def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
