@@ -152,7 +152,8 @@ def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution
 
 
 def _gap_at_rest(problem: Problem) -> float:
-    return float(decision_curve(problem.movable, problem.static, box=problem.box).gap(problem.target))
+    curve = decision_curve(problem.movable, problem.static, box=problem.box)
+    return curve.near_gap(problem.target, problem.contact_slack, settled=True)
 
 
 def _least(solution: Solution, amount: float) -> float:

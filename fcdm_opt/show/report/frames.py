@@ -196,7 +196,7 @@ class Frames:
             return ""
         if not (np.isfinite(rho).all() and min(rho) > 0):
             return "the tracked features meet at no pair of scales here"
-        state = self._state(float(curve.gap(rho, settled=False)))
+        state = self._state(curve.near_gap(rho, self._problem.contact_slack))
         if state == "touching":
             return ""
         return f"the tracked features are not the contact here: at their scales the bodies are {state}"
