@@ -57,6 +57,7 @@ class _Given(NamedTuple):
 
 
 Found = TypeVar("Found")
+Other = TypeVar("Other")
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
@@ -157,7 +158,7 @@ def telling() -> Iterator[None]:
         yield
 
 
-def in_time(work: Callable[..., Found], *arguments: Any, late: Found) -> Found:
+def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found | Other:
     """Return what work finds; `late` where the time is over by then, even while what was found is told."""
     with _set(_limit, _limit.get()._replace(kept=False)):
         try:

@@ -116,7 +116,7 @@ class DecisionCurve(Shown):
             if run:
                 branches.append(Branch(tuple(run)))
         for rho, one, two in [] if self._convex else self._union.alone:
-            near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._reach)
             if in_box(rho, self.box) and abs(self.near_gap(rho, near)) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
                 points.append(self._switching_point(*runs, len(points) + 1, alone=True))
