@@ -16,6 +16,7 @@ from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.report.families import frames_of
+from fcdm_opt.show.scene import view_of
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
@@ -36,7 +37,7 @@ BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
-"""What every case needs: loaded once, as facets are known, before processes copy this one."""
+"""What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
 
 
 def gather(
@@ -84,6 +85,8 @@ def gather(
         import_module(name)
     for problem in asked:
         facets_known(problem)
+        with pacing.telling():
+            view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     answers = beside.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
