@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError, expected
 from fcdm_opt.judge.certificate import judged
-from fcdm_opt.model.mesh_error import with_mesh_error
+from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
@@ -80,6 +79,8 @@ def solve(
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
     with pacing.within(time):
+        if effort == "proved":
+            facets_known(problem)
         solution = _solved_all(problem, how)
         if effort == "proved":
             solution = with_mesh_error(solution, partial(_solved_again, how))
@@ -108,7 +109,7 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = _in_time(with_insides, problem, pose)
+        lies = pacing.in_time(with_insides, problem, pose, late=None)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
@@ -131,18 +132,9 @@ def _like(problem: Problem, other: Problem) -> Problem:
     return problem.with_active_parts((np.append(known[0], own), np.append(known[1], its)))
 
 
-def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | None:
-    """Return a problem with more of the bodies in it, as a look finds it; None where the time is over by then."""
-    try:
-        pacing.check()
-        return look(*arguments)
-    except pacing.TimeOverError:
-        return None
-
-
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
-    problem, most = _in_time(expand_active_parts, problem, None, 0.0) or problem, AT_ONCE
+    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
     if not problem.partial:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -154,7 +146,7 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = _in_time(expand_active_parts, problem, pose, least, most)
+        further = pacing.in_time(expand_active_parts, problem, pose, least, most, late=None)
         late = pacing.over()
         if further is None:
             break

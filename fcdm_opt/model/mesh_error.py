@@ -39,6 +39,12 @@ class _Scene(NamedTuple):
     keep_outs: tuple[Body, ...]
 
 
+def facets_known(problem: Problem) -> None:
+    """Work out what the facets of a problem's bodies leave open, which is kept: it is told however late it is."""
+    for body in problem.bodies:
+        facet_errors(body)
+
+
 def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
@@ -146,7 +152,8 @@ def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution
 
 
 def _gap_at_rest(problem: Problem) -> float:
-    return float(decision_curve(*problem.active, box=problem.box).gap(problem.target))
+    curve = decision_curve(*problem.active, box=problem.box)
+    return curve.near_gap(problem.target, problem.contact_slack, settled=True)
 
 
 def _least(solution: Solution, amount: float) -> float:

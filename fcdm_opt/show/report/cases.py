@@ -109,7 +109,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
             {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
-        "configurations": _configurations(solution),
+        "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
 
@@ -168,7 +168,7 @@ def _configurations(solution: Solution) -> list[str]:
     """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
     problem = solution.problem
     contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None and not pacing.over():
+    if solution.transform is not None and solution.rho is not None:
         curve = problem.curve_after(solution.transform, solution.rho)
         if problem.partial:
             return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
