@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from manifold3d import Manifold
 
+from fcdm_opt import compiling
 from fcdm_opt.along.coherent_range import coherent_range
 from fcdm_opt.design.compensation.compensation_map import compensation_map
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
@@ -23,11 +24,13 @@ ASIDE, TURN = Translation("x"), Rotation("z", centre="origin")
 
 def shared() -> None:
     """Ask what needs the kernels of curves, shifts and the judge: those that all other questions need, too."""
+    compiling.eager()
     solve(_larger(ASIDE), certify=True)
 
 
 def moved() -> Solution:
     """Ask what needs the kernels of motions and their proofs; return the last answer."""
+    compiling.eager()
     wedge = Body.convex([(0, 0, 0), (2, 0.3, 0), (0.4, 1.7, 0), (0.6, 0.5, 1.9)], name="wedge")
     stone = Body.convex([(3, 0.2, -0.4), (5, 0, 0), (4.2, 1.9, 0.1), (4, 0.6, 2.2), (3.4, 1.1, 1.3)], name="stone")
     beyond = Problem(wedge, stone, nominal=1, tolerance=0.01, requirement="B", motion=ASIDE >> TURN)
@@ -39,6 +42,7 @@ def moved() -> Solution:
 
 def sized() -> None:
     """Ask what needs the kernels of sizes, poses, maps and bodies kept as surfaces."""
+    compiling.eager()
     peg, plate = _bodies()
     asked = Problem(peg, plate, tolerance=0.01, requirement="A", goal="touch", motion=ASIDE)
     compensation_map(asked, error=0.1)
