@@ -322,9 +322,9 @@ def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch:
             np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), decomposition="surface", name=name
         )
 
-    pin = Manifold.cylinder(12.0, 4.0, 4.0, 24).translate((50.0, 0.0, 0.0))
+    pin = Manifold.cylinder(12.0, 4.0, 4.0, 12).translate((50.0, 0.0, 0.0))
     plate = meshed(Manifold.cube((140.0, 60.0, 5.0)).translate((-70.0, -30.0, -5.0)) + pin, "plate")
-    ring = Manifold.cylinder(6.0, 9.0, 9.0, 24) - Manifold.cylinder(20.0, 4.2, 4.2, 24).translate((0, 0, -5.0))
+    ring = Manifold.cylinder(6.0, 9.0, 9.0, 12) - Manifold.cylinder(20.0, 4.2, 4.2, 12).translate((0, 0, -5.0))
     situation = Situation(meshed(ring.translate((50.0, 0.0, 0.0)), "ring"), plate)
     monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", math.inf)  # no answer is to depend on how busy a machine is
     choice = chosen(situation)
