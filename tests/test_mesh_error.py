@@ -464,6 +464,21 @@ def test_quick_does_not_look() -> None:
     assert math.isnan(solution.amount_low)
     assert math.isnan(solution.amount_high)
     assert "smallest possible" not in verdict_text(solution)
+    assert 'what the mesh leaves open is not known: effort "quick"' in verdict_text(solution)
+
+
+def test_why_it_is_not_known_what_a_mesh_leaves_open_was_not_told() -> None:
+    """A shaft on its side over a table, with a wall beside it."""
+    shaft = fo.Body.convex(np.vstack([ring(9.9, 24, z) for z in (0.0, 10.0)])[:, [0, 2, 1]], name="shaft")
+    table, wall = fo.Body.convex(PLATE - [0.0, 0.0, 30.0]), fo.Body.convex(PLATE + np.array([60.0, 0.0, 0.0]))
+    known = {"target": (1.0, 1.0), "motion": Z, "goal": "touch"}
+    beside = fo.solve(fo.Problem(shaft, table, keep_out=[fo.KeepOut(wall)], **known))
+    assert beside.usable
+    assert math.isnan(beside.amount_low)
+    assert "is not known: larger parts touch sooner, and keep less clear" in verdict_text(beside)
+    on_it = tuple(beside.problem.curve.nearest((1.0, 1.0)).tolist())
+    followed = replace(beside, problem=beside.problem.changed(keep_out=(), goal="at", nominal=on_it))
+    assert 'is not known: goal "at" follows one contact' in followed.left_by_mesh
 
 
 def test_stack_and_map_repeat_how_well_gaps_are_known(tmp_path: Path) -> None:
