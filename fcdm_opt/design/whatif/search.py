@@ -112,7 +112,9 @@ class LeastRelaxation(PlainMotion):
         unit = {"radian": " deg", "halvings": " halvings"}.get(self.unit, "")
         done = "drop it" if math.isinf(self.by) else f"by {shown(self.by):.9g}{unit}"
         done += "" if math.isnan(self.value) else f" to {shown(self.value):.9g}{unit}"
-        return f"{self.name}: {done}, amount {self.amount:.6g}" + (f" ({self.note})" if self.note else "")
+        out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
+        notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
+        return f"{self.name}: {done}, amount {self.amount:.6g}" + (f" ({notes})" if notes else "")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
