@@ -29,7 +29,7 @@ from fcdm_opt.curve.segments import (
     without_borders,
 )
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -427,6 +427,7 @@ def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) 
     return 0
 
 
+@known_arguments
 def decision_curve(
     movable: Body,
     static: Body,

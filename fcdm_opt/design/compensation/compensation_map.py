@@ -21,7 +21,7 @@ from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
@@ -201,6 +201,7 @@ class CompensationMap(Plain, Shown):
         to_csv(path.with_name(f"{path.stem}-regions.csv"), [columns, *rows])
 
 
+@known_arguments
 def compensation_map(
     problem: Problem,
     *,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.fit import verdict
@@ -75,6 +75,7 @@ class Conflicts(Plain):
         return {**super().to_dict(), "constraints": [one.name for one in self.constraints]}
 
 
+@known_arguments
 def conflicts(
     problem: Problem | Solution, *, certify: bool = False, relax: bool = True, deviation: bool = True
 ) -> Conflicts:
