@@ -32,6 +32,10 @@ requirement = "A"
 """
 
 
+CUBE = fo.Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+PROBLEM = fo.Problem(CUBE, CUBE, target=(1, 1), goal="touch", motion=fo.Translation("x"))
+
+
 def answer(folder: Path, old: str, new: str) -> InputError:
     path = folder / "p.toml"
     path.write_text(FILE)
@@ -176,6 +180,7 @@ def test_of_thousands_of_names_an_error_lists_the_first() -> None:
     [
         (lambda wrong: fo.solve(None, **wrong("certfy")), "certify"),
         (lambda wrong: fo.conflicts(None, **wrong("certfy")), "certify"),
+        (lambda wrong: fo.solve_all([PROBLEM], **wrong("certfy")), "certify"),
         (lambda wrong: fo.Body.from_file("lid.stl", **wrong("units")), "unit"),
         (lambda wrong: fo.Rotation("z", **wrong("center")), "centre"),
         (lambda wrong: fo.KeepOut(None, **wrong("clearence")), "clearance"),
@@ -187,7 +192,7 @@ def test_a_slip_in_an_argument_was_a_bare_type_error(call: Callable[[Any], Any],
 
 
 def test_every_public_function_names_its_arguments_and_still_goes_to_other_processes() -> None:
-    for name in set(fo.__all__) - {"whatif"}:  # that takes those of a problem, too
+    for name in set(fo.__all__) - {"whatif", "solve_all"}:  # they take those of a problem and of `solve`, too
         if isinstance(own := getattr(fo, name), FunctionType):
             with pytest.raises(InputError, match="unknown argument 'nothing'"):
                 own(nothing=None)

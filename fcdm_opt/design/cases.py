@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.doors import Shown, extra
-from fcdm_opt.errors import InputError, expected, known_arguments
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -64,7 +64,6 @@ class SolvedCases(Mapping[str, Solution], Shown):
         write_cases(path, self.items())
 
 
-@known_arguments
 def solve_all(
     problem: Problem | Iterable[Problem], *, requirement: str | None = None, **how: Any
 ) -> SolvedCases:
