@@ -164,7 +164,7 @@ class CompensationMap(Plain, Shown):
         return (
             f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
             f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
-            f"error {reached} (asked for {self.error:.3g}), "
+            f"error {reached} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
         )
