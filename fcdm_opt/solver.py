@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, UnsolvedError, expected
+from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
@@ -33,6 +33,7 @@ MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
 
+@known_arguments
 def solve(
     problem: Problem,
     *,

@@ -29,7 +29,7 @@ from fcdm_opt.curve.segments import (
     without_borders,
 )
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -392,8 +392,8 @@ class DecisionCurve(Shown):
 
         All of its chain is, then, as that nowhere passes the surface.
         """
-        whole = self.movable.whole is self.static.whole is None
-        hollow = whole and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
+        complete = self.movable.full_body is self.static.full_body is None
+        hollow = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
         return bool(hollow and self._solids(rho).nested)
 
     def _solids(self, rho: Array) -> PlacedSolids:
@@ -451,6 +451,7 @@ def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) 
     return 0
 
 
+@known_arguments
 def decision_curve(
     movable: Body,
     static: Body,

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
@@ -42,6 +42,7 @@ MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
 
+@known_arguments
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
     """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
