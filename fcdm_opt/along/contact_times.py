@@ -186,7 +186,7 @@ def _to_first_contacts(
         both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
         if all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
             break
-    return problem, x
+    return problem, limit if x >= max(ends) else x
 
 
 def _of_solids(
@@ -210,7 +210,8 @@ def _of_solids(
         else:
             found.append(StateSpan(state, span.low, span.high))
     inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
-    return found, [t for t in touches if not any(low < t.x < high and not t.grazing for low, high in inside)]
+    real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
+    return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]
 
 
 def _keep_out_states(
