@@ -157,7 +157,12 @@ def _contact(problem: Problem, feature: Feature) -> Constraint:
         gap = replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf)
         return abs(gap) if problem.goal != FIT else max(-gap, 0.0)
 
-    return Constraint(name=f"contact {feature.label}", changed=changed, excess=excess, slack=problem.contact_slack)
+    name = f"contact {feature.label}"
+
+    def rate(sensitivity: Sensitivity) -> float:
+        return abs(sensitivity.multipliers.get(name, math.nan)) if sensitivity.exists else math.nan
+
+    return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack, rate=rate)
 
 
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
