@@ -98,11 +98,11 @@ class Holding:
         """Yield what the goal asks of the tracked contact, or of those that are restored together."""
         task = self.task
         if task.goal != "beyond":
-            lines = (*task.tracked, *task.besides)
-            normals, gaps = task.line_gaps(self.q) if lines else (np.empty((0, 3)), np.empty(0))
+            asked = (*task.tracked, *task.besides)
+            normals, gaps = task.line_gaps(self.q) if asked else (np.empty((0, 3)), np.empty(0))
             rates = [
                 self._at_target(self._line(self.end, feature, normal, task.target))
-                for feature, normal in zip(lines, normals, strict=True)
+                for feature, normal in zip(asked, normals, strict=True)
             ]
             yield from rates if task.goal != FIT else self._fitted(rates, gaps)
             return

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import hypot, inf, isfinite, isnan
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
-from fcdm_opt.problem.evidence import Multipliers
+from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
@@ -132,7 +132,7 @@ def _of_proof(solution: Solution) -> tuple[Check, ...]:
     try:
         if isinstance(solution.evidence, Multipliers):
             return check_multipliers(solution, solution.evidence)
-        return check_evidence(solution.problem, solution.evidence, claimed)
+        return check_evidence(solution.problem, cast("Evidence", solution.evidence), claimed)
     except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
         return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
 
@@ -143,7 +143,7 @@ def without_evidence(solution: Solution) -> str:
     if solution.evidence is not None or solution.amount == 0.0:
         return ""
     for holds, why in (
-        (bool(problem.contacts), "what multipliers of the contacts' equations show is less than is known by other means"),
+        (bool(problem.contacts), "multipliers of the contacts' equations show less than is known by other means"),
         (problem.amount != "weighted", "only the weighted amount is checked"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
         (problem.movable.whole is not None, "of large meshes only parts within reach are looked at"),

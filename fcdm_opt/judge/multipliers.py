@@ -9,8 +9,6 @@ l > 0 that they are not negative holds the motion, of those with l < 0 that they
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
@@ -97,7 +95,7 @@ class _Contacts:
         self._total = IntervalFunction(casadi.Function("total", [y, weights], [out], {"cse": True}))
 
     def _facing(self, normals: Array) -> Array:
-        """Return for each row whether it grows as the bodies part, 1, or else -1; of goal "fit", whose gaps have sides."""
+        """Return for each row of goal "fit" whether it grows as the bodies part, 1, or else -1; 1 of other goals."""
         if not self._fit:
             return np.ones(len(normals))
         known = [joint.normals[0] for joint in self._problem.chosen_joints]
@@ -112,8 +110,8 @@ class _Contacts:
             found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
         return found
 
-    def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, Array]:
-        """Return multipliers that balance a motion, and such as disagree there as far as a box is wide."""
+    def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
+        """Return multipliers that balance a motion, and such as tell how far equations are from met there."""
         from scipy.optimize import lsq_linear
 
         values, J = (own.full() for own in self._rows(y))
@@ -127,10 +125,11 @@ class _Contacts:
             balanced = np.linalg.lstsq(J[:, free].T, y[free], rcond=DEFAULT.nominal)[0]
         else:
             balanced = lsq_linear(J[:, free].T, y[free], at, tol=1e-14).x
+        if self._fit:
+            return (balanced,)
         off = values - J @ np.linalg.lstsq(J, values, rcond=DEFAULT.nominal)[0]
-        size = float(off @ off)
         far = FAR * max(float((np.maximum(-low, high) ** 2).sum()), DEFAULT.tie)
-        return balanced, -off * far / size if size > 0.0 and not self._fit else 0.0 * off
+        return balanced, *(-own * far / max(float(own @ own), 1e-300) for own in (off, values))
 
     def _bounds(self, low: Array, high: Array, y: Array, ways: Array) -> Array:
         """Return such amounts by some multipliers, (n, rows)."""
@@ -147,7 +146,8 @@ class _Contacts:
         far = np.maximum(np.maximum(-below, above), 0.0)
         # l . F over the box: by its slopes here and its bends, or by its slopes over the box
         sides = np.array([[np.broadcast_to(own.size, len(low)) for own in row] for row in bend])
-        by_bends = sum(own.size * far[j] for j, own in enumerate(slope)) + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
+        by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
+        by_bends = by_bends + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
         empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < 0.0
         # the Lagrangian: its second derivatives are no less than `least` by Gershgorin's discs

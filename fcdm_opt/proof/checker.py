@@ -105,7 +105,7 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
 
 
 def searched_limits(problem: Problem) -> Array:
-    """Return the limits of a problem, narrowed where what lies beyond will not do or repeats smaller motions, (k, 2)."""
+    """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
     return _Examiner(problem, None).limits
 
 

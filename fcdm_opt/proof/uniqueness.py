@@ -165,7 +165,6 @@ def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] |
     if not (np.isfinite(low) & np.isfinite(high)).all():
         return None
     equations, left, shown, count = _Equations((problem,)), np.array([[low, high]]), list[Array](), 0
-    wide = np.where(high > low, high - low, 1.0)
     while len(left):
         count += len(left)
         if count > MOST_BOXES:
@@ -177,12 +176,14 @@ def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] |
         rates = slopes.middle / half[:, None]
         middle = values.middle[:, :, None]
         off = middle - rates @ (np.linalg.pinv(rates, DEFAULT.nominal) @ middle)  # what no motion changes
-        fixed = Interval(np.swapaxes(off, 1, 2), np.zeros_like(np.swapaxes(off, 1, 2)))
-        level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
-        none = level - fixed.contracted(slopes).size[:, 0].sum(axis=1) * (1.0 + 2.0**-40) > 0.0
+        none = np.zeros(len(left), np.bool_)
+        for way in (off, middle):
+            fixed = Interval(np.swapaxes(way, 1, 2), np.zeros_like(np.swapaxes(way, 1, 2)))
+            level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
+            none |= level - fixed.contracted(slopes).size[:, 0].sum(axis=1) * (1.0 + 2.0**-40) > 0.0
         shown.append(left[none])
         left = left[~none]
-        axis = ((left[:, 1] - left[:, 0]) / wide).argmax(axis=1)
+        axis = (left[:, 1] - left[:, 0]).argmax(axis=1)
         rows = np.arange(len(left))
         one, two = left.copy(), left.copy()
         one[rows, 1, axis] = two[rows, 0, axis] = left[rows, :, axis].mean(axis=1)

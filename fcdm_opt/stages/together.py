@@ -173,10 +173,14 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
 
 def proof_of(problem: Problem, task: Task, answer: Answer) -> Multipliers | None:
     """Return what shows the bound of an answer about several contacts: a box about its motion, or boxes without any."""
-    if answer.q is not None and answer.lower_bound > 0.0:
-        ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
+    if not answer.lower_bound > 0.0:
+        return None
+    ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
+    if answer.q is not None:
         return Multipliers(boxes=ends[None], motions=(task.weights * answer.q)[None])
-    found = _excluded(problem, task) if answer.status is Status.INFEASIBLE and problem.goal != FIT else None
+    if problem.goal == FIT or len(task.weights) > MOST_BOXED:
+        return None
+    found = excluded(problem, *ends) if np.isfinite(answer.lower_bound) else _excluded(problem, task)
     return None if found is None else Multipliers(boxes=found[0], motions=found[1])
 
 
