@@ -154,8 +154,10 @@ def _contact(problem: Problem, feature: Feature) -> Constraint:
         return problem.changed(contacts=left) if left else problem.changed(contacts=None, goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
-        gap = replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf)
-        return abs(gap) if problem.goal != FIT else max(-gap, 0.0)
+        if problem.goal == FIT:
+            return max(-replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf), 0.0)
+        check = f"contact {problem.contacts.index(feature) + 1}"  # that these elements touch, not the parts elsewhere
+        return next((one.value for one in certificate.checks if one.name == check), math.inf)
 
     name = f"contact {feature.label}"
 
@@ -278,6 +280,7 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         Name -> amount in the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is
         not and there is no amount.
     """
-    certificate = verify(replace(solution, problem=problem))
+    features = problem.contacts if problem.contacts and problem.goal != FIT else solution.features
+    certificate = verify(replace(solution, problem=problem, features=features))
     passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(problem)}
     return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}
