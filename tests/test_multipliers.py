@@ -103,7 +103,7 @@ def test_multipliers_are_taken_at_their_word_in_nothing() -> None:
 
 def test_a_cube_on_top_of_a_wall_was_taken_to_be_in_its_corner() -> None:
     """What a motion keeps was told from the gap of the parts, which touch elsewhere too: no clash of two was found."""
-    half = {name: (0.0, 0.0075) for name in ("TX", "TY")}
+    half = dict.fromkeys(("TX", "TY"), (0.0, 0.0075))
     found = fo.conflicts(corner(motion=X >> Y >> Z, limits=half), relax=False, deviation=False)
     assert all(len(clash.names) == 2 and clash.names[0].startswith("upper limit") for clash in found.clashes)
     assert len(found.clashes) == 4
