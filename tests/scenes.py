@@ -250,8 +250,11 @@ SCENES = {
         worst=1.64 * WIDE,
     ),
     "large mesh": Scene(ask=_pair(PROBE, hollow(TABLE), goal="touch"), amount=_tip),
-    "large mesh, sizes": Scene(ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
-                               touches=(-3.0, 0.01), worst=WIDE),  # fmt: skip
+    "large mesh, sizes": Scene(
+        ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
+        touches=(-3.0, 0.01),
+        worst=WIDE,
+    ),
     "chain": Scene(ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2)),
     "loop": Scene(ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5)),
     "chain, large meshes": Scene(ask=_chain(hollow), amount=lambda d, _: d * sqrt(2)),

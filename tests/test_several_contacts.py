@@ -212,13 +212,67 @@ def test_stages_that_know_one_contact_are_refused(ball, corner) -> None:
 
 def test_what_knows_one_contact_refuses_several(ball, corner) -> None:
     problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
-    for ask in (lambda: fo.coherent_range(problem, {"TX": 1.0}), lambda: fo.contact_rows(problem)):
-        with pytest.raises(InputError) as refused:
-            ask()
-        assert refused.value.key == "contacts"
-    reasons = fo.solve(problem).sensitivity.reasons
-    assert reasons
-    assert "several contacts" in reasons[0]
+    with pytest.raises(InputError) as refused:
+        fo.coherent_range(problem, {"TX": 1.0})
+    assert refused.value.key == "contacts"
+
+
+# --------------------------------------------------------------------------------------------------------- derivatives
+
+
+@pytest.fixture(scope="module")
+def located() -> fo.Problem:
+    """The block of problems/locating.toml on six points, by sizes; as drawn."""
+    sizes = (
+        fo.Size("bottom", "movable", faces=["-z"], tolerance=0.05),
+        fo.Size("side", "movable", faces=["-x"], tolerance=0.02),
+        fo.Size("first point", "static", faces=["F1", "F2", "F3", "F4"], along="z", tolerance=0.03),
+    )
+    given = {"requirement": None, "tolerance": None, "published": None, "sizes": sizes, "made": "middle"}
+    return fo.load_problems(CASES.parents[1] / "problems" / "locating.toml")[0].changed(**given)
+
+
+def test_derivatives_of_contacts_in_closed_form_were_refused(located) -> None:
+    """How a point that is too high tilts a block: the plane through (1, 1, h), (5, 1, 0) and (3, 3.5, 0)."""
+    found = fo.solve(located).sensitivity.motion_by_size
+    ry, rx = 1.0 / 4.0, -0.5 / 2.5
+    # the seed (3, 2, 1) rises by what the plane does below it; the points behind, 1 and 1.1 high, turn it about z
+    tz, rz = 1.0 - 2.0 * ry + rx, (0.1 / 3.6) * rx
+    ty = rx * (1.05 - 1.0)
+    assert found["bottom"] == pytest.approx([0, 0, 1, 0, 0, 0], abs=1e-12)
+    assert found["side"] == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-12)
+    assert found["first point"][2:] == pytest.approx([tz, rx, ry, rz], abs=1e-12)
+    assert found["first point"][1] == pytest.approx(ty, abs=1e-12)
+
+
+MADE = {"bottom": 0.02, "side": 0.01, "first point": 0.03}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"goal": "fit", "motion": fo.Translation("x") >> fo.Translation("z") >> fo.Rotation("y")}], ids=str
+)
+def test_derivatives_of_contacts_are_differences_of_solve(located, changes) -> None:
+    problem, step = located.changed(made=MADE, **changes), 1e-5
+    found = fo.solve(problem).sensitivity
+    for name, x in list(MADE.items())[::2]:
+        low, high = (fo.solve(problem.changed(made={**MADE, name: x + side * step})) for side in (-1, 1))
+        moved = np.subtract(list(high.parameters.values()), list(low.parameters.values())) / (2 * step)
+        assert found.motion_by_size[name] == pytest.approx(moved, abs=1e-6)
+        assert found.sizes[name] == pytest.approx((high.amount - low.amount) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("goal", ["at", "fit"])
+def test_what_scales_do_to_contacts_is_foretold_and_by_its_multiplier_what_one_costs(pocket, goal) -> None:
+    before = fo.solve(pocket.changed(goal=goal))
+    found = before.sensitivity
+    assert found.target == pytest.approx(np.linalg.norm([2, 1.5, 1]) * np.eye(2)[0], abs=1e-9)  # of .02 (2, 1.5, 1)
+    assert found.motion_by_pose[:, :3] == pytest.approx(-np.eye(3), abs=1e-9)
+    assert np.isnan(found.motion_by_pose[:, 3:]).all()  # what is drawn aslant does not lie flush
+    told = fo.whatif(before, tolerance=0.021)
+    assert told.predicted_amount == pytest.approx(told.after.amount, rel=1e-9)
+    labels = [f"contact {feature.label}" for feature in pocket.contacts]
+    rates = {name: abs(found.multipliers[name]) for name in labels}
+    assert sorted(rates.values()) == pytest.approx(np.array([1, 1.5, 2]) / np.linalg.norm([2, 1.5, 1]), abs=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------------- 3-2-1 fixture

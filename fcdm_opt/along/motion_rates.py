@@ -16,13 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.along.holding import fit_rows
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
+from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
 
 Field = Callable[[int, Array], Array]
@@ -33,6 +36,8 @@ Field = Callable[[int, Array], Array]
 def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
     """Return the derivatives of a constraint: the gap of one feature, or scale `row` of the point where two meet.
 
+    With row -1 by how much the gap of one of two features is larger than that of the other.
+
     A CasADi function (q, data) -> (slope (1, k + n), bend (k, k + n)), by q and then the data: seeds, (6,), features,
     13 numbers each, and the scale pair at which it is taken.
     """
@@ -40,8 +45,10 @@ def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
 
     q, data = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("data", 8 + 13 * len(kinds))
     features = [data[6 + 13 * k : 19 + 13 * k] for k in range(len(kinds))]
-    if len(kinds) == 1:
-        value = contact_line(motion, kinds[0])(q, data[:6], *features, data[-2:])[2]
+    if len(kinds) == 1 or row < 0:
+        lines = [contact_line(motion, kind) for kind in kinds]
+        one, *other = (line(q, data[:6], own, data[-2:])[2] for line, own in zip(lines, features, strict=True))
+        value = one - other[0] if other else one
     else:
         value = switching_point(motion, kinds)(q, data[:6], *features)[0][row] - data[-2 + row]
     both = casadi.vertcat(q, data)
@@ -92,7 +99,14 @@ def motion_rates(
     weights = task.weights
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
     if task.weighted:
-        used, multipliers = _multipliers(held, slopes / weights, weights * q)
+        free, columns = [j for j, own in enumerate(held) if own.free] if task.joints else [], slopes / weights
+        kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
+        columns[[j for j in free if j not in kept]] = 0.0
+        used, multipliers = _multipliers(held, columns, weights * q)
+        if kept and (len(used) or not q.any()):
+            shares = dict(zip(used.tolist(), multipliers.tolist(), strict=True))
+            used = np.array(sorted(kept | shares.keys()), np.int64)
+            multipliers = np.array([shares.get(j, 0.0) for j in used.tolist()])
     else:  # where constraints alone say what the motion is
         used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
     count = len(used)
@@ -155,19 +169,40 @@ def _constraints(task: Task, q: Array) -> Iterator[_Constraint | None]:
         for k, sign in enumerate(task.signs):
             if abs(rho[k] - target[k]) <= DEFAULT.active * target[k]:
                 yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
-    elif task.tracked:
+    elif task.goal == FIT:
+        own = [_constraint(task, q, (feature,), 1.0) for feature in task.besides]
+        gaps, unit = task.line_gaps(q)[1], task.weights
+        for k, other, held in fit_rows(gaps, np.array([one.slope for one in own]) / unit, slack):
+            pair = (task.besides[k],) if other < 0 else (task.besides[other], task.besides[k])
+            yield _constraint(task, q, pair, 1.0, row=-1, free=held)
+    elif task.tracked or task.joints:
         for feature in (*task.tracked, *task.besides):
             yield _constraint(task, q, (feature,), 1.0, free=True)
+    if task.joints:
+        yield from _aligned(task, q)
     if np.isfinite(task.needs).any():
         yield from _pairs(task, q, slack)
 
 
+def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
+    """Yield what keeps faces and edges flush that are restored together: all corners are as far off as their line."""
+    rotation = task.pose(q)[:9].reshape(3, 3)
+    for seat in task.seats:
+        kind, one, two = seat.site
+        line = next(line for line in task.besides if line.parts == seat.parts)
+        corners = seat.contact.one if kind == V1F2 else seat.contact.two
+        for corner in corners:
+            site = (kind, corner, two) if kind == V1F2 else (kind, one, corner)
+            own = feature_points(task.movable, task.static, site, seat.parts, seat.normal, rotation)
+            yield _constraint(task, q, (own, line), 1.0, row=-1, free=True)
+
+
 def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
     """Yield what keeps pairs of parts apart, or brings one together."""
-    closes = task.must_touch and task.gap(task.rest) > 0.0
+    closes = task.must_touch and not task.joints and task.gap(task.rest) > 0.0
     rotation = task.pose(q)[:9].reshape(3, 3)
-    near = np.argwhere(task.pair_gaps(q) - task.needs <= slack).tolist()
-    for number, (i, j) in enumerate(near):
+    near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
+    for number, (i, j) in enumerate(np.argwhere(near).tolist()):
         opponent = task.opponents[j]
         sites, rows, separations = task.separations((i, j), task.pose(q))
         widest = float(separations.max())

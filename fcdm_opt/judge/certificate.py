@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import hypot, inf, isfinite, isnan, nan
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
@@ -128,10 +129,13 @@ def _of_proof(solution: Solution) -> tuple[Check, ...]:
             shown, why = min(solution.unique_within, solution.amount), "no other motion restores the contacts"
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
         return () if claimed == 0.0 else (check,)
+    from fcdm_opt.judge.multipliers import check_multipliers
     from fcdm_opt.proof.checker import check_evidence
 
     try:
-        return check_evidence(solution.problem, solution.evidence, claimed)
+        if isinstance(solution.evidence, Multipliers):
+            return check_multipliers(solution, solution.evidence)
+        return check_evidence(solution.problem, cast("Evidence", solution.evidence), claimed)
     except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
         return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
 
@@ -142,7 +146,7 @@ def without_evidence(solution: Solution) -> str:
     if solution.evidence is not None or solution.amount == 0.0:
         return ""
     for holds, why in (
-        (bool(problem.contacts), "several contacts are bounded by their equations, not by cells"),
+        (bool(problem.contacts), "multipliers of the contacts' equations show less than is known by other means"),
         (problem.amount != "weighted", "only the weighted amount is checked"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
         (problem.partial, "of large meshes only parts within reach are looked at"),

@@ -20,7 +20,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
@@ -510,6 +510,13 @@ class Task:
             seen = self._against(opponent, pose)
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
+
+    def beside_joints(self, pairs: Flags) -> Flags:
+        """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
+        found = pairs.copy()
+        for joint in self.joints:
+            found[tuple(np.transpose(joint.hosts))] = False
+        return found
 
     def spans(self, pairs: Ints, along: Array) -> Array:
         """Return from where to where part pairs, (k, 2), are too near along a shift from rest, see `kernels.spans`."""

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
@@ -329,7 +329,7 @@ class Solution(Bounded, Shown):
         Which stage of the solver settled it, and why.
     stopped : str
         What the time limit ended, in words; empty where the search was through. The bound holds all the same.
-    evidence : Evidence or None
+    evidence : Evidence, Multipliers or None
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
     unique_within : float
@@ -366,7 +366,7 @@ class Solution(Bounded, Shown):
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
     stopped: str = ""
-    evidence: Evidence | None = None
+    evidence: ProofData | None = None
     certificate: Certificate | None = None
     unique_within: float = 0.0
     seconds: Mapping[str, float] = field(default_factory=dict)
