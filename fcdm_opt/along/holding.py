@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
-from fcdm_opt.curve.contact import Contact, contact_at, contact_set, located, supporting_contact
+from fcdm_opt.curve.contact import Contact, contact_at, contact_set, is_own, located, supporting_contact
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -30,6 +30,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # elements of a site
 MOST_CORNERS = 12  # of what two bodies share, looked at one by one
+DECIMALS = 6  # of directions that are the same
 Constraints = tuple[Rate, ...]
 Alternatives = list[Constraints]
 Site = tuple[int, int, int]
@@ -207,7 +208,7 @@ class Holding:
         task = self.task
         near = task.beside_joints(task.pair_gaps(self.q) - task.needs <= self.slack)
         ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
-        ways = {parts: found for parts, found in ways.items() if found}
+        ways = self._each_once({parts: found for parts, found in ways.items() if found})
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
         closes = task.must_touch and not task.joints
         touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if closes else []
@@ -224,14 +225,18 @@ class Holding:
         task, opponent = self.task, self.task.opponents[parts[1]]
         one, two, pose = task.movable.parts[parts[0]], opponent.part, self._pose_to(parts)
         rho = np.array([task.target[0], opponent.scale])
-        _, rows, separations = task.separations(parts, self.end.pose)
+        sites, rows, separations = task.separations(parts, self.end.pose)
         widest = float(separations.max())
+        tight = np.flatnonzero(separations >= widest - self.slack).tolist()
+        body = task.keep_out[opponent.keep_out].body if opponent.keep_out >= 0 else task.static
+        # where only a cut of a solid keeps a pair apart, its next part does not
+        own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
         if opponent.need > 0 and widest > 0:
             normals = [task.way_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            normals, gap = distinct(rows[separations >= widest - self.slack, :3]), widest
+            normals, gap = distinct(rows[own or tight, :3]), widest
         if abs(gap - max(opponent.need, 0.0)) > self.slack:
             return []
         ways = []
@@ -241,6 +246,16 @@ class Holding:
             corners = contact_set(one, two, shifted, contact, rho)
             ways.append(Facing(normal, contact, corners[:MOST_CORNERS], gap))
         return ways
+
+    def _each_once(self, ways: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
+        """Return the part pairs without those that meet by the same elements as another: on a seam of a face."""
+        known, kept = set[Any](), dict[Parts, list[Facing]]()
+        for parts, found in ways.items():
+            own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
+            if (self.task.opponents[parts[1]].keep_out, own) not in known:
+                known.add((self.task.opponents[parts[1]].keep_out, own))
+                kept[parts] = found
+        return kept
 
     def _apart(self, parts: Parts, way: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""

@@ -252,7 +252,8 @@ class _Point(NamedTuple):
     def like(self, other: _Point) -> bool:
         """Tell whether the same contact is held by the same constraints in the same state."""
         one, two = self.solution, other.solution
-        return (one.status, one.features, one.active) == (two.status, two.features, two.active)
+        held, its = ([NUMBER.sub("", told) for told in own.active] for own in (one, two))  # but for how large a gap is
+        return (one.status, one.features, held) == (two.status, two.features, its)
 
 
 @dataclass(eq=False)
