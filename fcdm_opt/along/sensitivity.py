@@ -57,6 +57,8 @@ def sensitivity(solution: Solution) -> Sensitivity:
         met = not task.tracked and not task.must_touch and task.misses(q)[0] > DEFAULT.active * task.size
         reasons = [] if met else ["the requirement is only just met without motion: derivatives are one-sided"]
         return _made(problem, task, q, _nothing(layout, 0.0), reasons)
+    if _keeps_its_steps(problem, task, q):
+        return _made(problem, task, q, _nothing(layout, 0.0), [])
     holding = Holding(task, q, layout, problem.limits)
     balances = _balances(task, _pieces(holding), holding.groups())
     best = min(balances, key=lambda balance: balance.residual)
@@ -79,6 +81,13 @@ def sensitivity(solution: Solution) -> Sensitivity:
         reasons.append("a tie: either of several constraints holds the motion")
     broken = np.any([balance.broken for balance in even], axis=0)
     return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons)
+
+
+def _keeps_its_steps(problem: Problem, task: Task, q: Array) -> bool:
+    """Tell whether a motion in whole steps of the machine stays what it is: more room is left than is asked for."""
+    if problem.resolution is None or not problem.resolution.all() or task.tracked or task.is_equation:
+        return False
+    return bool((task.pair_gaps(q) - task.needs > DEFAULT.active * task.size).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +301,9 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> dict[str, Any]:
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
     moved = np.full((len(fields), len(task.weights)), np.nan)
-    if q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
+    if q is not None and _keeps_its_steps(problem, task, q):
+        moved = np.zeros_like(moved)
+    elif q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         moved = motion_rates(task, q, fields, nominal, problem.target / problem.nominal_pair)
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
