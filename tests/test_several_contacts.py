@@ -210,11 +210,30 @@ def test_stages_that_know_one_contact_are_refused(ball, corner) -> None:
         fo.solve(problem, model="nlp")
 
 
-def test_what_knows_one_contact_refuses_several(ball, corner) -> None:
-    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
-    with pytest.raises(InputError) as refused:
-        fo.coherent_range(problem, {"TX": 1.0})
-    assert refused.value.key == "contacts"
+def test_a_range_of_several_contacts_lasts_while_they_have_a_scale_pair_in_common(pocket) -> None:
+    """It was refused. A block of 4 x 3 x 2 in its corner: sizes (1 + x, 1) as it goes (2, 1.5, 1) x."""
+    along = fo.coherent_range(pocket, {"TX": 2.0, "TY": 1.5, "TZ": 1.0})
+    assert len(along.features) == 3
+    assert (along.low, along.high) == (pytest.approx(-1.0, abs=1e-12), np.inf)
+    assert along.rho(0.02) == pytest.approx([1.02, 1.0], abs=1e-12)
+    assert along.first.kind == "scale"
+    for aside in ({"TX": 1.0}, {"TX": 2.0, "TY": 1.5}):
+        apart = fo.coherent_range(pocket, aside)
+        assert (apart.low, apart.high, apart.first.kind) == (0.0, 0.0, "opens")
+    two = pocket.changed(contacts=[own.label for own in pocket.contacts if own != pocket.contacts[0]])
+    sliding = fo.coherent_range(two, {"TZ": 1.0})
+    assert (sliding.low, sliding.high) == pytest.approx((0.0, 5.0), abs=1e-12)  # from the floor to the end of the walls
+    assert (sliding.first.kind, sliding.last.kind) == ("overlap", "border")
+
+
+def test_a_range_of_six_locators_ends_where_one_leaves_its_face() -> None:
+    """Block and locators as in problems/locating.toml; along the motion of B, sizes 1 +- .02 x."""
+    problem = fo.load_problems(CASES.parents[1] / "problems" / "locating.toml")[1]
+    found = fo.coherent_range(problem, {"TX": 0.02, "TZ": -0.02})
+    assert found.rho(1.0) == pytest.approx(problem.target, abs=1e-12)
+    # the third locator, 5.5 from its seed, is on the edge of the block where -2 + 5.5 (1 - .02 x) = 2 + 2 (1 + .02 x)
+    assert found.low == pytest.approx(-0.5 / 0.15, rel=1e-12)
+    assert found.first.kind == "border"
 
 
 # --------------------------------------------------------------------------------------------------------- derivatives
