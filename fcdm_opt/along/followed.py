@@ -72,7 +72,7 @@ class Followed(NamedTuple):
 
 
 def followed(problem: Problem) -> tuple[Followed, ...]:
-    """Return the features of a problem's nominal contact, two at a switching point, one inside a segment; or `contacts`.
+    """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or `contacts`.
 
     Raises
     ------
@@ -104,10 +104,10 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
         if own:
             found += [(joint.feature, True, seat.parts, seat, seat.site, seat.normal) for seat in own]
         else:
-            sites = zip(joint.sites.tolist(), joint.normals, strict=True)
-            found += [(joint.feature, False, joint.parts, None, tuple(site), normal) for site, normal in sites]
+            every = zip(joint.sites.tolist(), joint.normals, strict=True)
+            found += [(joint.feature, False, joint.parts, None, tuple(there), normal) for there, normal in every]
     found.sort(key=lambda own: own[4][0] != E1E2)
-    lines = np.array([_scales(problem, *own[2:3], *own[4:]) for own in found])
+    lines = np.array([_scales(problem, parts, normal) for _, _, parts, _, _, normal in found])
     across = np.abs(lines[0, 0] * lines[:, 1] - lines[0, 1] * lines[:, 0])
     second = int(across.argmax())
     tracked = [0, second] if across[second] > DEFAULT.nominal else [0]
@@ -132,7 +132,7 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
     return tuple(made)
 
 
-def _scales(problem: Problem, parts: Parts, site: Site, normal: Array) -> Array:
+def _scales(problem: Problem, parts: Parts, normal: Array) -> Array:
     """Return a and b of a contact line as drawn, of length 1."""
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
     a, b = ((one.vertices - one.seed) @ normal).max(), ((two.seed - two.vertices) @ normal).max()
@@ -228,8 +228,9 @@ def _supported(
         closed = [Conditions.of(form, v=v, w=w, m=m, sign=side) for side in (1.0, -1.0)]
         made += [(own, Cause("opens", k, "the contacts have no scale pair in common")) for own in closed]
         for vertex, _ in _neighbours(two, j) if turned else _neighbours(one, i):
-            own = Conditions.of(form, v=v, w=Y[vertex], m=m) if turned else Conditions.of(form, v=X[vertex], w=w, m=m)
-            made.append((own, _neighbour(two if turned else one, 2 if turned else 1, vertex, k)))
+            ends = {"w": Y[vertex]} if turned else {"v": X[vertex]}
+            beyond = Conditions.of(form, **{"v": v, "w": w, **ends}, m=m)
+            made.append((beyond, _neighbour(two if turned else one, 2 if turned else 1, vertex, k)))
         return None, made
     if kind == V1F2:
         line = np.concatenate([[FIXED, 0, 0, 0], -two.normals[j], X[i], Y[two.loops[j][0]]])
