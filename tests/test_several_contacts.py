@@ -194,14 +194,39 @@ def test_a_problem_with_contacts_is_plain_data(ball, corner) -> None:
         ({"contacts": []}, "contacts"),
         ({"contacts": ["V1F2(P1V1; P2V1,V2,V3)"]}, "contacts[1]"),
         ({"contacts": "all", "pair": "clear"}, "pair"),
-        ({"contacts": "all", "amount": "displacement"}, "amount"),
-        ({"contacts": "all", "resolution": 0.01}, "resolution"),
+        ({"contacts": "all", "goal": "fit", "amount": "displacement"}, "amount"),
     ],
 )
 def test_what_does_not_go_with_contacts_is_refused(ball, corner, arguments, key) -> None:
     with pytest.raises(InputError) as refused:
         fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, **arguments)
     assert refused.value.key == key
+
+
+def test_contacts_go_with_amounts_of_ones_own(pocket) -> None:
+    """They were refused. The block leaves three walls by (.04, .03, .02), of which one is listed."""
+    import casadi
+
+    moved = fo.solve(pocket.changed(amount="displacement"))
+    assert moved.usable
+    assert moved.amount == pytest.approx(np.linalg.norm([0.04, 0.03, 0.02]), rel=1e-9)
+    x, y, z = (casadi.SX.sym(name) for name in ("TX", "TY", "TZ"))
+    floor = next(own for own in pocket.contacts if own.one.vertices == (1, 3, 5, 7))  # z = 0
+    asked = pocket.changed(contacts=[floor.label], amount=(x - 2 * y) ** 2 + x**2 + z**2)
+    own = fo.solve(asked)  # y >= .03, x >= .04 with z = .02: least at x = .04, y = .03
+    assert own.usable
+    assert list(own.parameters.values()) == pytest.approx([0.04, 0.03, 0.02], abs=1e-6)
+
+
+@pytest.mark.parametrize(("goal", "motion"), [("at", SHIFTS), ("fit", SHIFTS)])
+def test_contacts_go_with_whole_steps_and_none_overlaps(pocket, goal, motion) -> None:
+    """They were refused: of steps of .012 the nearest that leave the walls, each open by less than what steps leave."""
+    solution = fo.solve(pocket.changed(goal=goal, motion=motion, resolution=0.012))
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx([0.048, 0.036, 0.024], abs=1e-12)
+    assert sorted(solution.contact_gaps.values()) == pytest.approx([0.004, 0.006, 0.008], abs=1e-9)
+    off = pocket.changed(goal=goal, motion=motion, resolution=0.001)
+    assert not fo.verify(replace(solution, problem=off)).passed  # which leaves no such gaps
 
 
 def test_stages_that_know_one_contact_are_refused(ball, corner) -> None:
