@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, UnsolvedError
+from fcdm_opt.errors import InputError, UnsolvedError, known_arguments
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.judge.certificate import judged
@@ -30,6 +30,7 @@ from fcdm_opt.stages.together import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
 
+@known_arguments
 def solve_assembly(
     assembly: Assembly,
     *,

@@ -8,19 +8,21 @@ conventions) and the bodies' faces and labels; that the nominal contact is one i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import hypot, inf, isfinite, isnan
+from math import hypot, inf, isfinite, isnan, nan
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.geometry.facet_errors import facet_errors
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
@@ -41,6 +43,7 @@ MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
 
+@known_arguments
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
     """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
@@ -146,7 +149,7 @@ def without_evidence(solution: Solution) -> str:
         (bool(problem.contacts), "multipliers of the contacts' equations show less than is known by other means"),
         (problem.amount != "weighted", "only the weighted amount is checked"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
-        (problem.movable.whole is not None, "of large meshes only parts within reach are looked at"),
+        (problem.partial, "of large meshes only parts within reach are looked at"),
     ):
         if holds:
             return why
@@ -161,7 +164,7 @@ def _by_distance(solution: Solution) -> float:
     problem = solution.problem
     wanted = {"touch", "clear"} & {problem.goal, problem.pair}
     known = problem.amount == "displacement" or (problem.amount == "weighted" and problem.motion.shifts)
-    surfaces = any(body.hollow or body.whole for body in (problem.movable, problem.static))
+    surfaces = kept_as_surface(*problem.active)
     if not wanted or not known or surfaces:
         return 0.0
     rate = 1.0
@@ -199,18 +202,27 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
-def left_by_mesh(solution: Bounded, slack: float) -> list[Check]:
+def left_by_mesh(solution: Bounded, bodies: Sequence[Body], slack: float) -> list[Check]:
     """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all.
 
-    One that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
+    Bodies whose faces are as drawn leave nothing open, and of those that only come near the solid it is not known. A
+    motion that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
     """
     low, amount, high = solution.amount_low, solution.amount, solution.amount_high
-    if low == amount == high or (isnan(low) and isnan(high)):
+    if isnan(low) and isnan(high):
+        return []
+    errors = [facet_errors(body) for body in bodies]
+    known = all(own is not None for own in errors)
+    if known and low == amount == high:
         return []
     if solution.status is Status.OUTSIDE_FIT:
         amount = inf
     off = 0.0 if 0.0 <= low <= amount <= high else float(np.max([low - amount, amount - high, -low]))
     note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+    if not any(own is None or own.any() for own in errors):
+        off, note = float(np.max([abs(low - amount), abs(high - amount)])), f"{note}, of plane faces"
+    elif not known:
+        off, note = nan, f"{note}, of parts that come near the solid, by how much is not known"
     return [_at_most("amount the mesh allows", off, slack, note)]
 
 
@@ -318,10 +330,10 @@ class _Judge:
         self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
         self.size = self.problem.size
         self.limit = self.problem.contact_slack
-        bodies = self.problem.movable, self.problem.static
+        bodies, drawn = self.problem.active, (self.problem.movable, self.problem.static)
         self.outside: Outside | None = None
         if kept_as_surface(*bodies):
-            surfaces = WholeSurfaces(*bodies, self.problem.target, self.transform)
+            surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
             *near, self.outside = surfaces.looked_at()
             if self.problem.goal not in TRACKING:  # others may be near on the way
                 bodies = near[0], near[1]
@@ -333,7 +345,7 @@ class _Judge:
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
         if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
-            depth = PlacedSolids(self.problem.movable, self.problem.static, self.problem.target, self.transform).depth
+            depth = PlacedSolids(*drawn, self.problem.target, self.transform).depth
             self.pair_gap = min(-depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
@@ -357,7 +369,7 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *left_by_mesh(solution, slack),
+            *left_by_mesh(solution, problem.bodies, slack),
             *self._whole_steps(),
         ]
 
@@ -692,7 +704,7 @@ class _Judge:
 
     def _kept_clear(self, keep_out: KeepOut) -> Check:
         body, (low, high) = keep_out.body, keep_out.ends
-        movable, own = self.problem.movable, self.problem.target[0]
+        movable, own = self.problem.active[0], self.problem.target[0]
         filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
         whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
         here = self.transform[None]

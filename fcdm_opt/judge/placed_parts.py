@@ -8,7 +8,7 @@ from math import hypot, isfinite, nan
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.solids import kept_as_surface
@@ -20,6 +20,7 @@ from fcdm_opt.problem.solution import Certificate, Check, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
+@known_arguments
 def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT) -> Certificate:
     """Judge the motions of an assembly, from the assembly and the claimed numbers alone.
 
@@ -129,7 +130,7 @@ def _motions(
         ("limits", excess, tolerances.requirement * assembly.size, ""),
     ]
     checks = [Check(name, value <= most, value, most, note) for name, value, most, note in named]
-    return [*checks, *left_by_mesh(solution, slack)]
+    return [*checks, *left_by_mesh(solution, [*assembly.bodies_made.values()], slack)]
 
 
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:

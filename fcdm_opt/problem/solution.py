@@ -36,6 +36,10 @@ SURE = 0.01
 """Share of an amount that its mesh may leave open for it to be called the smallest possible."""
 
 
+UNLOOKED = 'effort "quick", a time that is over and contacts that share motions leave no look at it'
+"""Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
+
+
 class Status(Enum):
     """How a solve ended; the value says what to do."""
 
@@ -239,12 +243,13 @@ class Bounded(Plain):
             return advice
         return f"{advice.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
 
-    def _mesh_bracket_text(self, bodies: Sequence[Body], unit: str) -> str:
+    def _mesh_bracket_text(self, bodies: Sequence[Body], unit: str, why: str = "") -> str:
         low, high = self.amount_low, self.amount_high
         if self.status.found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
-            return "what the mesh leaves open is not known" if known_to(bodies[0], bodies[1:], unit) else ""
+            known = not known_to(bodies[0], bodies[1:], unit)
+            return "" if known else f"what the mesh leaves open is not known: {why or UNLOOKED}"
         if not self.usable:
             needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
             return f"but the mesh leaves open whether they fit: {needed}" if low < math.inf else ""
@@ -384,7 +389,14 @@ class Solution(Bounded, Shown):
     @cached_property
     def left_by_mesh(self) -> str:
         """As in `Bounded`: "between .32 and 2.85 mm: the mesh leaves that open"."""
-        return self._mesh_bracket_text(self.problem.bodies, self.problem.amount_unit)
+        problem, why = self.problem, ""
+        if problem.goal not in ("touch", "clear"):
+            why = f'goal "{problem.goal}" follows one contact, and that is of round faces'
+        elif (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):
+            why = "larger parts touch sooner, and keep less clear"
+        elif problem.goal == "touch" and not (problem.resolution is None and isinstance(problem.amount, str)):
+            why = "larger parts touch sooner, which steps of a resolution and amounts of one's own need not follow"
+        return self._mesh_bracket_text(problem.bodies, problem.amount_unit, why)
 
     @cached_property
     def advice(self) -> str:
@@ -429,7 +441,7 @@ class Solution(Bounded, Shown):
             return {}
         joints = problem.chosen_joints or problem.nominal_joints
         pose = relative_pose(problem.movable, problem.static, self.transform)
-        return {joint.feature.label: joint.gap(problem.movable, problem.static, pose, self.pair) for joint in joints}
+        return {joint.feature.label: joint.gap(*problem.active, pose, self.pair) for joint in joints}
 
     @property
     def open_contacts(self) -> tuple[str, ...]:

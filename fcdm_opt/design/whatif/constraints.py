@@ -146,8 +146,8 @@ def _clearance(
     )
 
 
-def _contact(problem: Problem, feature: Feature) -> Constraint:
-    """Return one of several contacts that are restored together; without it, it may stay open."""
+def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
+    """Return one of several contacts that are restored together, from 1; without it, it may stay open."""
 
     def changed(problem: Problem, by: float) -> Problem:
         left = [own.label for own in problem.contacts if own != feature]
@@ -156,14 +156,14 @@ def _contact(problem: Problem, feature: Feature) -> Constraint:
     def excess(solution: Solution, certificate: Certificate) -> float:
         if problem.goal == FIT:
             return max(-replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf), 0.0)
-        check = f"contact {problem.contacts.index(feature) + 1}"  # that these elements touch, not the parts elsewhere
-        return next((one.value for one in certificate.checks if one.name == check), math.inf)
-
-    name = f"contact {feature.label}"
+        # by these very faces: the parts may touch elsewhere
+        return next((one.value for one in certificate.checks if one.name == f"contact {k}"), math.inf)
 
     def rate(sensitivity: Sensitivity) -> float:
-        return abs(sensitivity.multipliers.get(name, math.nan)) if sensitivity.exists else math.nan
+        known = sensitivity.multipliers if sensitivity.exists else {}
+        return abs(known.get(f"contact {feature.label}", math.nan))
 
+    name = f"contact {k}, {feature.in_words(problem.movable, problem.static)}"
     return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack, rate=rate)
 
 
@@ -205,7 +205,7 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         if kept.clearance > 0:
             listed.append(_clearance(problem, kept_clear(kept.name), kept.clearance, label, kept))
     if len(problem.contacts) > 1:
-        listed += [_contact(problem, feature) for feature in problem.contacts]
+        listed += [_contact(problem, *own) for own in enumerate(problem.contacts, 1)]
     state = "" if problem.contacts or problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
     if problem.pair == "touch" and state:
         listed.append(_passed(state, "pair touches", {"pair": "any"}))
