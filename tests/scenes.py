@@ -81,6 +81,8 @@ class Scene:
         Along that, where the parts made touch.
     free : (float, float) or None
         Along that, what is free of collision about rest.
+    open : float
+        How far the contacts are that are left open.
     worst : float
         The least that the largest |gap| can be of all sizes within the tolerances.
     motion_by_pose : float
@@ -95,6 +97,7 @@ class Scene:
     range: tuple[float, float] = (-1.25, inf)  # of the probe: until its scale, 1 + .8 x, is 0
     touches: tuple[float, ...] = (-3.015, 0.015)  # from below and from above
     free: tuple[float, float] | None = None
+    open: float = 0.0
     worst: float = 0.015
     motion_by_pose: float = -1.0
 
@@ -191,6 +194,7 @@ SCENES = {
         ask=_pair(CUBE, CORNER, goal="at", contacts="all", motion=X >> Y >> Z),
         amount=lambda d, e: sqrt(2) * (0.5 * d + e),
         direction="TX",
+        range=(0.0, 0.0),  # along one wall the other opens, whatever the sizes
         touches=(-10.085, 9.105),
     ),
     "fit": Scene(  # the key stays in the middle of the slot, whose middle is where the slot's seed is
@@ -198,6 +202,8 @@ SCENES = {
         amount=lambda d, e: -0.25 * d,
         signs=(-1, 1),
         direction="TX",
+        range=(-inf, 0.25),  # line to line in the slot, of the size 1 - 4 x
+        open=0.01,
         touches=(-2.0075, -0.0075, 0.0125, 2.0125),
         free=(-0.0075, 0.0125),
     ),

@@ -406,12 +406,19 @@ class _Judge:
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
         if goal in ("at", "seat") and self._play > self.limit:
-            lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+            claims = self._listed if self._together else self.claims
+            lines = np.array([claim.lines(self.transform[None])[0] for claim in claims])
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         fits = self._fits() if goal == FIT else []
         return [_at_most("requirement", off, slack, "relative distance from the target pair"), *fits]
+
+    @cached_property
+    def _listed(self) -> list[Claim]:
+        """The contacts that are restored together, as claims."""
+        carried = carriers(*self.bodies)
+        return [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in self.problem.contacts]
 
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
@@ -420,9 +427,8 @@ class _Judge:
         """
         from scipy.optimize import linprog
 
-        problem, carried = self.problem, carriers(*self.bodies)
-        claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
-        rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
+        problem = self.problem
+        rows = np.array([claim.rows(self.transform[None])[0] for claim in self._listed])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         if problem.motion.shifts and self._known:
@@ -437,7 +443,7 @@ class _Judge:
             least = float(program.fun) if program.status == 0 else float("nan")
             checks.append(
                 _at_most(
-                    "largest gap least", gaps.max(), least + self.limit, "no shift makes it less, other parts aside"
+                    "largest gap least", gaps.max(), least + self._play, "no shift makes it less, other parts aside"
                 )
             )
         return checks
@@ -456,7 +462,8 @@ class _Judge:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        apart = self.problem.goal in ("clear", FIT) or (self.problem.goal == "touch" and self._play > self.limit)
+        stepped = self._play > self.limit
+        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
@@ -468,12 +475,17 @@ class _Judge:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
             most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
-            known = tracked <= allowed and len(tracked) == most
+            known = tracked <= allowed and (len(tracked) == most or (stepped and self._together))
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.errors(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
+
+    @property
+    def _together(self) -> bool:
+        """Whether several contacts are restored together: in whole steps each to within their play, and open."""
+        return bool(self.problem.contacts)
 
     def _foreign(self) -> int:
         """Return how many claimed elements are no corner, edge or face of their solid."""

@@ -35,7 +35,7 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: ProofData |
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-            "features": problem.tracked_features
+            "features": (() if task.joints and problem.resolution is not None else problem.tracked_features)
             or touching_features(task.movable, task.static, task.pose(q), task.target, slack),
         }
     return Solution(

@@ -716,11 +716,11 @@ class Task:
     @property
     def is_equation(self) -> bool:
         """Whether the requirement is an equation, which motions in whole steps miss."""
-        return self.must_touch or self.goal in ("at", "seat")
+        return self.must_touch or self.goal in ("at", "seat", FIT)
 
     def miss(self, q: Array) -> float:
-        """Return by how much a motion misses an equation, a length."""
-        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat") else 0.0
+        """Return by how much a motion misses an equation, a length; of goal "fit" the largest gap."""
+        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat", FIT) else 0.0
         return max(lines, abs(self.gap(q))) if self.must_touch else lines
 
     def meets_in_steps(self, q: Array) -> bool:
@@ -732,7 +732,7 @@ class Task:
             return self.meets(q, DEFAULT.requirement)
         assert self.resolution is not None
         play = self.motion.play(q, self.resolution, self.made_vertices, self.movable.seed, self.static.seed)
-        if self.miss(q) > play or self.gap(q) < -DEFAULT.touch * self.size:
+        if (self.miss(q) > play and self.goal != FIT) or self.gap(q) < -DEFAULT.touch * self.size:
             return False
         if self.tracked and self.path_faults(q, first=True):
             return False

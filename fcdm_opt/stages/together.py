@@ -686,9 +686,9 @@ def _fitted(task: Task) -> Answer:
         return replace(failed, active=("parts overlap besides these contacts",))
     opened = np.maximum(task.line_gaps(q)[1], 0.0)
     most = float(opened.max())
-    at = np.flatnonzero(opened >= most - DEFAULT.line * task.size)
+    at = np.flatnonzero(opened >= most - DEFAULT.touch * task.size)
     closed = most <= DEFAULT.touch * task.size  # rounding
-    active = ("no contact is left open" if closed else f"largest gap {most:.6g}, of contact {_listed(at.tolist())}",)
+    active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
     known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)

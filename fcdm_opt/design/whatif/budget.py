@@ -8,7 +8,6 @@ contacts change, and where the amount comes near the limit.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -31,7 +30,6 @@ LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
-NUMBER = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
 
 
@@ -254,8 +252,7 @@ class _Point(NamedTuple):
     def like(self, other: _Point) -> bool:
         """Tell whether the same contact is held by the same constraints in the same state."""
         one, two = self.solution, other.solution
-        held, its = ([NUMBER.sub("", told) for told in own.active] for own in (one, two))  # but for how large a gap is
-        return (one.status, one.features, held) == (two.status, two.features, its)
+        return (one.status, one.features, one.active) == (two.status, two.features, two.active)
 
 
 @dataclass(eq=False)
