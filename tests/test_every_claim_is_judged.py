@@ -319,7 +319,7 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
     "transforms": [of({}), first_moved, lambda own: dict(list(own.items())[1:])],
     "amounts": [of({}), of_parts(1.01), lambda own: {**own, "another": 1.0}],
     "amount": [scaled(1.01), scaled(0.99), of(float("nan"))],
-    # no evidence is kept of assemblies: a bound that is no more than the amount is the solver's word
+    # without `proof` a bound that is no more than the amount is the solver's word
     "lower_bound": [scaled(1.01), of(float("inf")), of(float("nan")), of(-1.0)],
     "amount_low": [scaled(1.01), of(float("nan")), of(-1.0)],
     "amount_high": [scaled(0.99), of(float("nan"))],
@@ -335,12 +335,12 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
         contact_changed(rho=np.array([1.1, 1.0])),
     ],
 }
-TOLD = {"stages", "active", "certificate", "seconds"}  # words, times, and what `verify_assembly` itself makes
+TOLD = {"stages", "stopped", "active", "certificate", "seconds"}  # words, times, and what `verify` itself makes
 ASSEMBLY_ROWS = [(key, number) for key, own in ASSEMBLY_CHANGES.items() for number in range(len(own))]
 
 
 def test_every_field_of_an_assembly_is_changed_below():
-    assert {item.name for item in fields(fo.AssemblySolution)} == set(ASSEMBLY_CHANGES) | TOLD | {"assembly"}
+    assert {item.name for item in fields(fo.AssemblySolution)} == set(ASSEMBLY_CHANGES) | TOLD | {"assembly", "evidence"}
 
 
 @pytest.mark.parametrize(("key", "number"), ASSEMBLY_ROWS)

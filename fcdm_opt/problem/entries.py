@@ -245,6 +245,11 @@ class KeepOutEntry(BodyEntry, title="Keep-outs"):
         return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
 
 
+def plain_keep_out(keep_out: KeepOut) -> dict[str, Any]:
+    """Return a keep-out as plain data, which its entry reads."""
+    return {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
+
+
 # ----------------------------------------------------------------------------------------------------------- sizes
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.plain import Plain
 
 WITNESS = 16  # numbers of a witness row
 
@@ -112,6 +113,24 @@ class Evidence:
             return cls(**{item.name: _unpacked(data[item.name]) for item in fields(cls)})
         except (KeyError, TypeError, ValueError, zlib.error) as reason:
             raise InputError("not the plain data of a proof", key="evidence", found=str(reason)) from reason
+
+
+@dataclass(frozen=True)
+class SharedBound(Plain):
+    """What is claimed of contacts that share motions: none of a smaller amount restores them.
+
+    The judge proves it anew, see `fcdm_opt.judge.only_motion`.
+
+    Attributes
+    ----------
+    contacts : tuple of (name, name)
+        Of which two parts each is.
+    bound : float
+        Of the weighted amount of the motions that they depend on.
+    """
+
+    contacts: tuple[tuple[str, str], ...]
+    bound: float
 
 
 def _packed(values: Array | Ints) -> dict[str, Any]:
