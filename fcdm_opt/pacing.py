@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from fcdm_opt.errors import FcdmError, InputError
 
@@ -56,6 +56,8 @@ class _Given(NamedTuple):
     kept: bool = False
 
 
+Found = TypeVar("Found")
+Other = TypeVar("Other")
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
@@ -154,6 +156,16 @@ def telling() -> Iterator[None]:
     known = _limit.get()
     with _set(_limit, known._replace(end=known.last, kept=True)):
         yield
+
+
+def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found | Other:
+    """Return what work finds; `late` where the time is over by then, even while what was found is told."""
+    with _set(_limit, _limit.get()._replace(kept=False)):
+        try:
+            check()
+            return work(*arguments)
+        except TimeOverError:
+            return late
 
 
 @contextmanager

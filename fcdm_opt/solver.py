@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, TypedDict, Unpack, overload
+from typing import Literal, NamedTuple, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -16,16 +15,16 @@ from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
 from fcdm_opt.errors import InputError, UnsolvedError, expected
 from fcdm_opt.judge.certificate import judged
-from fcdm_opt.model.mesh_error import with_mesh_error
+from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
+from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
@@ -118,8 +117,10 @@ def _several(assembly: Assembly, how: _How) -> AssemblySolution:
 
 def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
-    solution = _solved_all(problem, how)
-    return with_mesh_error(solution, partial(_solved_again, how)) if how.effort == "proved" else solution
+    if how.effort == "quick":
+        return _solved_all(problem, how)
+    facets_known(problem)
+    return with_mesh_error(_solved_all(problem, how), partial(_solved_again, how))
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
@@ -140,11 +141,11 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = _in_time(with_insides, problem, pose)
+        lies = pacing.in_time(with_insides, problem, pose, late=None)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
-        if problem.goal == "touch" and problem.movable.whole is not None:  # where it comes free it touches
+        if problem.goal == "touch" and problem.partial:  # where it comes free it touches
             problem = _like(problem, _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem)
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
@@ -155,31 +156,18 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
 
 def _like(problem: Problem, other: Problem) -> Problem:
     """Return a problem with those parts of large bodies modelled, too, that are in another about the same bodies."""
-    if problem.movable.whole is None or problem.static.whole is None:
+    known, others = problem.active_indices, other.active_indices
+    if known is None or others is None:
         return problem
-    rows = []
-    for body, whole, more in (
-        (problem.movable, problem.movable.whole, other.movable.rows),
-        (problem.static, problem.static.whole, other.static.rows),
-    ):
-        new = np.setdiff1d(more, body.rows)
-        rows.append(np.append(body.rows, new[new < len(whole.parts)]))
-    return problem.with_parts((rows[0], rows[1]))
-
-
-def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | None:
-    """Return a problem with more of the bodies in it, as a look finds it; None where the time is over by then."""
-    try:
-        pacing.check()
-        return look(*arguments)
-    except pacing.TimeOverError:
-        return None
+    new = [np.setdiff1d(more, own) for own, more in zip(known, others, strict=True)]
+    own, its = (more[more < len(body.parts)] for more, body in zip(new, problem.bodies, strict=False))
+    return problem.with_active_parts((np.append(known[0], own), np.append(known[1], its)))
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
-    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    problem, most = _in_time(more_parts, problem, None, 0.0) or problem, AT_ONCE
-    if problem.movable.whole is None:
+    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
+    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
+    if not problem.partial:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
     while True:
@@ -190,7 +178,7 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = _in_time(more_parts, problem, pose, least, most)
+        further = pacing.in_time(expand_active_parts, problem, pose, least, most, late=None)
         late = pacing.over()
         if further is None:
             break
@@ -275,7 +263,7 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer), None
-    with pacing.within(None if problem.movable.whole is None else SHOWN_SECONDS, share=1.0):
+    with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 

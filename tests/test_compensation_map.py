@@ -290,6 +290,21 @@ def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkey
         assert {cell for grid in grids(found, slab()) for row in grid.cells for cell in row} == {"?"}
 
 
+def test_a_pair_that_took_long_left_no_time_for_the_others(monkeypatch):
+    """That of the box's lower corner goes on for as long as it may."""
+    solved, now = sampling.sample_at, [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: now[0])
+
+    def unequal(problem, pair, over):
+        while max(pair) < 0.981:
+            pacing.check()
+            now[0] += 0.1
+        return solved(problem, pair, over)
+
+    monkeypatch.setattr(sampling, "sample_at", unequal)
+    assert 0.0 < compensation_map(slab("touch"), seconds=10.0).undecided <= 1 / 16
+
+
 def test_no_look_is_begun_when_the_time_is_over(monkeypatch):
     """`seconds=10` took 141 s: all that a wave asks for was solved, and what finishes it."""
     solved, now = sampling.sample_at, [0.0]

@@ -20,9 +20,9 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed
@@ -119,9 +119,7 @@ class CoherentRange(Plain, Shown):
 
     def curve(self, x: float) -> DecisionCurve:
         """Return the decision curve of the moved bodies, in the problem's box."""
-        return decision_curve(
-            self.problem.movable, self.problem.static, box=self.problem.box, transform=self.transform(x)
-        )
+        return decision_curve(*self.problem.active, box=self.problem.box, transform=self.transform(x))
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair at x, (2,), for x within the range."""
@@ -164,6 +162,7 @@ def coherent_range(
     """
     expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
+    need_all_parts(problem, "a range of tracked contacts")
     if problem.contacts:
         what = "a range tells how far one tracked contact lasts"
         raise InputError(what, key="contacts", found="several", allowed="none, or another question of each contact")
@@ -200,7 +199,7 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
     rho = (was + moved) / 2.0  # also where edges are parallel just at x
     if not (np.isfinite(rho).all() and rho.min() > 0):
         return (), ()
-    movable, static = problem.movable, problem.static
+    movable, static = problem.active
     here, beyond = (problem.motion.transform(at * along, movable.seed, static.seed) for at in (x, after))
     pose = relative_pose(movable, static, here)
     merged = touching_features(movable, static, pose, rho, DEFAULT.nominal * problem.size)
@@ -246,7 +245,6 @@ class Reach(NamedTuple):
 
 def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     """Return how far to look along a ray from no motion."""
-    need_all_parts(problem.movable, problem.static, "a range")
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []

@@ -95,7 +95,7 @@ def _is_flush(piece: Piece) -> bool:
 
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
-    movable, static = problem.movable, problem.static
+    movable, static = problem.active
     seat = seat_of(piece, seats) if _is_flush(piece) else None
     if seat is not None:
         hosts = [
@@ -120,9 +120,9 @@ def _sites(problem: Problem, feature: Feature, kind: int) -> Iterator[tuple[Part
     """Yield where the bodies' parts have the elements of a feature."""
     if feature.kind != {F1V2: "F1V2", V1F2: "V1F2", E1E2: "E1E2"}[kind]:
         return
-    for i, one in enumerate(problem.movable.parts):
+    for i, one in enumerate(problem.active[0].parts):
         for first in one.carriers(feature.one):
-            for j, two in enumerate(problem.static.parts):
+            for j, two in enumerate(problem.active[1].parts):
                 for second in two.carriers(feature.two):
                     yield (i, j), (kind, _index(one, first), _index(two, second))
 
@@ -136,7 +136,7 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
 
 
 def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
-    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     line, made = _supported(one, two, site, normal, k)
     kind, i, j = site
@@ -190,7 +190,7 @@ def _flush_rest(
     problem: Problem, seat: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
 ) -> Rest:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
-    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     n = seat.normal
     faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]

@@ -60,7 +60,7 @@ class March:
         turning, moving = ray.natural_step
         rate = max(turning, moving / problem.size)
         self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
-        self._all = Others(problem.movable, problem.static, ray, min(self.unit, end))
+        self._all = Others(*problem.active, ray, min(self.unit, end))
         self._known: dict[tuple[int, ...], tuple[Any, ...]] = {}
         self._rest_on(self._first)
 

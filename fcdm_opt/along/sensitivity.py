@@ -116,8 +116,7 @@ def _pieces(holding: Holding) -> list[Rate]:
     rest = MovedScene.at(task, layout, task.rest)
     moved = task.made_vertices @ (holding.end.transform[:3, :3] - np.eye(3)).T + holding.end.transform[:3, 3]
     lengths = np.linalg.norm(moved, axis=1)
-    elements = [element for part in task.movable.parts for element in part.elements["V"]]
-    points = np.concatenate([part.vertices for part in task.movable.parts])
+    points, elements = task.movable.extremes
     found = []
     for k in np.flatnonzero(lengths >= lengths.max() - holding.slack):
         term = Term(MOVABLE, points[k], elements[k], moved[k] / lengths[k], float(task.target[0]))

@@ -228,13 +228,15 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
     slack : float
         Length; parts this near touch, and directions this near to the widest are tight.
     """
-    found, off = list[Meeting](), list[float]()
-    for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
-        one, two = movable.parts[i], static.parts[j]
-        contact = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
-        found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
-        off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
-    tight = slack * DEFAULT.tight
+    found, off, tight = list[Meeting](), list[float](), slack * DEFAULT.tight
+    for (i, j), sites, rows, separations in touching_pairs(movable, static, pose, rho, slack):
+        one, two, widest = movable.parts[i], static.parts[j], int(separations.argmax())
+        contact = located(one, two, pose, contact_at(one, two, rows[widest, :3], pose, rho), rho)
+        if _across(one, two, contact, separations) > tight:  # of a face so narrow that all of it is about as high
+            contact = located(one, two, pose, contact_between(one, two, pose, *_corners(one, two, sites[widest])), rho)
+        found.append(Meeting((i, j), contact))
+        misses = _misses(one, two, pose, contact, rho), _across(one, two, contact, separations)
+        off.append(max(abs(float(separations.max())), *misses))
     most = tight if min(off, default=0.0) <= tight else math.inf
     return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
 
@@ -316,6 +318,28 @@ def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     X, Y = placed_elements(one, two, pose, contact, rho)
     first, second = _nearest_points(X, Y)
     return float(np.linalg.norm(first - second))
+
+
+def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
+    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is.
+
+    `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first.
+    """
+    deep, start = 0.0, 0
+    for part, element in ((one, contact.feature.one), (two, contact.feature.two)):
+        own = part.carriers(element) if element.kind == "F" else []
+        deep = max(deep, -max((float(separations[start + part.loops.index(loop)]) for loop in own), default=0.0))
+        start = len(part.loops)
+    return deep
+
+
+def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
+    """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
+    kind, own, other = site.tolist()
+    if kind == kernels.E1E2:
+        first, second = one.edges[own, :2].tolist(), two.edges[other, :2].tolist()
+        return tuple(first), tuple(second)
+    return (one.loops[own], (other,)) if kind == kernels.F1V2 else ((own,), two.loops[other])
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

@@ -49,7 +49,7 @@ def facet_errors(body: Body) -> Array | None:
 
     0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then.
     """
-    body = body.whole or body
+    body = body.full_body or body
     if body.facet_errors is not None:
         return body.facet_errors
     if body not in _KNOWN:
@@ -225,7 +225,7 @@ def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
 
     None where none are known.
     """
-    body = body.whole or body
+    body = body.full_body or body
     if body not in _BOUNDS:
         errors = facet_errors(body)
         ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]

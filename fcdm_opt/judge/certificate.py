@@ -196,7 +196,7 @@ def _unproved(solution: Solution) -> str:
         (bool(problem.contacts), NOT_BY_EQUATIONS),
         (problem.amount != "weighted", "only the weighted amount is checked"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
-        (problem.movable.whole is not None, "of large meshes only parts within reach are looked at"),
+        (problem.partial, "of large meshes only parts within reach are looked at"),
     ):
         if holds:
             return why
@@ -211,7 +211,7 @@ def _by_distance(solution: Solution) -> float:
     problem = solution.problem
     wanted = {"touch", "clear"} & {problem.goal, problem.pair}
     known = problem.amount == "displacement" or (problem.amount == "weighted" and problem.motion.shifts)
-    surfaces = any(body.hollow or body.whole for body in (problem.movable, problem.static))
+    surfaces = kept_as_surface(*problem.active)
     if not wanted or not known or surfaces:
         return 0.0
     rate = 1.0
@@ -400,10 +400,10 @@ class _Judge:
         self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
         self.size = self.problem.size
         self.limit = self.problem.contact_slack
-        bodies = self.problem.movable, self.problem.static
+        bodies, drawn = self.problem.active, (self.problem.movable, self.problem.static)
         self.outside: Outside | None = None
         if kept_as_surface(*bodies):
-            surfaces = WholeSurfaces(*bodies, self.problem.target, self.transform)
+            surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
             *near, self.outside = surfaces.looked_at()
             if self.problem.goal not in TRACKING:  # others may be near on the way
                 bodies = near[0], near[1]
@@ -415,7 +415,7 @@ class _Judge:
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
         if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
-            depth = PlacedSolids(self.problem.movable, self.problem.static, self.problem.target, self.transform).depth
+            depth = PlacedSolids(*drawn, self.problem.target, self.transform).depth
             self.pair_gap = min(-depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
@@ -758,7 +758,7 @@ class _Judge:
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""
-        own, scale = self.problem.movable, float(self.problem.target[0])
+        own, scale = self.problem.active[0], float(self.problem.target[0])
         return [
             keep_out_check(keep_out, own, scale, self.transform, self.limit, self.tolerances)
             for keep_out in self.problem.keep_out

@@ -12,8 +12,9 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.active_parts import with_near_parts
+from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,9 @@ class ContactRows:
         The weighted amount is the norm of weights * q.
     resolution : (k,) array or None
         Steps of the machine that q is a whole number of, 0 where it is any; no row asks for that.
+    within : float
+        Parts that have no rows are further apart than this at the motion looked at: as long as no vertex is displaced
+        by more from there, none of them touches. Infinite where all have rows.
     motion : ContactRow
         (q, seeds) -> transform, (4, 4), of body 1.
     contacts : tuple of ContactRow
@@ -95,13 +99,16 @@ class ContactRows:
     limits: Array
     weights: Array
     resolution: Array | None
+    within: float
     motion: ContactRow
     contacts: tuple[ContactRow, ...]
     switching_point: ContactRow | None
     clearances: tuple[ContactRow, ...]
 
 
-def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) -> ContactRows:
+def contact_rows(
+    problem: Problem, at: Sequence[float] | Array | None = None, *, within: float | None = None
+) -> ContactRows:
     """Return the contacts, clearances and motion of a problem as CasADi functions.
 
     They are the equations that `solve` itself uses, smooth in the motion parameters, with named inputs and outputs, and
@@ -113,15 +120,22 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     problem : Problem
     at : (k,) floats, optional
         Motion at which features and first planes are looked for; default no motion.
+    within : float, optional
+        Only parts that are no further apart than this there have rows, length units. By default all have, and of large
+        meshes those within a sixteenth of the size.
 
     Raises
     ------
     InputError
         Where the problem leaves open which two of several features it tracks, for a wrong number of parameters, and for
-        bodies and keep-outs of which not all parts are modelled: the rows of some would not keep the others apart.
+        keep-outs kept as a surface: rows of the surface alone would not keep a part out of the solid.
     """
     expected(problem, Problem, "problem")
-    need_all_parts(problem.movable, problem.static, "contact_rows", problem.keep_out)
+    if hollow := [own.name for own in problem.keep_out if own.body.hollow]:
+        what = "rows keep parts out of a surface, and not of the solid in it"
+        raise InputError(what, key="keep_out", found=hollow[0], allowed="a solid cut into parts")
+    if within is not None and not (is_real(within) and within >= 0.0):
+        raise InputError("not a distance", key="within", found=within, allowed="a number >= 0, or None")
     if problem.contacts:
         allowed = 'one tracked contact, or goal "touch" or "clear"'
         raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)
@@ -133,13 +147,18 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     if q.shape != task.rest.shape:
         names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
+    if problem.partial:
+        within = problem.size / 16.0 if within is None else within
+        task = Task.of(with_near_parts(problem, task.transform(q), within))
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
-    nearest = {parts: _nearest(task, parts, q) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
+    near = np.argwhere(task.pair_gaps(q) <= (np.inf if within is None else within)).tolist()
+    nearest = {(i, j): _nearest(task, (i, j), q) for i, j in near}
     return ContactRows(
         parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
         resolution=problem.resolution,
+        within=np.inf if within is None else within,
         motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),
         contacts=_contacts(task, q, nearest, seeds),
         switching_point=_switching_point(task, seeds),

@@ -39,6 +39,12 @@ class _Scene(NamedTuple):
     keep_outs: tuple[Body, ...]
 
 
+def facets_known(problem: Problem) -> None:
+    """Work out what the facets of a problem's bodies leave open, which is kept: it is told however late it is."""
+    for body in problem.bodies:
+        facet_errors(body)
+
+
 def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
@@ -146,7 +152,8 @@ def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution
 
 
 def _gap_at_rest(problem: Problem) -> float:
-    return float(decision_curve(problem.movable, problem.static, box=problem.box).gap(problem.target))
+    curve = decision_curve(*problem.active, box=problem.box)
+    return curve.near_gap(problem.target, problem.contact_slack, settled=True)
 
 
 def _least(solution: Solution, amount: float) -> float:
@@ -181,7 +188,7 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
 
 
 def _exact(body: Body, element: Element) -> bool:
-    body, errors = body.whole or body, facet_errors(body)
+    errors = facet_errors(body)
     label = tuple(sorted(element.vertices))
     beside = [label] if element.kind == "F" else body.faces_with(label)
     rows = [body.face_rows.get(face, -1) for face in beside]
@@ -191,7 +198,7 @@ def _exact(body: Body, element: Element) -> bool:
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
     """Tell whether bodies about the true ones overlap no more than the tracked contact lets them, after the motion."""
     rho = solution.pair if solution.problem.contacts else solution.rho
-    if rho is None or solution.problem.movable.whole is not None or outer.keep_outs:
+    if rho is None or solution.problem.partial or outer.keep_outs:
         return False
     curve = decision_curve(outer.movable, outer.static, box=solution.problem.box, transform=solution.transform)
     return float(curve.gap(rho)) >= -solution.problem.contact_slack

@@ -23,9 +23,9 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
     noise = ROUNDING * task.size
     if task.amount(q) > MUCH * noise:  # what the digits of coordinates cannot tell from no motion is none
         q = np.where(np.abs(problem.weights * q) <= noise, 0.0, q)
-    gap, slack, bodies = task.gap(q), problem.contact_slack, (problem.movable, problem.static)
-    if kept_as_surface(*bodies):  # the parts modelled are not all that may be near, or in the middle of the other
-        gap = PlacedSolids(*bodies, problem.target, task.transform(q)).gap(gap, slack)
+    gap, slack = task.gap(q), problem.contact_slack
+    if kept_as_surface(*problem.active):  # the parts looked at are not all that may be near, or inside the other
+        gap = PlacedSolids(*problem.active, problem.target, task.transform(q)).gap(gap, slack)
     gap = 0.0 if abs(gap) <= noise else gap
     state: MadeState = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}

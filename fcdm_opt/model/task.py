@@ -168,6 +168,7 @@ class Task:
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
+        bodies = movable, static = problem.active
         pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
         seats = problem.nominal_seats if problem.goal == "seat" else ()
@@ -182,16 +183,16 @@ class Task:
             else:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
-            tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
+            tuple(feature_points(*bodies, p.site, p.parts, p.normal, np.eye(3)) for p in some)
             for some in (pieces, () if joints else besides(seats, pieces, problem.target))
         )
-        others += tuple(line for joint in joints for line in lines_of(problem.movable, problem.static, joint))
+        others += tuple(line for joint in joints for line in lines_of(*bodies, joint))
         weights, amount = problem.weights, problem.amount
         if amount == "displacement" and _shifts_at_right_angles(problem):
             weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
         return cls(
-            problem.movable,
-            problem.static,
+            movable,
+            static,
             problem.motion,
             weights,
             _held_limits(problem, seats),
@@ -411,9 +412,9 @@ class Task:
 
     @cached_property
     def made_vertices(self) -> Array:
-        """Vertices of body 1 at the scale made, about the seed at rest, (n, 3)."""
-        used = np.concatenate([part.vertices for part in self.movable.parts])
-        return frozen(self.movable.seed + self.target[0] * (used - self.movable.seed))
+        """Corners of the hull of body 1 at the scale made, about the seed at rest, (n, 3)."""
+        corners, _ = self.movable.extremes
+        return frozen(self.movable.seed + self.target[0] * (corners - self.movable.seed))
 
     @cached_property
     def displacement_rate(self) -> float:

@@ -28,7 +28,7 @@ from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
-from fcdm_opt.problem.entries import plain_body, plain_keep_out, plain_step
+from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
@@ -282,7 +282,7 @@ class Assembly:
             if motion := self.motions.get(part):
                 spelt = {name: f"{name}{'_rad' * (kind == 'rotation')}" for name, kind in motion.parameters}
                 entry |= {
-                    "motion": [plain_step(step) for step in motion.steps],
+                    "motion": [step.own_plain() for step in motion.steps],
                     "follows": self.follows[part],
                     "weight": self.weights[part],
                     "length": self.lengths[part],

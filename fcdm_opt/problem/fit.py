@@ -29,17 +29,10 @@ fits, and meshes of round faces out of phase."""
 
 
 def drawn_bodies(problem: Problem) -> tuple[Body, Body]:
-    """Return the bodies as drawn, where the problem's are those made at given sizes: the same parts of them."""
-    movable, static = problem.movable, problem.static
+    """Return the bodies as drawn, where the problem's are those made at given sizes."""
     if not problem.made:
-        return movable, static
-    return _same_parts(problem.request["movable"], movable), _same_parts(problem.request["static"], static)
-
-
-def _same_parts(drawn: Body, made: Body) -> Body:
-    """Return a body as drawn with those parts alone that are modelled of it as made; as it is if these are others."""
-    alike = made.whole is not None and len(made.whole.parts) == len(drawn.parts) > len(made.parts)
-    return drawn.only(made.rows) if alike else drawn
+        return problem.movable, problem.static
+    return problem.request["movable"], problem.request["static"]
 
 
 def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:

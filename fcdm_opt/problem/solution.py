@@ -456,7 +456,7 @@ class Solution(Bounded):
             return {}
         joints = problem.chosen_joints or problem.nominal_joints
         pose = relative_pose(problem.movable, problem.static, self.transform)
-        return {joint.feature.label: joint.gap(problem.movable, problem.static, pose, self.pair) for joint in joints}
+        return {joint.feature.label: joint.gap(*problem.active, pose, self.pair) for joint in joints}
 
     @property
     def open_contacts(self) -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def solved_case(
     fits = None
     with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
         pacing.check()
-        if problem.movable.whole is None and (
+        if not problem.partial and (
             solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
         ):
             fits = fits_up_to(problem)

@@ -208,7 +208,7 @@ def fit_text(problem: Problem) -> str:
     Gaps are looked at where every part has an end of its tolerance; none of large bodies, whose curve is one of a few
     parts.
     """
-    if problem.tolerance is None or problem.movable.whole is not None:
+    if problem.tolerance is None or problem.partial:
         return ""
     nominal = problem.nominal_pair
     ends = nominal[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])

@@ -169,13 +169,18 @@ class Sampler:
             return [None] * len(pairs)
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
             with pacing.within(left if left < math.inf else None, share=1.0):
-                return [sample_within(self.problem, pair, self.over) for pair in pairs]
+                return [self._sample(pair, len(pairs) - k) for k, pair in enumerate(pairs)]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
         end = time() + left  # the wall clock is that of the other processes too
         found: list[Sample | None] = run(delayed(sample_of)(self._plain, pair, self.over, end) for pair in pairs)
         return found
+
+    def _sample(self, pair: Pair, waiting: int) -> Sample | None:
+        """Return the sample of a pair, None where it takes all the time; of the first ones where it takes its share."""
+        with pacing.sharing(1.0 if self.known else 1.0 / waiting):
+            return sample_within(self.problem, pair, self.over)
 
     @cached_property
     def _plain(self) -> str:

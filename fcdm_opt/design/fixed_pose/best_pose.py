@@ -23,6 +23,7 @@ from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
@@ -237,6 +238,7 @@ def best_pose(
     if by_name(problem, sizes, box):
         return _of_sizes(problem, low, high, clearance is not None, accuracy, effort // DEARER if certify else 0, start)
     asked = worst_sizes(problem, sizes, box)
+    need_all_parts(problem, "a pose for all sizes")
     worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
     slack, effort = problem.contact_slack, effort if certify else 0
     limits = np.array(problem.limits)

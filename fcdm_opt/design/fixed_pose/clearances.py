@@ -19,6 +19,7 @@ from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -189,6 +190,7 @@ def clearances(
         return _of_sizes(problem, transform, count, seed)
     whole = box_of(problem, sizes, box)
     pairs, source = drawn_pairs(sizes, whole, count, seed)
+    need_all_parts(problem, "a pose for all sizes")
     scene = Scene(problem.movable, problem.static, Sizes(whole))
     lines = scene.lines(scene.pose(transform))
     extremes = scene.extremes(lines)

@@ -23,7 +23,6 @@ from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
@@ -81,7 +80,6 @@ class Scene:
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
-        need_all_parts(movable, static, "a pose for all sizes")
         self.movable, self.static, self.sizes = movable, static, sizes
         self.packed = (*movable.packed, *static.packed)
         bodies = movable, static

@@ -108,7 +108,7 @@ def _changes(before: Solution, new: Problem) -> Told:
     keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
     bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):
-        yield from _body(key, one_body, two_body, rates)
+        yield from _body(key, one_body, two_body, rates, partial=old.partial or new.partial)
 
 
 def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
@@ -172,10 +172,9 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
         yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
 
 
-def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
+def _body(key: str, old: Body, new: Body, rates: Sensitivity, *, partial: bool) -> Told:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
-    name, large = key.strip(), old.whole is not None or new.whole is not None
-    old, new = old.whole or old, new.whole or new  # which of its parts are modelled is no change
+    name = key.strip()
     if old is new:
         return
     if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
@@ -187,7 +186,7 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     moves = new.vertices - old.vertices
     if not moves.any():
         return
-    if large:
+    if partial:
         yield f"{name} vertices", NAN, f"no derivative by vertices of {name}, of which only some parts are modelled"
         return
     change, by = by_moves(key, old, moves, rates.faces, rates.vertices)

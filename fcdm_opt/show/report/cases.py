@@ -109,7 +109,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
             {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
-        "configurations": _configurations(solution),
+        "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
 
@@ -143,7 +143,7 @@ def _stack(problem: Problem) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, of a problem whose sizes have tolerances; None where there is none."""
     from fcdm_opt.design.stack.stack_up import stack_up
 
-    if problem.movable.whole is not None or not any(size.tolerance for size in problem.sizes):
+    if problem.partial or not any(size.tolerance for size in problem.sizes):
         return None
     try:
         with pacing.within(STACKED, share=1.0):
@@ -168,9 +168,9 @@ def _configurations(solution: Solution) -> list[str]:
     """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
     problem = solution.problem
     contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None and not pacing.over():
+    if solution.transform is not None and solution.rho is not None:
         curve = problem.curve_after(solution.transform, solution.rho)
-        if problem.movable.whole is not None:
+        if problem.partial:
             return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
         contact = curve.locate(solution.rho)
     if contact is None:
@@ -223,7 +223,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not solution.status.found:
         return None
-    if solution.problem.movable.whole is not None:
+    if solution.problem.partial:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
         return {"bars": [], "text": text}
     derivatives = solution.sensitivity
@@ -267,8 +267,8 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
 
 def _with_parts_of(solution: Solution, problem: Problem) -> Problem:
     """Return the question with the parts of large bodies that its answer took: other sizes take most of them too."""
-    movable, static = solution.problem.movable, solution.problem.static
-    return problem if movable.whole is None else problem.with_parts((np.array(movable.rows), np.array(static.rows)))
+    indices = solution.problem.active_indices
+    return problem if indices is None else problem.with_active_parts(indices)
 
 
 def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:

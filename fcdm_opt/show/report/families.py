@@ -38,7 +38,7 @@ LEAST, CORNERS, CASES = 3, 160, 4
 
 def frames_of(problem: Problem, cases: int) -> float:
     """Return the share of its frames that a family has: fewer of bodies with many corners, and of many cases."""
-    if problem.movable.whole is not None:
+    if problem.partial:
         return 0.0
     corners = len(problem.movable.corners) + len(problem.static.corners)
     return min(1.0, CORNERS / corners) * min(1.0, CASES / cases)
