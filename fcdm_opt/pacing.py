@@ -62,6 +62,7 @@ Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
 _limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf, math.inf))  # noqa: B039 (immutable)
+_looks: ContextVar[list[float]] = ContextVar("looks", default=[math.inf])  # noqa: B039 (counted down where it is set)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -169,6 +170,13 @@ def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found |
 
 
 @contextmanager
+def looking(count: int) -> Iterator[None]:
+    """Let what is done meanwhile ask so often whether the time is over, and then it is: alike on any machine."""
+    with _set(_looks, [float(count)]):
+        yield
+
+
+@contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
     with _set(_limit, _Given(math.inf, math.inf, math.inf)):
@@ -192,8 +200,9 @@ def left() -> float:
 
 def over() -> bool:
     """Tell whether the time given is over."""
-    end = _limit.get().end
-    return end < math.inf and clock() >= end
+    end, looks = _limit.get().end, _looks.get()
+    looks[0] -= 1.0
+    return looks[0] < 0.0 or (end < math.inf and clock() >= end)
 
 
 def stopped() -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
-from fcdm_opt.errors import InputError, UnsolvedError, expected
+from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
@@ -51,6 +51,7 @@ class How(TypedDict, total=False):
 def solve(problem: Problem, **how: Unpack[How]) -> Solution: ...
 @overload
 def solve(problem: Assembly, **how: Unpack[How]) -> AssemblySolution: ...
+@known_arguments
 def solve(
     problem: Problem | Assembly,
     *,

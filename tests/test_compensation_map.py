@@ -87,7 +87,7 @@ def test_map_agrees_with_single_solves_on_example_1():
     problem, found = example("example1_touch", 0)
     assert len(found.regions) == 4
     assert found.reached <= found.error
-    rho = pairs(found, 20, 4)
+    rho = pairs(found, 8, 4)
     at, task = found.at(*rho.T), Task.of(problem)
     for k, pair in enumerate(rho):
         solution = fo.solve(asked(problem, pair))

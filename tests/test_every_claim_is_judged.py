@@ -198,8 +198,8 @@ CHANGES: dict[str, list[tuple[tuple[str, ...], Any]]] = {
     ],
     "open_contacts": [(CASES, of(["x"]))],
     "keep_out_gaps": [(CASES, of({"x": 1.0})), (("clear",), of({})), (("clear",), scaled(2.0))],
-    "amount_low": [(CASES, of(1e6)), (CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
-    "amount_high": [(CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
+    "amount_low": [(CASES, of(1e6)), (CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a")), (ALL, scaled(0.9))],
+    "amount_high": [(CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a")), (ALL, scaled(1.1)), (CASES, of("inf"))],
     # told, and not claimed: of their form alone
     "active": [(CASES, of(5)), (CASES, of("one")), (CASES, of([5])), (CASES, of(None))],
     "modelled": [(CASES, of({"variables": -1})), (CASES, of({"variables": "a"})), (CASES, of([5])), (CASES, of(None))],
@@ -321,8 +321,8 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
     "amount": [scaled(1.01), scaled(0.99), of(float("nan"))],
     # without `proof` a bound that is no more than the amount is the solver's word
     "lower_bound": [scaled(1.01), of(float("inf")), of(float("nan")), of(-1.0)],
-    "amount_low": [scaled(1.01), of(float("nan")), of(-1.0)],
-    "amount_high": [scaled(0.99), of(float("nan"))],
+    "amount_low": [scaled(1.01), of(float("nan")), of(-1.0), scaled(0.9)],
+    "amount_high": [scaled(0.99), of(float("nan")), scaled(1.1), of(float("inf"))],
     "contacts": [
         of(()),
         lambda own: own[1:],

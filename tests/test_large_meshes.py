@@ -1,6 +1,7 @@
 """Bodies of which only the surface is made convex parts, and of which a problem models only the parts that matter."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -128,6 +129,24 @@ def test_a_body_deep_inside_a_surface_is_seen(bored: fo.Body) -> None:
     away = np.eye(4)
     away[0, 3] = 50.0
     assert WholeSurfaces(inner, block, np.ones(2), away).looked_at()[2].inside == 0
+
+
+def test_contacts_within_the_thickness_of_a_surface_were_listed() -> None:
+    """A cube on top of an angle of 12 height: in its middle it meets what the surface is kept as from beneath."""
+    outline = np.array([(-10, -10), (10, -10), (10, 10), (2, 10), (2, 2), (-10, 2)], float)
+    corners = np.vstack([np.column_stack([outline, np.full(6, z)]) for z in (-6.0, 6.0)])
+    sides = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
+    faces = [[*range(6)][::-1], [*range(6, 12)], *sides]
+    angle = fo.Body.from_mesh(corners, faces, decomposition="surface", seed=(6, -4, 0))
+    cube = fo.Body.convex(np.array(list(product((5.5, 6.5), (-4.5, -3.5), (3.5, 4.5)))), seed=(6, -4, 4))
+    curve = fo.decision_curve(cube, angle, box=((0.3, 2.0), (0.3, 2.0)))
+    assert angle.hollow
+    assert [(4.0 - rho[0] / 2.0) / 6.0 for own in curve.segments for rho in (own.start, own.end)] == pytest.approx(
+        [rho[1] for own in curve.segments for rho in (own.start, own.end)]
+    )
+    assert len(curve.segments) == 1
+    assert not curve.switching_points
+    assert curve.crossings(0.35) == pytest.approx([(4.0 - 0.35 / 2.0) / 6.0])
 
 
 def test_questions_that_take_all_parts_are_refused(bored: fo.Body) -> None:
@@ -322,9 +341,9 @@ def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch:
             np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), decomposition="surface", name=name
         )
 
-    pin = Manifold.cylinder(12.0, 4.0, 4.0, 24).translate((50.0, 0.0, 0.0))
+    pin = Manifold.cylinder(12.0, 4.0, 4.0, 12).translate((50.0, 0.0, 0.0))
     plate = meshed(Manifold.cube((140.0, 60.0, 5.0)).translate((-70.0, -30.0, -5.0)) + pin, "plate")
-    ring = Manifold.cylinder(6.0, 9.0, 9.0, 24) - Manifold.cylinder(20.0, 4.2, 4.2, 24).translate((0, 0, -5.0))
+    ring = Manifold.cylinder(6.0, 9.0, 9.0, 12) - Manifold.cylinder(20.0, 4.2, 4.2, 12).translate((0, 0, -5.0))
     situation = Situation(meshed(ring.translate((50.0, 0.0, 0.0)), "ring"), plate)
     monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", math.inf)  # no answer is to depend on how busy a machine is
     choice = chosen(situation)

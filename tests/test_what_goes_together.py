@@ -8,7 +8,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
 import pytest
 from test_decomposition import VOXELS, surface_of
@@ -119,21 +118,6 @@ def test_coherent_with_several_contacts_was_free_without_a_word() -> None:
     old = fo.solve(both()).to_dict()
     old["problem"]["case"][0]["path"] = "coherent"  # as earlier versions wrote it, asked for or not
     assert fo.Solution.from_dict(old).problem.path == "free"
-
-
-@pytest.mark.parametrize(
-    ("problem", "key"),
-    [
-        (both(), "contacts"),
-        (touching(tolerance=0.01, requirement="A", target=None, resolution=0.1), "resolution"),
-        (touching(tolerance=0.01, requirement="A", target=None, amount="displacement"), "amount"),
-        (touching(tolerance=0.01, requirement="A", target=None, amount=casadi.SX.sym("TX") ** 2 + 1e-3), "amount"),
-        (touching(tolerance=0.01, requirement="A", target=None, keep_out=(POST,)), "keep_out"),
-    ],
-)
-def test_one_pose_for_all_sizes_answered_another_question(problem: fo.Problem, key: str) -> None:
-    with pytest.raises(InputError, match=f"^{key}: one pose for all pairs"):
-        fo.best_pose(problem)
 
 
 # --------------------------------------------------------------------------------------------------------------- sizes

@@ -17,7 +17,7 @@ from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import need_all_parts
@@ -139,6 +139,7 @@ class CoherentRange(Plain, Shown):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
+@known_arguments
 def coherent_range(
     problem: Problem, direction: Mapping[str, float] | Any = None, *, limit: float | None = None
 ) -> CoherentRange:

@@ -22,7 +22,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
@@ -116,6 +116,7 @@ class ContactTimes(Plain):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
+@known_arguments
 def contact_times(
     problem: Problem,
     direction: Mapping[str, float] | Any = None,

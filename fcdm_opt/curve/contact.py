@@ -246,6 +246,9 @@ def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slac
     return tuple(dict.fromkeys(met.contact.feature for met in meetings(movable, static, pose, rho, slack)))
 
 
+_LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # kinds of the elements of a site
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A contact of two bodies, wherever their parts carry it.
@@ -301,16 +304,32 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
                 kept.append(k)
         found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
-    least = [own for own in found.values() if not any(_holds(other, own) for other in wide)]
+    least = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
     return tuple(own.carried_by(movable, static) for own in least)
 
 
-def _holds(joint: Joint, other: Joint) -> bool:
-    """Tell whether a contact of two faces is what another one, of corners or edges of these, is a part of."""
-    if other is joint or len(other.normals) != 1 or not other.normals[0] @ joint.normals[0] >= 1.0 - DEFAULT.side:
-        return False
-    pairs = ((other.feature.one, joint.feature.one), (other.feature.two, joint.feature.two))
-    return all(set(own.vertices) <= set(face.vertices) for own, face in pairs)
+def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -> bool:
+    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone.
+
+    Directions that only cuts between the parts of a body leave to a pair of them are none of the solids'.
+    """
+    own = joint.feature
+    around = [
+        other.normals[0]
+        for other in wide
+        if set(own.one.vertices) <= set(other.feature.one.vertices)
+        and set(own.two.vertices) <= set(other.feature.two.vertices)
+    ]
+    its = [
+        normal
+        for (kind, *rows), normal in zip(joint.sites.tolist(), joint.normals, strict=True)
+        if all(
+            (element := body.parts[part].elements[letter][row]).kind == letter and body.owns(element)
+            for body, part, letter, row in zip((movable, static), joint.parts, _LETTERS[kind], rows, strict=True)
+            if letter != "V"
+        )
+    ]
+    return bool(around) and all(any(n @ other >= 1.0 - DEFAULT.side for other in around) for n in its)
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:

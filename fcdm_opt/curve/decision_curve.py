@@ -29,7 +29,7 @@ from fcdm_opt.curve.segments import (
     without_borders,
 )
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -97,6 +97,9 @@ class DecisionCurve(Shown):
         for whole in self.chains:
             chain = [stretch for stretch in whole if not is_point(stretch.whole)] or list(whole)
             spans = [clipped(stretch.whole, self.box) for stretch in chain]
+            shown = next((np.mean(span, axis=0) for span in spans if span is not None), None)
+            if shown is not None and self._buried(shown):
+                continue
             back = _hanging(chain, spans)
             chain, spans = chain[-back:] + chain[:-back], spans[-back:] + spans[:-back]
             run: list[Segment] = []
@@ -318,7 +321,8 @@ class DecisionCurve(Shown):
                 ends += [lo, hi]
         low, high = span[0] * (1.0 - DEFAULT.line), span[1] * (1.0 + DEFAULT.line)
         apart = [s for k, s in enumerate(ends) if not (k and s <= ends[k - 1] * (1.0 + DEFAULT.line))]
-        return np.array([float(np.clip(s, *span)) for s in apart if low <= s <= high and 0 < s < np.inf])
+        listed = [float(np.clip(s, *span)) for s in apart if low <= s <= high and 0 < s < np.inf]
+        return np.array([s for s in listed if not self._buried(np.array([rho1, s]))])
 
     def rho2(self, rho1: ArrayLike) -> Array:
         """Return the least contact scale rho_2 in the box for each rho_1, nan where there is none."""
@@ -383,6 +387,15 @@ class DecisionCurve(Shown):
             least = min(least, exact if abs(exact) <= 2.0 * near else side * max(size, float(np.finfo(float).tiny)))
         return least
 
+    def _buried(self, rho: Array) -> bool:
+        """Tell whether a contact of parts is one inside a solid kept as its surface, with which the other one overlaps.
+
+        All of its chain is, then, as that nowhere passes the surface.
+        """
+        complete = self.movable.full_body is self.static.full_body is None
+        hollow = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
+        return bool(hollow and self._solids(rho).nested)
+
     def _solids(self, rho: Array) -> PlacedSolids:
         return PlacedSolids(self.movable, self.static, rho, self.transform)
 
@@ -438,6 +451,7 @@ def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) 
     return 0
 
 
+@known_arguments
 def decision_curve(
     movable: Body,
     static: Body,

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.design.places import Place, check_item, parse, put, written
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
@@ -27,7 +27,7 @@ from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_b
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, checked, closest, known_sizes
+from fcdm_opt.problem.schema import Entry, checked, known_sizes
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process

@@ -20,7 +20,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from fcdm_opt import beside, pacing
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import known_to
@@ -33,7 +33,6 @@ from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import (
     LARGEST,
     SMALLEST,
@@ -238,6 +238,7 @@ class Body(_Sealed, Shown):
     unit: UnitOrNone = ""
 
     @classmethod
+    @known_arguments
     def convex(
         cls,
         vertices: ArrayLike,
@@ -268,6 +269,7 @@ class Body(_Sealed, Shown):
         return cls._made(points, [np.arange(len(points))], None, seed, name)._in(unit)
 
     @classmethod
+    @known_arguments
     def from_parts(
         cls,
         vertices: ArrayLike | Sequence[ArrayLike],
@@ -320,6 +322,7 @@ class Body(_Sealed, Shown):
         return replace(body, deviation=_deviation(deviation, name))._in(unit)
 
     @classmethod
+    @known_arguments
     def from_mesh(
         cls,
         vertices: Any,
@@ -371,6 +374,7 @@ class Body(_Sealed, Shown):
         return body._in(unit)
 
     @classmethod
+    @known_arguments
     def from_file(
         cls,
         path: str | Path,
@@ -657,6 +661,7 @@ class Body(_Sealed, Shown):
         return scaled @ transform[:3, :3].T + transform[:3, 3]
 
 
+@known_arguments
 def as_body(
     x: Any,
     *,

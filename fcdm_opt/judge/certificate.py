@@ -11,17 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import hypot, inf, isfinite, isnan
+from math import hypot, inf, isfinite, isnan, nan
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.geometry.facet_errors import facet_errors
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
@@ -46,6 +47,7 @@ MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
 
+@known_arguments
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
     """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
@@ -249,18 +251,27 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
-def left_by_mesh(solution: Bounded, slack: float) -> list[Check]:
+def left_by_mesh(solution: Bounded, bodies: Sequence[Body], slack: float) -> list[Check]:
     """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all.
 
-    One that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
+    Bodies whose faces are as drawn leave nothing open, and of those that only come near the solid it is not known. A
+    motion that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
     """
     low, amount, high = solution.amount_low, solution.amount, solution.amount_high
-    if low == amount == high or (isnan(low) and isnan(high)):
+    if isnan(low) and isnan(high):
+        return []
+    errors = [facet_errors(body) for body in bodies]
+    known = all(own is not None for own in errors)
+    if known and low == amount == high:
         return []
     if solution.status is Status.OUTSIDE_FIT:
         amount = inf
     off = 0.0 if 0.0 <= low <= amount <= high else float(np.max([low - amount, amount - high, -low]))
     note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+    if not any(own is None or own.any() for own in errors):
+        off, note = float(np.max([abs(low - amount), abs(high - amount)])), f"{note}, of plane faces"
+    elif not known:
+        off, note = nan, f"{note}, of parts that come near the solid, by how much is not known"
     return [_at_most("amount the mesh allows", off, slack, note)]
 
 
@@ -439,7 +450,7 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *left_by_mesh(solution, slack),
+            *left_by_mesh(solution, problem.bodies, slack),
             *self._whole_steps(),
         ]
 

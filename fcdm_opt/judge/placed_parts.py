@@ -168,7 +168,7 @@ def _motions(
         ("limits", excess, tolerances.requirement * assembly.size, ""),
     ]
     checks = [Check(name, value <= most, value, most, note) for name, value, most, note in named]
-    return [*checks, *left_by_mesh(solution, slack)]
+    return [*checks, *left_by_mesh(solution, [*assembly.bodies_made.values()], slack)]
 
 
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:

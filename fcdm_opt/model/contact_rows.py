@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.task import Parts, Task
@@ -106,6 +106,7 @@ class ContactRows:
     clearances: tuple[ContactRow, ...]
 
 
+@known_arguments
 def contact_rows(
     problem: Problem, at: Sequence[float] | Array | None = None, *, within: float | None = None
 ) -> ContactRows:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
@@ -424,6 +424,7 @@ class Straight(Step):
         return _way(self.line(ORIGIN, ORIGIN)[0], sign)
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Translation(Straight):
     """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
@@ -477,6 +478,7 @@ class Translation(Straight):
         return True
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Rotation(Straight):
     """Rotation about a fixed world direction through a centre, right-hand rule.
@@ -552,6 +554,7 @@ class Rotation(Straight):
         return True
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Screw(Straight):
     """Rotation about a directed line and translation along it.

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import made_at
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
@@ -31,7 +31,7 @@ from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
+from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -139,6 +139,7 @@ class Assembly:
     fixed: tuple[str, ...]
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
 
+    @known_arguments
     def __init__(
         self,
         parts: Mapping[str, Body] | Sequence[Body],

@@ -9,7 +9,7 @@ from operator import rshift
 from pathlib import Path
 from typing import Any, Literal
 
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, known_arguments, placed
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, StepEntry
@@ -171,6 +171,7 @@ def _renamed(reason: InputError) -> InputError:
     return InputError(reason.what, key=key, found=reason.found, allowed=reason.allowed)
 
 
+@known_arguments
 def load_assemblies(path: str | os.PathLike[str]) -> tuple[Assembly, ...]:
     """Return the assemblies of a file, one for each case.
 

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
@@ -34,7 +34,6 @@ from fcdm_opt.problem.schema import (
     Pair,
     Point,
     Positive,
-    closest,
     declared,
     one_of,
     refusal,

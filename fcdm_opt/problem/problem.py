@@ -20,7 +20,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
@@ -351,6 +351,7 @@ def _without_path(data: Any) -> Any:
     }
 
 
+@known_arguments
 def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
     """Return the problems of a file, one for each case.
 

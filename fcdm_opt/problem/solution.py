@@ -35,6 +35,10 @@ SURE = 0.01
 """Share of an amount that its mesh may leave open for it to be called the smallest possible."""
 
 
+UNLOOKED = 'effort "quick", a time that is over and contacts that share motions leave no look at it'
+"""Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
+
+
 class Status(Enum):
     """How a solve ended; the value says what to do."""
 
@@ -251,7 +255,8 @@ class Bounded(Plain, Shown):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
             first, *others = self.question.bodies
-            return "what the mesh leaves open is not known" if known_to(first, others, unit) else ""
+            known = not known_to(first, others, unit)
+            return "" if known else f"what the mesh leaves open is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
             return f"but the mesh leaves open whether they fit: {needed}" if low < math.inf else ""
@@ -261,6 +266,11 @@ class Bounded(Plain, Shown):
             least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
             return f"{least}: the mesh leaves that open"
         return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
+
+    @property
+    def _why_unknown(self) -> str:
+        """Why it is not known what a mesh leaves open, where that is because of what is asked."""
+        return ""
 
     @cached_property
     def advice(self) -> str:
@@ -415,6 +425,17 @@ class Solution(Bounded):
     def question(self) -> Problem:
         """`problem`."""
         return self.problem
+
+    @property
+    def _why_unknown(self) -> str:
+        problem = self.problem
+        if problem.goal not in ("touch", "clear"):
+            return f'goal "{problem.goal}" follows one contact, and that is of round faces'
+        if (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):
+            return "larger parts touch sooner, and keep less clear"
+        if problem.goal == "touch" and not (problem.resolution is None and isinstance(problem.amount, str)):
+            return "larger parts touch sooner, which steps of a resolution and amounts of one's own need not follow"
+        return ""
 
     @property
     def amount_unit(self) -> str:

@@ -20,8 +20,8 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 
-FITTED = 3.0
-"""Seconds that the tolerance at which parts fit is sought for, beside an answer; of large meshes it takes longer."""
+FITTED = 6000
+"""Looks at the time while the tolerance at which parts fit is sought for; of large meshes it takes longer."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def solved_case(
             answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
             touch = answer.amount if answer.usable else None
     fits = None
-    with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
+    with suppress(pacing.TimeOverError), pacing.looking(FITTED):
         pacing.check()
         if not problem.partial and (
             solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)

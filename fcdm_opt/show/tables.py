@@ -22,7 +22,7 @@ from fcdm_opt.show.texts import (
     steps_text,
     units_text,
 )
-from fcdm_opt.show.verdict import fit_text, range_texts, verdict_text
+from fcdm_opt.show.verdict import fit_text, labels_in_words, range_texts, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -301,12 +301,13 @@ def print_judged(certificate: Certificate) -> None:
     print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
 
 
-def print_clearances(clearances: Clearances, *, where: str = "") -> None:
+def print_clearances(clearances: Clearances, problem: Problem, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text, "between": end.feature}
+        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text,
+         "between": labels_in_words(end.feature, problem)}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))

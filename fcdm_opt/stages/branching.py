@@ -280,7 +280,7 @@ def bounded(
     share : float
         Of the efforts, and of `CELLS`.
     until : float
-        `perf_counter` at which to stop in place of an effort.
+        `perf_counter` at which to stop in place of the last effort.
     checked : bool
         As of `prove`.
     """
@@ -302,10 +302,10 @@ def bounded(
         return found.q
 
     try:
-        timed = np.isfinite(until)
-        cells = [(gap, sys.maxsize if timed else _most(task, effort, share, not checked)) for gap, effort in aims]
-        aimed = cells[-1:] if timed else cells
-        proof = prove(task, upper, aims=aimed, until=until, search=search, checked=checked)
+        cells = [(gap, _most(task, effort, share, not checked)) for gap, effort in aims]
+        if np.isfinite(until):  # that ends the last of them
+            cells[-1] = aims[-1][0], sys.maxsize
+        proof = prove(task, upper, aims=cells, until=until, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)

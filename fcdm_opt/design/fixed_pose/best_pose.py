@@ -17,7 +17,7 @@ from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
@@ -174,6 +174,7 @@ class BestPose(Shown, Plain):
         return {**super().to_dict(), "window": [None if np.isinf(end) else end for end in self.window]}
 
 
+@known_arguments
 def best_pose(
     problem: Problem,
     *,

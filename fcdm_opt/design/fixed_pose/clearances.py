@@ -13,7 +13,7 @@ from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
@@ -154,6 +154,7 @@ class Clearances(Shown):
         return {**told, "count": len(self.gaps), **shares, "histogram": histogram}
 
 
+@known_arguments
 def clearances(
     problem: Problem, *, sizes: Any = None, box: Any = None, pose: Any = None, count: int = 100_000, seed: int = 1
 ) -> Clearances:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
@@ -169,6 +169,7 @@ class Budgets(Mapping[str, Budget]):
         return "\n".join(str(one) for one in self.each.values())
 
 
+@known_arguments
 def budget(
     problem: Problem,
     limit: float | None,
