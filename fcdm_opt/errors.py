@@ -77,10 +77,11 @@ def placed(*, file: str | Path | None = None, key: str | None = None) -> Iterato
         raise reason.within(file=file, key=key) from reason
 
 
-def expected(value: Any, kind: type, key: str) -> None:
-    """Refuse an argument that is not of a kind."""
+def expected(value: Any, kind: type | tuple[type, ...], key: str) -> None:
+    """Refuse an argument that is not of a kind, or of one of some."""
     if not isinstance(value, kind):
-        raise InputError(f"expected a {kind.__name__}", key=key, found=type(value).__name__)
+        kinds = " or ".join(own.__name__ for own in (kind if isinstance(kind, tuple) else (kind,)))
+        raise InputError(f"expected a {kinds}", key=key, found=type(value).__name__)
 
 
 def checked_path(value: Any, key: str) -> Path:

@@ -1,4 +1,4 @@
-"""The main path: from a problem to a verified solution. Start reading here."""
+"""The main path: from a problem, or an assembly, to a verified solution. Start reading here."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypedDict, Unpack, overload
 
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.assembling import assembled
 from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.multipliers import shows
@@ -21,6 +22,8 @@ from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
 from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides
 from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
@@ -34,9 +37,24 @@ MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
 
+class How(TypedDict, total=False):
+    """Arguments of `solve`."""
+
+    model: Literal["auto"] | StageName
+    certify: bool
+    effort: Effort
+    seconds: float | None
+    time: float | None
+    throw: bool
+
+
+@overload
+def solve(problem: Problem, **how: Unpack[How]) -> Solution: ...
+@overload
+def solve(problem: Assembly, **how: Unpack[How]) -> AssemblySolution: ...
 @known_arguments
 def solve(
-    problem: Problem,
+    problem: Problem | Assembly,
     *,
     model: Literal["auto"] | StageName = "auto",
     certify: bool = False,
@@ -44,17 +62,18 @@ def solve(
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
-) -> Solution:
-    """Find the smallest motion that meets a problem's requirement, and have it judged.
+) -> Solution | AssemblySolution:
+    """Find the smallest motion that meets a problem's requirement, or an assembly's, and have it judged.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     model : "auto" or a key of `STAGES`
-        "auto" takes the first stage that settles the case; a stage's name forces it.
+        "auto" takes the first stage that settles the case; a stage's name forces it. Of an assembly whose contacts
+        share motions, which are one program, "auto".
     certify : bool
         Prove until `Solution.lower_bound` is within 1e-4 of the amount, or the time given is over, and keep what
-        proves it as `Solution.evidence`.
+        proves it as `Solution.evidence`. Of an assembly each contact of a part with the one that it follows.
     effort : "proved" or "quick"
         "proved": without `certify` too the least motion is looked for everywhere, and bounded: of one and two
         parameters within 1 % of the amount, of more and of large parts as near as some seconds of work bring it, see
@@ -62,8 +81,8 @@ def solve(
         "quick": the first motion that the stages find, for thousands of questions; its bound is what they know.
         A forced `model` is quick.
     seconds : float, optional
-        Wall time of the proof. Without, it ends after a number of looks that does not depend on the machine, with
-        `certify` about a minute's.
+        Wall time of the proof, of an assembly of each contact's. Without, it ends after a number of looks that does not
+        depend on the machine, with `certify` about a minute's.
     time : float, optional
         Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
         was found is judged in what is left and a tenth more, or NOT_VERIFIED. An enclosing `pacing.within` limits
@@ -81,16 +100,29 @@ def solve(
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
     with pacing.within(time):
-        if effort == "proved":
-            facets_known(problem)
-        solution = _solved_all(problem, how)
-        if effort == "proved":
-            solution = with_mesh_error(solution, partial(_solved_again, how))
+        solution = _several(problem, how) if isinstance(problem, Assembly) else _answered(problem, how)
         if solution.stopped and time is None:  # whoever asked would take it for all that can be had
             raise pacing.TimeOverError
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution
+
+
+def _several(assembly: Assembly, how: _How) -> AssemblySolution:
+    """Return the solution of an assembly, of which contacts are problems of their own."""
+    quick = how._replace(certify=False, effort="quick")
+    as_asked, at_once = (partial(_answered, how=own) for own in (how, quick))
+    return assembled(
+        assembly, as_asked, at_once, model=how.model, certify=how.certify, prove=how.effort == "proved"
+    )
+
+
+def _answered(problem: Problem, how: _How) -> Solution:
+    """Return the least solution, with what facets of round faces leave open of it."""
+    if how.effort == "quick":
+        return _solved_all(problem, how)
+    facets_known(problem)
+    return with_mesh_error(_solved_all(problem, how), partial(_solved_again, how))
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
@@ -247,8 +279,8 @@ def _least_of(solutions: list[Solution]) -> Solution:
     return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 
-def _check(problem: Problem, how: _How) -> None:
-    expected(problem, Problem, "problem")
+def _check(problem: Problem | Assembly, how: _How) -> None:
+    expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:
             raise InputError(f"unknown {key}", key=key, found=value, allowed=", ".join(known))
@@ -258,3 +290,7 @@ def _check(problem: Problem, how: _How) -> None:
         raise InputError("a quick search proves nothing", key="effort", found="quick", allowed='"proved" with certify')
     if how.seconds is not None and not (is_real(how.seconds) and 0.0 < how.seconds < math.inf):
         raise InputError("not a time", key="seconds", found=how.seconds, allowed="a number > 0, or None")
+
+
+solve_assembly = solve
+"""The same by the name that it once had for assemblies."""

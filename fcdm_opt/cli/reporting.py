@@ -76,16 +76,16 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
 
 def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the same of files of assemblies."""
-    from fcdm_opt.assembling import solve_assembly
     from fcdm_opt.show.report.gather import head
     from fcdm_opt.show.report.page import assembly_page
+    from fcdm_opt.show.solved import solved_case
 
     opened = opened_files(paths, cases, assemblies=True)
     solutions, codes = [], [BAD_INPUT for file in opened if file.error]
     for file in opened:
         for assembly in file.problems:
             say(f"{file.path.name}: case {assembly.name}")
-            solutions.append(solve_assembly(assembly, certify=certify))
+            solutions.append(solved_case(assembly, certify=certify).solution)
     codes += [code_of(own.usable, own.status.name) for own in solutions]
     return assembly_page(list(map(head, opened)), solutions) if solutions else "", codes
 

@@ -23,6 +23,7 @@ from fcdm_opt.geometry.size import SELECTORS, Size
 from fcdm_opt.geometry.units import Unit
 from fcdm_opt.motion.motions import PITCHES, AxisWord, Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.schema import (
     Deviation,
@@ -240,6 +241,11 @@ class KeepOutEntry(BodyEntry, title="Keep-outs"):
     def keep_out(self, role: str, folder: Path | None) -> KeepOut:
         """Return the keep-out, see `body`."""
         return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
+
+
+def plain_keep_out(keep_out: KeepOut) -> dict[str, Any]:
+    """Return a keep-out as plain data, which its entry reads."""
+    return {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
 
 
 # ----------------------------------------------------------------------------------------------------------- sizes

@@ -19,6 +19,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.plain import Plain
 
 WITNESS = 16  # numbers of a witness row
 
@@ -151,6 +152,24 @@ class Evidence(ProofData):
     def told(self) -> str:  # type: ignore[override]
         """What it is made of, in words."""
         return f"{len(self.reasons)} cells of motions that will not do, in {len(self.fronts)} columns of directions"
+
+
+@dataclass(frozen=True)
+class SharedBound(Plain):
+    """What is claimed of contacts that share motions: none of a smaller amount restores them.
+
+    The judge proves it anew, see `fcdm_opt.judge.only_motion`.
+
+    Attributes
+    ----------
+    contacts : tuple of (name, name)
+        Of which two parts each is.
+    bound : float
+        Of the weighted amount of the motions that they depend on.
+    """
+
+    contacts: tuple[tuple[str, str], ...]
+    bound: float
 
 
 def _packed(values: Array | Ints) -> dict[str, Any]:

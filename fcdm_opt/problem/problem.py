@@ -32,7 +32,7 @@ from fcdm_opt.plain import plain
 from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
-from fcdm_opt.problem.entries import plain_body
+from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
@@ -315,10 +315,7 @@ class Problem(NominalContact, Shown):
             case[key] = {name + suffix * (kinds[name] == "rotation"): value for name, value in case[key].items()}
         if asked["published"] is not None:
             case["published"] = _published(self.motion, asked["published"])
-        others = [
-            {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
-            for keep_out in self.keep_out
-        ]
+        others = [plain_keep_out(keep_out) for keep_out in self.keep_out]
         unit = {"unit": self.unit} if self.unit else {}
         bodies = {role: {**plain_body(asked[role]), **unit} for role in ("movable", "static")}
         more = {"keep_out": others, "size": [size.to_dict() for size in self.sizes]}

@@ -106,6 +106,8 @@ def _label(feature: Any, bodies: Any) -> str:
 def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
+UNPROVED = "the bound is the solver's word, no evidence of it is kept"
+
 
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
@@ -119,7 +121,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         solution = row.solution
         notes = remarks(solution)
         if row.unproved:
-            notes = [*notes, f"the bound is the solver's word, no evidence of it is kept: {row.unproved}"]
+            notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
