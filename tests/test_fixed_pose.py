@@ -20,7 +20,7 @@ from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.fixed_pose.clearances import clearances
 from fcdm_opt.design.fixed_pose.local_search import Found, least_moved
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.scene import Scales
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import worst_sizes
 from fcdm_opt.errors import InputError
@@ -328,7 +328,7 @@ def test_a_wedge_does_not_slide_along_its_groove(weight):
 
 def test_a_pose_far_along_the_groove_is_brought_back():
     asked = wedge_in_a_groove(XYZ >> fo.Rotation("z"), limits={"RZ": (-0.1, 0.1)})
-    worst = Worst(asked, Scene(asked.movable, asked.static, worst_sizes(asked, None, None)))
+    worst = Worst(asked, Scales(asked.movable, asked.static, worst_sizes(asked, None, None)))
     limits = np.array(asked.limits)
     far, start = (Found(q, worst.off(q), worst.amount(q)) for q in np.array([(0, -4, -0.05, 0), (0, 0, 0, 0)]))
     found = least_moved(worst, limits, far, start)

@@ -8,12 +8,11 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose import named
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.scene import OwnSizes
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
@@ -30,7 +29,6 @@ from fcdm_opt.tolerances import DEFAULT
 Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 EFFORT = 20_000  # cells: a second or two for two parameters
-DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,12 +232,10 @@ def best_pose(
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
-    if by_name(problem, sizes, box):
-        return _of_sizes(problem, low, high, clearance is not None, accuracy, effort // DEARER if certify else 0, start)
-    asked = worst_sizes(problem, sizes, box)
-    worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
-    slack, effort = problem.contact_slack, effort if certify else 0
-    limits = np.array(problem.limits)
+    worst = Worst.of(problem, None if by_name(problem, sizes, box) else worst_sizes(problem, sizes, box), low, high)
+    own = isinstance(worst.scene, OwnSizes)
+    slack, effort = problem.contact_slack, effort if certify and (problem.motion.shifts or not own) else 0
+    limits = worst.limits
     first = best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
     inside = clearance is not None and best.off.value <= slack
     if not inside:
@@ -255,48 +251,32 @@ def best_pose(
         value = best.off.value
         bound = min(_proved(search), value)
     done = value - bound <= max(accuracy * abs(value), slack)
-    status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
-    ends, transform = best.off.extremes, worst.transform(best.q)
-    least, most = (EndOfRange.of(worst.scene, best.off.lines, end) for end in (ends.least, ends.most))
-    return _told(
-        problem, best.q, least, most, best.off.value, start,
-        status=status,
-        transform=frozen(transform),
+    ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
+    least, most = (end.without_rounding(problem.size) for end in ends)
+    q = np.where(np.abs(problem.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
+    pose = BestPose(
+        status=BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED,
+        parameters=problem.motion.by_name(q),
+        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
+        transform=frozen(worst.transform(best.q)),
         amount=best.amount,
+        worst_gap=max(abs(least.gap), abs(most.gap)),
+        violation=max(best.off.value, 0.0),
+        least=least,
+        most=most,
         value=value,
         lower_bound=bound,
         certified=bool(done),
         cells=len(search.nodes),
-        sizes=asked,
+        checks=(),
+        sizes=worst.scene.sizes,
         window=(low, high),
-        evidence=PoseEvidence.of(search) if search.nodes else None,
-    )  # fmt: skip
-
-
-def _of_sizes(
-    problem: Problem, low: float, high: float, windowed: bool, accuracy: float, effort: int, start: float
-) -> BestPose:
-    """Return the best pose for all of the problem's own sizes."""
-    outcome, inside = named.found(problem, low, high, windowed=windowed, accuracy=accuracy, effort=effort)
-    q, ends, slack = outcome.q + 0.0, outcome.range, problem.contact_slack
-    amount = float(np.linalg.norm(problem.weights * q))
-    value = amount if inside else ends.off
-    transform = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
-    failed = NONE if outcome.bound > slack else UNDECIDED
-    least, most = (EndOfRange.of_sizes(outcome.touching, *end) for end in (ends.least, ends.most))
-    return _told(
-        problem, q, least, most, ends.off, start,
-        status=(INSIDE if inside else failed) if windowed else BEST,
-        transform=frozen(transform),
-        amount=amount,
-        value=value,
-        lower_bound=min(outcome.bound, value),
-        certified=bool(value - outcome.bound <= max(accuracy * abs(value), slack)),
-        cells=outcome.cells,
-        sizes=Sizes(outcome.touching.box),
-        window=(low, high),
-        evidence=None,
-    )  # fmt: skip
+        evidence=PoseEvidence.of(search) if search.nodes and not own else None,
+        seconds=0.0,
+        unit=problem.unit,
+        problem=problem,
+    )
+    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
 
 
 def _proved(search: Search) -> float:
@@ -313,7 +293,7 @@ def _searched(
 
     With `stop` until one is in the window.
     """
-    limits = np.array(worst.problem.limits)
+    limits = worst.limits
     if effort:
         most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
         limits = _bounded(worst, domain(worst, most, amount))
@@ -337,25 +317,3 @@ def _bounded(worst: Worst, limits: Array) -> Array:
             allowed = "finite limits, a window with a finite upper end, or certify=False"
             raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
     return limits
-
-
-def _told(
-    problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
-) -> BestPose:
-    """Return the judged result for a pose, by the ends of the range of its gaps and how far they are off the window."""
-    q = np.where(np.abs(problem.weights * q) <= DEFAULT.weld * problem.size, 0.0, q)
-    least, most = (end.without_rounding(problem.size) for end in (least, most))
-    pose = BestPose(
-        parameters=problem.motion.by_name(q),
-        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
-        worst_gap=max(abs(least.gap), abs(most.gap)),
-        violation=max(off, 0.0),
-        least=least,
-        most=most,
-        checks=(),
-        seconds=0.0,
-        unit=problem.unit,
-        problem=problem,
-        **told,
-    )
-    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)

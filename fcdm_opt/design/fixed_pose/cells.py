@@ -133,14 +133,12 @@ class Search:
             self.nodes.append(node)
 
     def _look_at(self, node: Node, T: Array) -> None:
-        worst, scene = self.worst, self.worst.scene
-        slopes = T[:, 1:-1]
-        moved = np.abs(slopes[9:]).sum(axis=0) + scene.sizes.box[0, 1] * scene.reach[0] * np.abs(slopes[:9]).sum(axis=0)
-        slack = float(moved.sum())
-        lines = scene.lines(np.ascontiguousarray(T[:, 0]), slack)
+        worst, scene, slopes = self.worst, self.worst.scene, T[:, 1:-1]
+        moved = np.abs(slopes[9:]).sum(axis=0) + scene.reach * np.abs(slopes[:9]).sum(axis=0)
+        rows = scene.rows(np.ascontiguousarray(T[:, 0]), float(moved.sum()))
         bound, value, shares, kinds, ways, scores = kernels.cell_bound(
             *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
-            *(lines.rows, lines.first, lines.pairs),
+            *(rows.rows, rows.first, rows.pairs, rows.along),
             *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
         )
         if not np.isfinite(bound):
@@ -149,7 +147,7 @@ class Search:
         parts = np.full((len(chosen), 2), -1)
         kind, place, size = kinds[chosen].T
         short = kind != kernels.DIRECTED
-        parts[short] = lines.pairs[place[short]]
+        parts[short] = rows.pairs[place[short]]
         directions = tuple(np.empty((0, 3)) if own else ways[s] for own, s in zip(short, size, strict=True))
         node.witnesses = Witnesses(kind, shares[chosen], parts, worst.active[size], directions)
         width = node.high - node.low
@@ -171,7 +169,7 @@ class Search:
     def _bent(self, T: Array, width: Array) -> Array:
         """Return how much each parameter adds to what the linear part of the poses leaves out: turns do."""
         scene = self.worst.scene
-        error = scene.sizes.box[0, 1] * scene.reach[0] * T[:9, -1].sum() + T[9:, -1].sum()
+        error = scene.reach * T[:9, -1].sum() + T[9:, -1].sum()
         turns = np.where(self.worst.problem.motion.turning, width**2, 0.0)
         if not (error < np.inf and turns.any()):
             return turns
@@ -196,7 +194,7 @@ class Search:
 
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:
     """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    problem, k = worst.problem, low.shape[1]
-    offset = problem.static.seed - problem.movable.seed
+    problem, scene, k = worst.problem, worst.scene, low.shape[1]
+    offset = scene.static.seed - scene.movable.seed
     q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    return enclosed_pose(problem.motion.seen_from(problem.movable.seed), q, offset)
+    return enclosed_pose(problem.motion.seen_from(scene.movable.seed), q, offset)

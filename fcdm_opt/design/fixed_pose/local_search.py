@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose import gaps as kernels
+from fcdm_opt.design.fixed_pose.scene import NEAR
 from fcdm_opt.design.fixed_pose.worst import Off, Worst
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 80  # linear programs at most
-START, DIFFERENCE, END = 0.1, 1e-6, 1e-11  # trust region and finite differences, in sizes of the bodies
+DIFFERENCE, END = 1e-6, 1e-11  # finite differences and the least trust region, in sizes of the bodies
 CORRECTIONS = 4  # of a step that leaves the window by its curvature
 
 
@@ -41,38 +42,33 @@ def better(worst: Worst, limits: Array, q: Array) -> Found:
     """Return a pose near q whose worst gap is off by less, or q itself."""
     from scipy.optimize import linprog
 
-    natural = worst.problem.motion.weights(worst.problem.movable.size / 2.0)
-    here, trust = np.clip(q, *limits.T), START * worst.scene.size
-    off = worst.off(here)
-    model = _linear(worst, limits, here, natural)
-    cost = np.append(np.zeros(len(here)), 1.0)
+    natural, size = _natural(worst), worst.scene.size
+    here, trust = found_at(worst, np.clip(q, *limits.T)), NEAR * size
+    cost = np.append(np.zeros(len(q)), 1.0)
     for _ in range(STEPS):
-        if off.value <= 0.0:
+        if here.off.value <= 0.0 or trust < END * size:
             break  # inside a window, or at a gap of nothing for all sizes
-        box = _trusted(limits, here, natural, trust)
+        model = _linear(worst, limits, here.q, natural)
         A = np.column_stack([model.slopes / natural, -np.ones(len(model.values))])
-        bounds = [*((low * n, high * n) for (low, high), n in zip(box, natural, strict=True)), (None, None)]
-        found = linprog(cost, A_ub=A, b_ub=-model.values, bounds=bounds, method="highs")
-        if found.status != 0:
+        bounds = [*(_trusted(limits, here.q, natural, trust) * natural[:, None]).tolist(), (None, None)]
+        step = linprog(cost, A_ub=A, b_ub=-model.values, bounds=bounds, method="highs")
+        if step.status != 0:
             break
-        gain = off.value - float(found.x[-1])
-        step = np.clip(here + found.x[:-1] / natural, *limits.T)
-        tried = worst.off(step)
-        if tried.value < off.value - 0.1 * max(gain, 0.0) and tried.value < off.value:
-            trust *= 2.0 if off.value - tried.value > 0.5 * gain else 1.0
-            here, off = step, tried
+        gain = here.off.value - float(step.x[-1])
+        tried = found_at(worst, np.clip(here.q + step.x[:-1] / natural, *limits.T))
+        gained = here.off.value - tried.off.value
+        if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
+            trust *= 2.0 if gained > 0.5 * gain else 1.0
+            here = tried
         else:
             trust *= 0.25
-            if trust < END * worst.scene.size:
-                break
-        model = _linear(worst, limits, here, natural)
-    return Found(here, off, worst.amount(here))
+    return here
 
 
 def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
     """Return a pose in the window of a smaller amount than that of `start`, which is in it, or `start`."""
-    weights, natural = worst.problem.weights, worst.problem.motion.weights(worst.problem.movable.size / 2.0)
-    best, trust = start, 4.0 * START * worst.scene.size
+    weights, natural = worst.problem.weights, _natural(worst)
+    best, trust = start, 4.0 * NEAR * worst.scene.size
     rest = np.clip(np.zeros(len(start.q)), *limits.T)
     at_rest = found_at(worst, rest)
     if at_rest.off.value <= slack:
@@ -116,7 +112,7 @@ def least_moved(worst: Worst, limits: Array, found: Found, nearby: Found) -> Fou
     slack = DEFAULT.tie * worst.scene.size
     found = _without_needless(worst, limits, found, slack)
     off = found.off.value
-    window = Worst(worst.problem, worst.scene, worst.low - off - slack, worst.high + off + slack, worst.active)
+    window = replace(worst, low=worst.low - off - slack, high=worst.high + off + slack)
     starts = [found_at(window, own.q) for own in (found, nearby)]
     tried = [_rested(window, limits, start, slack) for start in starts if start.off.value <= slack]
     if not tried:
@@ -175,28 +171,25 @@ def _trusted(limits: Array, q: Array, natural: Array, trust: float) -> Array:
     )
 
 
+def _natural(worst: Worst) -> Array:
+    """Return what makes lengths of turns: how far they move the movable body."""
+    return worst.problem.motion.weights(worst.scene.movable.size / 2.0)
+
+
 def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> Linear:
     """Return the part pairs' gaps at the active sizes by central differences; one-sided at a limit."""
     scene, sizes = worst.scene, worst.active
-    lines = scene.lines(worst.pose(q), START * scene.size)
-
-    def values(at: Array) -> Array:
-        rows, first = kernels.pair_rows(*scene.packed, worst.pose(at), lines.pairs)
-        found: Array = kernels.gaps_of_pairs(rows, first, sizes)[0]
-        return found
-
-    centre = values(q)
+    pairs = scene.rows(worst.pose(q), NEAR * scene.size).pairs
+    centre = scene.of_pairs(worst.pose(q), pairs, sizes)
     slopes = np.zeros((*centre.shape, len(q)))
     for k in range(len(q)):
-        ends = []
-        for sign in (1.0, -1.0):
-            at = q.copy()
-            at[k] = np.clip(q[k] + sign * DIFFERENCE * scene.size / natural[k], *limits[k])
-            ends.append(at)
-        width = ends[0][k] - ends[1][k]
-        if width > 0:
-            slopes[..., k] = (values(ends[0]) - values(ends[1])) / width
-    made, rates = [], []
+        steps = np.array([1.0, -1.0]) * DIFFERENCE * scene.size / natural[k]
+        ends = np.tile(q, (2, 1))
+        ends[:, k] = np.clip(q[k] + steps, *limits[k])
+        if ends[0, k] > ends[1, k]:
+            above, below = (scene.of_pairs(worst.pose(at), pairs, sizes) for at in ends)
+            slopes[..., k] = (above - below) / (ends[0, k] - ends[1, k])
+    made, rates = [np.empty(0)], [np.empty((0, len(q)))]
     if np.isfinite(worst.low):
         made.append((worst.low - centre).ravel())
         rates.append(-slopes.reshape(-1, len(q)))
@@ -204,7 +197,9 @@ def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> Linear:
         owners, columns = centre.argmin(axis=0), np.arange(len(sizes))
         made.append(centre[owners, columns] - worst.high)
         rates.append(slopes[owners, columns])
-    return Linear(np.concatenate(made), np.concatenate(rates))
+    values, slopes = np.concatenate(made), np.concatenate(rates)
+    known = np.isfinite(values) & np.isfinite(slopes).all(axis=1)
+    return Linear(values[known], slopes[known])
 
 
 def nearest(model: Linear, q: Array, weights: Array, box: Array, tighter: float) -> Array | None:

@@ -137,8 +137,8 @@ def check_proof(
         That the limits hold all poses wanted, that the cells fill them, and one for all cells: by how much the least
         sure of them falls short.
     """
-    scene = Scene(problem.movable, problem.static, sizes)
-    worst = Worst(problem, scene, *window)
+    worst = Worst.of(problem, sizes, *window)
+    scene = worst.scene
     most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
     wanted = domain(worst, most, amount)
     beyond = np.maximum(evidence.limits[:, 0] - wanted[:, 0], wanted[:, 1] - evidence.limits[:, 1])
