@@ -141,8 +141,9 @@ def test_one_pose_for_all_sizes_answered_another_question(problem: fo.Problem, k
 
 def test_a_budget_of_sizes_spoke_of_uniform_scales() -> None:
     size = fo.Size("width", "movable", faces="-x", tolerance=0.05)
-    with pytest.raises(InputError, match=r"^sizes: a budget is .*found 'width'"):
-        fo.budget(touching(sizes=[size]), 1.0)
+    found = fo.budget(touching(sizes=[size]), 1.0, requirements=["worst"])
+    assert found["worst"].sizes == ("width",)
+    np.testing.assert_allclose(found["worst"].table, [[-found.tolerance, found.tolerance]])
     scales = touching(sizes=[size], target=None, tolerance=0.01, requirement="A")
     assert fo.budget(scales, 3.0, requirements="A").tolerance == pytest.approx(0.2)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import Extreme, OwnSizes, Rows, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
@@ -66,7 +66,7 @@ class EndOfRange(Plain):
         return ", ".join(told) or "as drawn"
 
     @classmethod
-    def of(cls, scene: Scene, rows: Rows, extreme: Extreme) -> EndOfRange:
+    def of(cls, scene: Scene, rows: GapRows, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
         gap, rho, parts, way = extreme
         label = scene.feature(rows, extreme).label

@@ -52,7 +52,7 @@ class Extremes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class GapRows:
     """The rows of part pairs at a pose.
 
     Attributes
@@ -90,7 +90,7 @@ class Rows:
         return Extreme(float(found[0]), frozen(rho), (i, j), frozen(ways[0]))
 
 
-class Bodies:
+class SizedBodies:
     """Two bodies, and the sizes that they may have.
 
     Attributes
@@ -125,7 +125,7 @@ class Bodies:
         return pose
 
 
-class Scales(Bodies):
+class Scales(SizedBodies):
     """Two bodies of which all parts are known, scaled about their seeds."""
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
@@ -142,11 +142,11 @@ class Scales(Bodies):
     def _all_pairs(self) -> Ints:
         return np.array(list(np.ndindex(len(self.movable.parts), len(self.static.parts))), dtype=np.int64)
 
-    def _rows(self, pose: Array, pairs: Ints) -> Rows:
+    def _rows(self, pose: Array, pairs: Ints) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
-        return Rows(rows, first, pairs, pose)
+        return GapRows(rows, first, pairs, pose)
 
-    def rows(self, pose: Array, slack: float = 0.0) -> Rows:
+    def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
         pairs = self._all_pairs
         if len(pairs) > 1:
@@ -163,7 +163,7 @@ class Scales(Bodies):
         """Return the gaps of part pairs at a pose and sizes, (p, n)."""
         return self._rows(pose, pairs).of_pairs(sizes)
 
-    def extremes(self, at: Rows) -> Extremes:
+    def extremes(self, at: GapRows) -> Extremes:
         """Return the least and the largest gap over all sizes."""
         if self.sizes.pairs is not None:
             found = at.gaps(self.sizes.pairs)
@@ -174,7 +174,7 @@ class Scales(Bodies):
         most, doubt = self._most(at, corners, values)
         return Extremes(self._least(at, corners, values), most, doubt)
 
-    def _most(self, at: Rows, corners: Array, values: Array) -> tuple[Extreme, float]:
+    def _most(self, at: GapRows, corners: Array, values: Array) -> tuple[Extreme, float]:
         """Return the largest gap over the box, and by how much a larger one is not ruled out.
 
         Over a piece no gap exceeds the mixture of the corners that does best against all part pairs: of convex
@@ -203,7 +203,7 @@ class Scales(Bodies):
                 heappush(heap, (-min(_no_more(own), -top), next(numbers), piece))
         return at.at(rho), max(-heap[0][0] - found, 0.0) if heap else 0.0
 
-    def _least(self, at: Rows, corners: Array, values: Array) -> Extreme:
+    def _least(self, at: GapRows, corners: Array, values: Array) -> Extreme:
         """Return the least gap over the box: of each part pair the lowest point of planes below its convex gap."""
         best = at.at(corners[int(values.min(axis=0).argmin())])
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
@@ -230,7 +230,7 @@ class Scales(Bodies):
         inward = here.way @ pose[:9].reshape(3, 3)
         return np.array([here.way @ pose[9:], -(own @ inward).max(), (other @ here.way).min()])
 
-    def feature(self, at: Rows, extreme: Extreme) -> Feature:
+    def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme, along its direction."""
         one, two = self.movable.parts[extreme.parts[0]], self.static.parts[extreme.parts[1]]
         contact = supporting_contact(one, two, extreme.way, at.pose, DEFAULT.nominal)
@@ -245,7 +245,7 @@ def _no_more(values: Array) -> float:
     return float((game(np.ascontiguousarray(-values)) @ values).max())
 
 
-class OwnSizes(Bodies):
+class OwnSizes(SizedBodies):
     """Two bodies as drawn, with sizes by name; the rows at an orientation are those of all shifts about it.
 
     Parameters
@@ -281,7 +281,7 @@ class OwnSizes(Bodies):
         self._kept = [found]
         return found, np.zeros(3)
 
-    def rows(self, pose: Array, slack: float = 0.0) -> Rows:
+    def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""
         (touching, shift), count = self._touching(pose), len(self.own)
         values, starts = touching.stacked
@@ -290,7 +290,7 @@ class OwnSizes(Bodies):
             values[:, 1 : 1 + count],
         ])  # fmt: skip
         pairs = np.array([pair.parts for pair in touching.pairs])
-        return Rows(rows, np.append(starts, len(rows)), pairs, pose, along=True)
+        return GapRows(rows, np.append(starts, len(rows)), pairs, pose, along=True)
 
     def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
         """Return the gaps of part pairs at a pose and sizes, (p, n); infinite of those that are far apart there."""
@@ -303,7 +303,7 @@ class OwnSizes(Bodies):
         touching, shift = self._touching(pose)
         return touching.shifted(shift)
 
-    def extremes(self, at: Rows) -> Extremes:
+    def extremes(self, at: GapRows) -> Extremes:
         """Return the least and the largest gap over all sizes."""
         there = self._at(at.pose)
 
@@ -313,7 +313,7 @@ class OwnSizes(Bodies):
 
         return Extremes(end(*there.least()), end(*there.largest()))
 
-    def feature(self, at: Rows, extreme: Extreme) -> Feature:
+    def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme."""
         there = self._at(at.pose)
         pair, row = there.governing(extreme.rho)

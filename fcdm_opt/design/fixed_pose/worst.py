@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import Extremes, OwnSizes, Rows, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import Extremes, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.judge.engagement import passage
@@ -23,7 +23,7 @@ class Off(NamedTuple):
 
     value: float
     extremes: Extremes
-    rows: Rows
+    rows: GapRows
 
 
 @dataclass(eq=False)
