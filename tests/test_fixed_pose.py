@@ -329,9 +329,8 @@ def test_a_wedge_does_not_slide_along_its_groove(weight):
 def test_a_pose_far_along_the_groove_is_brought_back():
     asked = wedge_in_a_groove(XYZ >> fo.Rotation("z"), limits={"RZ": (-0.1, 0.1)})
     worst = Worst(asked, Scales(asked.movable, asked.static, worst_sizes(asked, None, None)))
-    limits = np.array(asked.limits)
     far, start = (Found(q, worst.off(q), worst.amount(q)) for q in np.array([(0, -4, -0.05, 0), (0, 0, 0, 0)]))
-    found = least_moved(worst, limits, far, start)
+    found = least_moved(worst, far, start)
     assert found.off.value <= far.off.value + 2e-11 * asked.size
     assert np.abs(found.q) == pytest.approx([0.025, 0, 0.025, 0], abs=1e-7)
     assert found.amount == pytest.approx(0.05 / np.sqrt(2), abs=1e-8)

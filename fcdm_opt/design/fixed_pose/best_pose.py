@@ -235,19 +235,18 @@ def best_pose(
     worst = Worst.of(problem, None if by_name(problem, sizes, box) else worst_sizes(problem, sizes, box), low, high)
     own = isinstance(worst.scene, OwnSizes)
     slack, effort = problem.contact_slack, effort if certify and (problem.motion.shifts or not own) else 0
-    limits = worst.limits
-    first = best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
+    first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack
     if not inside:
         search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
         best = search.best
         inside = clearance is not None and best.off.value <= slack
     if inside:
-        best = smaller(worst, limits, best, slack)
+        best = smaller(worst, best, slack)
         search = _searched(worst, best, slack, accuracy, effort, amounts=True)
         best, value, bound = search.best, search.value, _proved(search)
     else:
-        best = least_moved(worst, limits, best, first)
+        best = least_moved(worst, best, first)
         value = best.off.value
         bound = min(_proved(search), value)
     done = value - bound <= max(accuracy * abs(value), slack)
@@ -299,7 +298,7 @@ def _searched(
         limits = _bounded(worst, domain(worst, most, amount))
 
     def improve(q: Array) -> Found:
-        return smaller(worst, limits, found_at(worst, q), slack) if amounts else better(worst, limits, q)
+        return smaller(worst, found_at(worst, q), slack) if amounts else better(worst, q)
 
     search = Search(worst, limits, best, slack, amounts, improve)
     if effort and (best.amount > slack if amounts else best.off.value > max(worst.floor, 0.0) + slack):
