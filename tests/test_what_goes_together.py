@@ -128,7 +128,6 @@ def test_coherent_with_several_contacts_was_free_without_a_word() -> None:
         (touching(tolerance=0.01, requirement="A", target=None, resolution=0.1), "resolution"),
         (touching(tolerance=0.01, requirement="A", target=None, amount="displacement"), "amount"),
         (touching(tolerance=0.01, requirement="A", target=None, amount=casadi.SX.sym("TX") ** 2 + 1e-3), "amount"),
-        (touching(tolerance=0.01, requirement="A", target=None, keep_out=(POST,)), "keep_out"),
     ],
 )
 def test_one_pose_for_all_sizes_answered_another_question(problem: fo.Problem, key: str) -> None:

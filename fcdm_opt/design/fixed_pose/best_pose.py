@@ -13,7 +13,7 @@ from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import OwnSizes
-from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.design.fixed_pose.worst import Worst, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected
@@ -50,14 +50,16 @@ class BestPose(Shown, Plain):
     worst_gap : float
         Largest |gap| over all sizes at this pose.
     violation : float
-        How far the worst gap is off the window, 0 inside; without a window `worst_gap`.
+        How far the worst gap is off the window, 0 inside; without a window `worst_gap`. Of "no pose" how far a
+        keep-out is come too near to, where that is more.
     least, most : EndOfRange
         The ends of the range of the gap at this pose.
     value, lower_bound : float
         What is made small, the violation or, inside the window, the amount; and what it is proved to be no less than,
         to rounding, whatever the pose.
     certified : bool
-        Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`).
+        Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`); where no pose is
+        clear of keep-outs, whether that is proved.
     cells : int
         Cells of poses looked at for the proof.
     checks : tuple of Check
@@ -111,7 +113,10 @@ class BestPose(Shown, Plain):
         ends = self.least.gap, self.most.gap
         violation = max(low - ends[0], ends[1] - high, 0.0)
         amount = float(np.linalg.norm(problem.weights * q))
-        value, inside = amount if self.status == INSIDE else violation, violation <= slack
+        inside, failed = violation <= slack, self.status in (NONE, UNDECIDED)
+        if failed and problem.keep_out:  # it may be off these
+            violation, inside = max(violation, self.violation), False
+        value = amount if self.status == INSIDE else violation
         known = {BEST: self.window == (0.0, 0.0), INSIDE: inside, NONE: not inside, UNDECIDED: not inside}
         errors = {
             "transform of parameters": np.abs(self.transform - end).max(),
@@ -133,6 +138,7 @@ class BestPose(Shown, Plain):
             largest=(ends[1], self.most.rho),
             box=self.sizes.box,
             listed=self.sizes.pairs,
+            keep_out=() if failed else obstacles(problem),
             others=[
                 *(Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()),
                 *(self.check(problem) if proof else ()),
@@ -188,12 +194,12 @@ def best_pose(
     least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
     lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
-    Asked are bodies, motion, limits and weights: the problem's goal, path and pair state play no part.
+    Asked are bodies, motion, limits, weights and keep-outs: the problem's goal, path and pair state play no part.
 
     Parameters
     ----------
     problem : Problem
-        Without keep-outs.
+        Its keep-outs are kept clear of at all sizes; a proof comes without evidence then.
     sizes : (n, 2) array, or a distribution for each body, optional
         The pairs that must all do: a list, or all that the distributions can give.
     box : ((low_1, high_1), (low_2, high_2)), optional
@@ -211,7 +217,7 @@ def best_pose(
     Raises
     ------
     InputError
-        For sizes that are none (see `clearances`), an empty window, a problem with keep-outs, several contacts, steps
+        For sizes that are none (see `clearances`), an empty window, a problem with several contacts, steps
         of a machine or another amount than the weighted one, and where limits are missing that keep the search finite.
     """
     start = time.perf_counter()
@@ -219,7 +225,6 @@ def best_pose(
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
     for key, asked_for, found, instead in (
-        ("keep_out", bool(problem.keep_out), [own.name for own in problem.keep_out], ()),
         ("contacts", bool(problem.contacts), "several", None),
         ("resolution", problem.resolution is not None, problem.resolution, None),
         ("amount", problem.amount != "weighted", problem.amount, "weighted"),
@@ -247,20 +252,23 @@ def best_pose(
         best, value, bound = search.best, search.value, _proved(search)
     else:
         best = least_moved(worst, best, first)
-        value = best.off.value
-        bound = min(_proved(search), value)
-    done = value - bound <= max(accuracy * abs(value), slack)
+        value, lower = best.off.excess, _proved(search)
+        bound = min(lower, value) if best.off.clear else min(2.0 * slack, value) if lower >= best.off.value else 0.0
+    done = value - bound <= max(accuracy * abs(value), slack) or (bound > slack and not best.off.clear)
+    status = NONE if bound > slack else UNDECIDED
+    if inside or (clearance is None and best.off.clear):
+        status = INSIDE if inside else BEST
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
     least, most = (end.without_rounding(problem.size) for end in ends)
     q = np.where(np.abs(problem.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     pose = BestPose(
-        status=BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED,
+        status=status,
         parameters=problem.motion.by_name(q),
         motion=problem.motion.describe(q.tolist(), unit=problem.unit),
         transform=frozen(worst.transform(best.q)),
         amount=best.amount,
         worst_gap=max(abs(least.gap), abs(most.gap)),
-        violation=max(best.off.value, 0.0),
+        violation=max(best.off.excess, 0.0),
         least=least,
         most=most,
         value=value,
@@ -270,7 +278,7 @@ def best_pose(
         checks=(),
         sizes=worst.scene.sizes,
         window=(low, high),
-        evidence=PoseEvidence.of(search) if search.nodes and not own else None,
+        evidence=PoseEvidence.of(search) if search.nodes and not (own or problem.keep_out) else None,
         seconds=0.0,
         unit=problem.unit,
         problem=problem,

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.local_search import Found, found_at
+from fcdm_opt.design.fixed_pose.scene import GapRows
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
@@ -133,12 +134,13 @@ class Search:
     def _look_at(self, node: Node, T: Array) -> None:
         worst, scene, slopes = self.worst, self.worst.scene, T[:, 1:-1]
         moved = np.abs(slopes[9:]).sum(axis=0) + scene.reach * np.abs(slopes[:9]).sum(axis=0)
-        rows = scene.rows(np.ascontiguousarray(T[:, 0]), float(moved.sum()))
-        bound, value, shares, kinds, ways, scores = kernels.cell_bound(
-            *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
-            *(rows.rows, rows.first, rows.pairs, rows.along),
-            *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
-        )
+        for own in worst.keep_out:
+            other = T.copy()
+            other[9:, 0] += own.scene.static.seed - scene.static.seed
+            if _bounded(own, other, float(moved.sum()))[1][0] > 2.0 * self.slack:
+                node.bound = np.inf
+                return
+        rows, (bound, value, shares, kinds, ways, scores) = _bounded(worst, T, float(moved.sum()))
         if not np.isfinite(bound):
             bound = -np.inf
         chosen = np.flatnonzero(shares > NEGLIGIBLE)
@@ -175,6 +177,17 @@ class Search:
         if self.amounts:
             return found.off.value <= self.slack and found.amount < self.best.amount
         return found.off.value < self.best.off.value
+
+
+def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, ...]]:
+    """Return the rows at the centre of a cell of poses, and what `gaps.cell_bound` makes of them."""
+    scene = worst.scene
+    rows = scene.rows(np.ascontiguousarray(T[:, 0]), slack)
+    return rows, kernels.cell_bound(
+        *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
+        *(rows.rows, rows.first, rows.pairs, rows.along),
+        *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
+    )
 
 
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:

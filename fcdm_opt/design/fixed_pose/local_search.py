@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import NEAR
-from fcdm_opt.design.fixed_pose.worst import Off, Worst
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.design.fixed_pose.worst import FAR, Off, Worst
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.tolerances import DEFAULT
 
@@ -41,13 +41,15 @@ def better(worst: Worst, q: Array) -> Found:
     for _ in range(STEPS):
         if here.off.value <= 0.0 or trust < END * size:
             break  # inside a window, or at a gap of nothing for all sizes
-        values, slopes = _linear(worst, here.q)
-        A = np.column_stack([slopes / natural, -np.ones(len(values))])
+        values, slopes, kept = _linear(worst, here.q)
+        if not here.off.clear:
+            values, slopes, kept = values[kept], slopes[kept], np.zeros(kept.sum(), bool)  # off the keep-outs first
+        A = np.column_stack([slopes / natural, kept - 1.0])
         bounds = [*(_trusted(worst, here.q, trust) * natural[:, None]).tolist(), (None, None)]
         step = linprog([0.0] * len(q) + [1.0], A_ub=A, b_ub=-values, bounds=bounds, method="highs")
         if step.status != 0:
             break
-        gain = here.off.value - float(step.x[-1])
+        gain = (here.off.value if here.off.clear else here.off.value - FAR * size) - float(step.x[-1])
         tried = found_at(worst, here.q + step.x[:-1] / natural)
         gained = here.off.value - tried.off.value
         if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
@@ -66,7 +68,7 @@ def smaller(worst: Worst, start: Found, slack: float) -> Found:
     for _ in range(STEPS):
         if trust < END * worst.scene.size:
             break
-        values, slopes = _linear(worst, best.q)
+        values, slopes, _ = _linear(worst, best.q)
         steps, made = _trusted(worst, best.q, trust), None
         for _ in range(CORRECTIONS):
             q = nearest(values, slopes, best.q, worst.problem.weights, steps)
@@ -74,7 +76,7 @@ def smaller(worst: Worst, start: Found, slack: float) -> Found:
             if tried is None or tried.off.value <= slack:
                 made = tried
                 break
-            values = values + tried.off.value
+            values = values + tried.off.excess
         if made is not None and made.amount < best.amount * (1.0 - DEFAULT.line):
             best, trust = made, 2.0 * trust
         else:
@@ -99,7 +101,7 @@ def least_moved(worst: Worst, found: Found, nearby: Found) -> Found:
     window = replace(worst, low=worst.low - off - slack, high=worst.high + off + slack)
     starts = [found_at(window, own.q) for own in (found, nearby)]
     tried = [_rested(window, start, slack) for start in starts if start.off.value <= slack]
-    if not tried:
+    if not tried or not found.off.clear:
         return found
     best = _rested(window, smaller(window, min(tried, key=lambda own: own.amount), slack), slack)
     # a little further from rest, where its worst gap is off by no more than it has to be
@@ -132,10 +134,11 @@ def _trusted(worst: Worst, q: Array, trust: float) -> Array:
     return np.column_stack([np.maximum(worst.limits[:, 0] - q, -far), np.minimum(worst.limits[:, 1] - q, far)])
 
 
-def _linear(worst: Worst, q: Array) -> tuple[Array, Array]:
-    """Return functions whose largest is how far the worst gap is off, values (f,) and slopes (f, k).
+def _linear(worst: Worst, q: Array) -> tuple[Array, Array, Flags]:
+    """Return functions of which none may exceed 0 in the window, values (f,) and slopes (f, k), and which keep clear.
 
-    They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit.
+    They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit. The largest of
+    those that do not keep clear of keep-outs is how far the worst gap is off.
     """
     scene, sizes = worst.scene, worst.active
     pairs = scene.rows(worst.pose(q), NEAR * scene.size).pairs
@@ -152,7 +155,9 @@ def _linear(worst: Worst, q: Array) -> tuple[Array, Array]:
     values = np.append(worst.low - centre, centre[owners, columns] - worst.high)
     rates = np.concatenate([-slopes.reshape(-1, len(q)), slopes[owners, columns]])
     known = np.isfinite(values) & np.isfinite(rates).all(axis=1)
-    return values[known], rates[known]
+    others = [_linear(own, q)[:2] for own in worst.keep_out]
+    values, rates = (np.concatenate(own) for own in zip((values[known], rates[known]), *others, strict=True))
+    return values, rates, np.arange(len(values)) >= known.sum()
 
 
 def nearest(values: Array, slopes: Array, q: Array, weights: Array, steps: Array) -> Array | None:

@@ -9,21 +9,30 @@ import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import Extremes, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import Sizes
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
+FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
 
 class Off(NamedTuple):
-    """How far the worst gap is off the window at a pose (<= 0: all are inside), and the extremes of the gap there."""
+    """How far the worst gap is off the window at a pose (<= 0: all are inside), and the extremes of the gap there.
+
+    `excess` is how far any gap is off what it has to be, those of keep-outs too. A pose that is not `clear` of them has
+    a value beyond that of all that are.
+    """
 
     value: float
     extremes: Extremes
     rows: GapRows
+    excess: float
+    clear: bool
 
 
 @dataclass(eq=False)
@@ -43,6 +52,8 @@ class Worst:
         Of the parameters; default the problem's.
     active : (m, s) array
         Sizes that were extreme at a pose looked at: a list that grows.
+    keep_out : tuple of Worst
+        Of the movable body and each keep-out, whose window is the clearance and more.
     """
 
     problem: Problem
@@ -51,6 +62,7 @@ class Worst:
     high: float = 0.0
     limits: Array = field(default_factory=lambda: np.empty((0, 2)))
     active: Array = field(default_factory=lambda: np.empty((0, 0)))
+    keep_out: tuple[Worst, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.limits):
@@ -63,7 +75,14 @@ class Worst:
     def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float) -> Worst:
         """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
         if sizes is not None:
-            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high)
+            ends = sizes.box.copy()
+            ends[1] = 1.0  # of a keep-out, whose own scales its obstacles have
+            pairs = None if sizes.pairs is None else np.column_stack([sizes.pairs[:, 0], np.ones(len(sizes.pairs))])
+            near = tuple(
+                cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf)
+                for body, gap in obstacles(problem)
+            )
+            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
@@ -85,11 +104,15 @@ class Worst:
         if motion.shifts:
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits)
+        own, kept = tuple(size for size in problem.sizes if size.body == "movable"), list[Worst]()
+        for body, gap in obstacles(problem):
+            alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
+            kept.append(cls(problem, alone, gap, np.inf, limits))
+        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""
-        return self.problem.motion.transform(q, self.scene.movable.seed, self.scene.static.seed)
+        return self.problem.motion.transform(q, self.problem.movable.seed, self.problem.static.seed)
 
     def pose(self, q: Array) -> Array:
         """Return the relative pose at parameters q."""
@@ -100,7 +123,10 @@ class Worst:
         rows = self.scene.rows(self.pose(q))
         found = self.scene.extremes(rows)
         self._remember(found)
-        return Off(max(found.most.gap + found.doubt - self.high, self.low - found.least.gap), found, rows)
+        off = max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
+        overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
+        clear = overlap <= self.problem.contact_slack
+        return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
 
     def _remember(self, found: Extremes) -> None:
         for rho in (found.least.rho, found.most.rho):
@@ -117,6 +143,19 @@ class Worst:
     def floor(self) -> float:
         """What `off` is not less than at any pose: no gap is off both ends of a window by less than half its width."""
         return (self.low - self.high) / 2.0
+
+
+def obstacles(problem: Problem) -> list[tuple[Body, float]]:
+    """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them."""
+    found = []
+    for own in problem.keep_out:
+        if own.body.hollow:
+            what = "one pose for all pairs looks at solids, and of this keep-out only the surface is known"
+            raise InputError(what, key="keep_out", found=own.name, allowed='decomposition = "exact"')
+        seed = own.body.seed
+        parts = [seed + scale * (part.vertices - seed) for part, scale in own.obstacles]
+        found.append((Body.from_parts(parts, seed=seed, name=own.name), own.clearance))
+    return found
 
 
 def domain(worst: Worst, most: float, amount: float) -> Array:
