@@ -212,12 +212,14 @@ SCENES = {
         amount=lambda d, e: np.hypot(0.5 * d, 0.5 * (d + e)),
         range=(-6 / 7, inf),
         touches=(-2.01, 0.01),
+        worst=0.01,
     ),
     "keep-outs, large mesh": Scene(
         ask=_pair(CUBE, TABLE, goal="touch", motion=X >> Z, keep_out=(hollow(POST),)),
         amount=lambda d, e: np.hypot(0.5 * d, 0.5 * (d + e)),
         range=(-6 / 7, inf),
         touches=(-2.01, 0.01),
+        worst=0.01,
     ),
     "displacement": Scene(ask=_pair(PROBE, TABLE, goal="touch", amount="displacement"), amount=_tip),
     "own amount": Scene(
