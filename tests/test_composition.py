@@ -296,7 +296,7 @@ NOT_ASKED = cells(([name for name in SCENES if "size" not in name], "stack", "a 
 REFUSED = cells(
     (("several contacts", "fit"), "pose", "one pose for all sizes is about one gap"),
     ("keep-outs, large mesh", "rows", "rows keep parts out of a surface, and not of the solid in it"),
-    ("keep-outs, large mesh", "pose", "one pose for all sizes looks at solids, and only the keep-out's surface is known"),
+    ("keep-outs, large mesh", "pose", "one pose for all sizes looks at solids, and of the keep-out there is a surface"),
     (("displacement", "own amount"), "pose", "one pose for all sizes knows the weighted amount"),
     ("resolution", "pose", "one pose for all sizes does not round"),
     (("beyond", "resolution"), ("map", "yield"), "the amount jumps from one pair of sizes to the next"),
