@@ -749,9 +749,6 @@ def test_a_part_goes_in_steps_of_the_machine_and_one_in_a_loop_is_refused() -> N
     with pytest.raises(InputError) as refused:
         fo.solve(stack(2, SCALES, contacts=sharing, resolution={"plate 2": 0.02}))
     assert refused.value.key == "resolution.plate 2"
-    with pytest.raises(InputError) as refused:
-        stack(1, [1.0, 1.01], resolution={"plate 1": 0.01})
-    assert refused.value.key == "contacts[1] 'plate 1 - base'.resolution"
 
 
 def test_a_file_names_keep_outs_and_steps(tmp_path) -> None:
