@@ -112,16 +112,15 @@ class Budget(Plain):
         """Return plain data."""
         return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
 
-    @property
-    def tolerance_text(self) -> str:
-        """The tolerance in words: a share of the scales, or a deviation of sizes."""
-        return measured(f"{self.tolerance:.6g}", self.unit) if self.sizes else f"{100 * self.tolerance:.6g} %"
+    def tolerance_text(self, digits: int = 6) -> str:
+        """Return the tolerance in words: a share of the scales, or a deviation of sizes."""
+        own = self.tolerance if self.sizes else 100.0 * self.tolerance
+        return measured(f"{own:.{digits}g}", self.unit if self.sizes else "%")
 
-    @property
-    def sizes_text(self) -> str:
-        """How far each size may be off, in words; "" where the scales are asked about."""
+    def sizes_text(self, digits: int = 6) -> str:
+        """Return how far each size may be off, in words; "" where the scales are asked about."""
         rows = zip(self.sizes, self.table.tolist(), strict=True) if self.sizes else ()
-        return ", ".join(f"{name} {low + 0.0:+.6g} to {high + 0.0:+.6g}" for name, (low, high) in rows)
+        return ", ".join(f"{name} {low + 0.0:+.{digits}g} to {high + 0.0:+.{digits}g}" for name, (low, high) in rows)
 
     @property
     def amount(self) -> float:
@@ -149,8 +148,8 @@ class Budget(Plain):
     def __str__(self) -> str:
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
-        sizes = f": {self.sizes_text}" if self.sizes else ""
-        return f"{self.requirement}: up to {self.tolerance_text} ({word}{sizes}); above, {self.end.value}"
+        sizes = f": {self.sizes_text()}" if self.sizes else ""
+        return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.end.value}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -206,7 +205,7 @@ def budget(
     problem: Problem,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement] | Sequence[Corner] | None = None,
+    requirements: Sequence[Requirement | Corner] | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
