@@ -4,7 +4,6 @@ from fcdm_opt.along.coherent_range import CoherentRange as CoherentRange
 from fcdm_opt.along.coherent_range import coherent_range as coherent_range
 from fcdm_opt.along.contact_times import ContactTimes as ContactTimes
 from fcdm_opt.along.contact_times import contact_times as contact_times
-from fcdm_opt.assembling import solve_assembly as solve_assembly
 from fcdm_opt.curve.batch import DecisionCurves as DecisionCurves
 from fcdm_opt.curve.batch import decision_curves as decision_curves
 from fcdm_opt.curve.decision_curve import DecisionCurve as DecisionCurve
@@ -43,7 +42,7 @@ from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.bodies import as_body as as_body
 from fcdm_opt.geometry.size import Size as Size
 from fcdm_opt.judge.certificate import verify as verify
-from fcdm_opt.judge.placed_parts import verify_assembly as verify_assembly
+from fcdm_opt.judge.certificate import verify_assembly as verify_assembly
 from fcdm_opt.model.contact_rows import ContactRow as ContactRow
 from fcdm_opt.model.contact_rows import ContactRows as ContactRows
 from fcdm_opt.model.contact_rows import contact_rows as contact_rows
@@ -63,4 +62,5 @@ from fcdm_opt.problem.solution import Certificate as Certificate
 from fcdm_opt.problem.solution import Solution as Solution
 from fcdm_opt.problem.solution import Status as Status
 from fcdm_opt.solver import solve as solve
+from fcdm_opt.solver import solve_assembly as solve_assembly
 from fcdm_opt.version import __version__ as __version__

@@ -1,4 +1,4 @@
-"""The main path for several parts: contacts in groups that share motions, each as that of two parts or all at once.
+"""How an assembly is answered: contacts in groups that share motions, each as that of two parts or all at once.
 
 A contact of a part with the one that it follows depends on that part's motion alone: it is a problem of two parts, and
 what is proved of it holds. Contacts that share motions, as those of a loop do, are one program in all their parameters.
@@ -6,76 +6,65 @@ what is proved of it holds. Contacts that share motions, as those of a loop do, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from math import hypot, nan
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, UnsolvedError
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.judge.certificate import judged
-from fcdm_opt.judge.placed_parts import placed, verify_assembly
+from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
-from fcdm_opt.solver import solve
+from fcdm_opt.problem.evidence import SharedBound
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.stages.together import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
+Solve = Callable[[Problem], Solution]
+"""Answers one problem of two parts."""
 
-def solve_assembly(
-    assembly: Assembly,
-    *,
-    certify: bool = False,
-    effort: Effort = "proved",
-    seconds: float | None = None,
-    throw: bool = False,
+
+def assembled(
+    assembly: Assembly, solve: Solve, quick: Solve, *, model: str, certify: bool, prove: bool
 ) -> AssemblySolution:
     """Find the smallest motions together that restore all contacts of an assembly, and have them judged.
 
     Parameters
     ----------
     assembly : Assembly
+    solve, quick : callable
+        Answer the contacts that are problems of their own, as is asked and with no more than a bound.
+    model : str
+        "auto", or what is forced: of contacts that share motions, which are one program, nothing can be.
     certify : bool
-        Prove each contact of a part with the one that it follows to 1e-4 of its amount, as `solve` does.
-    effort : "proved" or "quick"
-        As of `solve`; "quick": without bounds.
-    seconds : float, optional
-        Wall time of the proof of each contact that is a problem of its own, as of `solve`.
-    throw : bool
-        Raise `UnsolvedError` where the solution is not usable.
+        What proves the bounds of these is kept.
+    prove : bool
+        Look for bounds where motions turn.
 
     Raises
     ------
     InputError
-        For arguments that are not known.
-    UnsolvedError
-        With `throw`, where no motions were found or the judge rejected them.
+        For a forced model where contacts share motions.
     """
-    if not isinstance(assembly, Assembly):
-        raise InputError("expected an Assembly", key="assembly", found=type(assembly).__name__)
-    if effort not in EFFORTS:
-        raise InputError("unknown effort", key="effort", found=effort, allowed=", ".join(EFFORTS))
-    if not isinstance(certify, bool) or (certify and effort == "quick"):
-        raise InputError("not to be had", key="certify", found=certify, allowed='True with effort "proved", or False')
-    solution = _Solving(assembly, certify, effort, seconds).solution()
-    if throw and not solution.usable:
-        raise UnsolvedError(solution)
-    return solution
+    return _Solving(assembly, solve, quick, model, certify, prove).solution()
 
 
 class _Met(NamedTuple):
     """How a group of contacts that share motions is met: parameters by part, none without a motion.
 
     `bound` is of the weighted amount of the group's parts, `open_` what meshes leave open of it; `contacts` are the
-    solutions by their pairs.
+    solutions by their pairs, `shared` the pairs where they share motions.
     """
 
     status: Status
@@ -85,39 +74,53 @@ class _Met(NamedTuple):
     active: tuple[str, ...]
     contacts: dict[tuple[str, str], Solution]
     open_: tuple[float, float] = (nan, nan)
+    shared: tuple[tuple[str, str], ...] = ()
 
 
 class _Solving:
     """One assembly under way."""
 
-    def __init__(self, assembly: Assembly, certify: bool, effort: Effort, seconds: float | None) -> None:
-        self._assembly, self._how = assembly, {"certify": certify, "effort": effort, "seconds": seconds}
-        self._proving = effort == "proved"
+    def __init__(
+        self, assembly: Assembly, solve: Solve, quick: Solve, model: str, certify: bool, prove: bool
+    ) -> None:
+        self._assembly, self._solve, self._quick = assembly, solve, quick
+        self._model, self._certify, self._prove = model, certify, prove
         self._known: dict[tuple[str, str], Solution] = {}
 
     def solution(self) -> AssemblySolution:
         """Meet all contacts, then whatever overlaps besides, until nothing does."""
         start, pairs = perf_counter(), list(self._assembly.contacts)
         while True:
-            groups = [self._met(group) for group in _groups(self._assembly, pairs)]
+            groups = self._met_all(pairs)
             q = {part: own for group in groups for part, own in group.q.items()}
-            more = self._overlapping(q, pairs) if all(group.q for group in groups) else []
+            more = list[JoinedPair]()
+            with suppress(pacing.TimeOverError):  # the judge looks at it, too
+                more += self._overlapping(q, pairs) if all(group.q for group in groups) else []
             if not more:
                 break
             pairs += more
+        stopped = next(filter(None, (own.stopped for group in groups for own in group.contacts.values())), "")
+        found = replace(self._reported(groups, q), stopped=stopped or pacing.stopped())
         took = {"solve": perf_counter() - start}
         start = perf_counter()
-        pacing.at("judging the motions found")
-        with pacing.judging():
-            found = placed(self._reported(groups, q))
-            found = found.with_certificate(verify_assembly(found))
-        return replace(found, seconds={**took, "verify": perf_counter() - start})
+        found, certificate = judged(found, placed)
+        return found.with_certificate(certificate, {**took, "verify": perf_counter() - start})
+
+    def _met_all(self, pairs: Sequence[JoinedPair]) -> list[_Met]:
+        """Meet some contacts in groups that share motions; each may take an equal share of the time left."""
+        groups, met = list(_groups(self._assembly, pairs)), list[_Met]()
+        for group in groups:
+            with pacing.sharing(1.0 / (len(groups) - len(met))):
+                met.append(self._met(group))
+        return met
 
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""
-        if len(group) == 1 and self._assembly.is_own(group[0]):
-            return self._alone(group[0])
-        return self._together(group)
+        try:
+            alone = len(group) == 1 and self._assembly.is_own(group[0])
+            return self._alone(group[0]) if alone else self._together(group)
+        except pacing.TimeOverError as over:
+            return _Met(Status.NOT_FOUND, {}, 0.0, f"{', '.join(map(str, group))}: {over}", (), {})
 
     def _alone(self, pair: JoinedPair) -> _Met:
         """Meet the one contact that a part's motion is for."""
@@ -131,21 +134,29 @@ class _Solving:
     def _solved(self, pair: JoinedPair) -> Solution:
         """Return the solution of a contact by one part's own motion, worked out once."""
         if pair[:2] not in self._known:
-            self._known[pair[:2]] = solve(self._assembly.problem(pair), **self._how)  # type: ignore[arg-type]
+            self._known[pair[:2]] = self._solve(self._assembly.problem(pair))
         return self._known[pair[:2]]
 
     def _together(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet all contacts of a group in one program."""
-        assembly = self._assembly
+        assembly, names = self._assembly, [*map(str, group)]
         involved = {part for pair in group for part in assembly.involved(*pair[:2])}
+        if stepped := next((part for part in assembly.resolution if part in involved), ""):
+            what = f"motions that contacts share are not rounded to steps: {', '.join(names)}"
+            key = f"resolution.{stepped}"
+            raise InputError(what, key=key, found=assembly.resolution[stepped], allowed="none for this part")
+        if self._model != "auto":
+            what = f"contacts that share motions are one program: {', '.join(names)}"
+            raise InputError(what, key="model", found=self._model, allowed='"auto"')
         parts = [part for part in assembly.motions if part in involved]
         problems = [assembly.problem(pair, parts) for pair in group]
         tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
-        relaxed = self._relaxed(group) if self._proving else 0.0
-        answer = all_at_once(problems, tasks, [*map(str, group)], known=relaxed, prove=self._proving)
-        told = f"{', '.join(map(str, group))}: {answer.stage}"
+        relaxed = self._relaxed(group) if self._prove else 0.0
+        answer = all_at_once(problems, tasks, names, known=relaxed, prove=self._prove)
+        shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
+        met = _Met(answer.status, {}, answer.lower_bound, f"{', '.join(names)}: {answer.stage}", answer.active, {})
         if answer.q is None:
-            return _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})
+            return met._replace(shared=shared)
         ends = np.cumsum([len(assembly.motions[part].parameters) for part in parts])
         q = dict(zip(parts, np.split(answer.q, ends[:-1]), strict=True))
         contacts = {}
@@ -153,34 +164,39 @@ class _Solving:
             if pair in assembly.contacts:
                 own, certificate = judged(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
                 contacts[pair[:2]] = own.with_certificate(certificate, {})
-        return _Met(answer.status, q, answer.lower_bound, told, answer.active, contacts)
+        return met._replace(q=q, contacts=contacts, shared=shared)
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""
-        own = [pair for pair in group if pair in self._assembly.contacts and self._assembly.is_own(pair)]
+        assembly = self._assembly
+        own = [pair for pair in group if pair in assembly.contacts and assembly.is_own(pair)]
         bounds = (
-            (self._solved(pair) if self._how["certify"] or pair[:2] in self._known else self._quick(pair)).lower_bound
+            (
+                self._solved(pair)
+                if self._certify or pair[:2] in self._known
+                else self._quick(assembly.problem(pair))
+            ).lower_bound
             for pair in own
         )
-        return hypot(*(self._assembly.weights[pair.one] * x for pair, x in zip(own, bounds, strict=True)))
-
-    def _quick(self, pair: JoinedPair) -> Solution:
-        return solve(self._assembly.problem(pair), effort="quick")
+        return hypot(*(assembly.weights[pair.one] * x for pair, x in zip(own, bounds, strict=True)))
 
     def _overlapping(self, q: dict[str, Array], pairs: Sequence[JoinedPair]) -> list[JoinedPair]:
-        """Return the two parts each that overlap and are not asked about yet."""
-        assembly, asked = self._assembly, {frozenset(pair[:2]) for pair in pairs}
+        """Return the two parts each that overlap, or a keep-out, and are not asked about yet."""
+        assembly, known = self._assembly, {pair[:2] for pair in pairs}
+        asked = {frozenset(pair) for pair in known}
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
         boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
         found = []
-        for one, two in assembly.pairs():
+        for pair in assembly.pairs():
+            one, two = pair[::-1] if pair[0] in assembly.fixed else pair
             (low, high), (least, most) = boxes[one], boxes[two]
-            if frozenset((one, two)) in asked or (low > most).any() or (least > high).any():
+            away = frozenset(pair) in asked or (low > most).any() or (least > high).any()
+            if away and not (assembly.keeps_out(one, two) and (one, two) not in known):
                 continue
-            pair, parts = JoinedPair(one, two, CLEAR), assembly.involved(one, two)
-            task = replace(Task.of(assembly.problem(pair, parts)), size=assembly.size)
+            clear, parts = JoinedPair(one, two, CLEAR), assembly.involved(one, two)
+            task = replace(Task.of(assembly.problem(clear, parts)), size=assembly.size)
             if not task.meets(np.concatenate([q.get(part, self._rest(part)) for part in parts]), DEFAULT.requirement):
-                found.append(pair)
+                found.append(clear)
         return found
 
     def _rest(self, part: str) -> Array:
@@ -191,11 +207,13 @@ class _Solving:
         assembly = self._assembly
         stages, active = (group.stage for group in groups), (told for group in groups for told in group.active)
         bound = hypot(*(group.bound for group in groups))
-        told = {"assembly": assembly, "stages": tuple(stages), "active": tuple(active)}
+        told: dict[str, Any] = {"assembly": assembly, "stages": tuple(stages), "active": tuple(active)}
+        if self._certify:
+            told["evidence"] = tuple(SharedBound(group.shared, group.bound) for group in groups if group.shared)
         failed = [group.status for group in groups if not group.q]
         if failed:
             status = Status.INFEASIBLE if Status.INFEASIBLE in failed else failed[0]
-            return AssemblySolution(status=status, lower_bound=bound, **told)  # type: ignore[arg-type]
+            return AssemblySolution(status=status, lower_bound=bound, **told)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}
@@ -203,8 +221,7 @@ class _Solving:
         poses = assembly.poses(every)
         contacts = {pair: own for group in groups for pair, own in group.contacts.items()}
         low, high = np.linalg.norm([group.open_ for group in groups], axis=0).tolist() if groups else (amount, amount)
-        bodies = [*assembly.bodies_made.values()]
-        if not known_to(bodies[0], bodies[1:], assembly.unit):
+        if not known_to(assembly.bodies[0], assembly.bodies[1:], assembly.unit):
             low = high = amount
         rest = not any(own.any() for own in every.values())
         return AssemblySolution(
@@ -217,7 +234,7 @@ class _Solving:
             amount_low=min(low, amount),
             amount_high=max(high, amount),
             contacts=tuple(contacts[pair[:2]] for pair in assembly.contacts),
-            **told,  # type: ignore[arg-type]
+            **told,
         )
 
 

@@ -9,7 +9,7 @@
   again. Steps, and functions whose names start with an underscore, are taken in: those are to be small, or called once.
 - what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
-  once needs no compiling, unless compiled code is kept already.
+  once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`).
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
 """
@@ -19,12 +19,14 @@ from __future__ import annotations
 import glob
 import hashlib
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
-from types import CodeType, FunctionType, ModuleType
+from threading import local
+from time import perf_counter, thread_time
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -57,9 +59,11 @@ Needed = dict[tuple[str, str, tuple[Any, ...]], str]
 """Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
-PATIENCE = 0.4  # seconds that a light kernel may take in plain Python, in all, before it is compiled
-CALLS = 2000  # that it may answer so, however short
-LITTLE = 6000  # entries of all its arrays up to which it is light
+PATIENCE = 4.0  # seconds of plain Python that a light kernel may take: compiling the larger ones takes longer
+IN_ALL = 12.0  # that they may take together
+CALLS = 4000  # that it may answer so, however short
+LITTLE = 40000  # entries of all its arrays up to which it is light
+_left = [IN_ALL]  # seconds
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -83,6 +87,11 @@ def light(made: Any) -> Any:
     if not config.DISABLE_JIT:
         made.patience = PATIENCE
     return made
+
+
+def eager() -> None:
+    """Compile light kernels, too, when they are first called: from now on, in this process."""
+    _left[0] = 0.0
 
 
 def step(function: Callable[..., Any]) -> Any:
@@ -157,15 +166,29 @@ class _Compiled(_Dispatcher):
             kept: Any = self._cache
             if self.keeps and kept._enabled and kept._cache_file._load_index():  # some version is there
                 self.patience = 0.0
-        return not self.overloads and sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
+        return _left[0] > 0.0 and not self.overloads and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
-        """Run as plain Python, with all that it calls."""
-        start = perf_counter()
-        with np.errstate(all="ignore"):
-            found = _written(self)(*args)
-        self.patience -= max(perf_counter() - start, PATIENCE / CALLS)
-        return _unboxed(found)
+        """Run as plain Python, with all that it calls, or compiled where that takes too long.
+
+        What it takes is not counted against time limits: compiled, it would take next to none.
+        """
+        start, clock, given = perf_counter(), thread_time(), [(each, each.copy()) for each in _arrays(args)]
+        _until.clock = clock + self.patience
+        try:
+            with np.errstate(all="ignore"):
+                return _unboxed(_written(self)(*args))
+        except (_CostlyError, ArithmeticError):  # numbers of Python are not divided by zero
+            for array, before in given:
+                if array.flags.writeable:
+                    array[...] = before
+            self.patience = 0.0
+        finally:
+            took = thread_time() - clock
+            self.patience -= max(took, PATIENCE / CALLS)
+            _left[0] -= took
+            pacing.spare(perf_counter() - start)
+        return self(*args)
 
 
 class _Inner(_Compiled):
@@ -214,18 +237,58 @@ def _plain(type_: Any) -> Any:
     return types.unliteral(type_)
 
 
+class _CostlyError(Exception):
+    """Raised in plain Python that has taken as long as compiling would."""
+
+
+_until = local()  # this clock of the thread a kernel may run as plain Python
+
+
+def _arrays(args: tuple[Any, ...]) -> Iterator[Any]:
+    """Go through the arrays among arguments, and in tuples of these."""
+    for value in args:
+        if isinstance(value, np.ndarray):
+            yield value
+        elif isinstance(value, tuple):
+            yield from _arrays(value)
+
+
+def _without_errors(function: Any, other: Any) -> Callable[..., Any]:
+    """Return a function of `math` that answers as compiled code does where it has no value: as NumPy's does."""
+
+    def answered(*args: Any) -> Any:
+        try:
+            return np.float64(function(*args))
+        except (ValueError, OverflowError):
+            return other(*args)
+
+    return answered
+
+
+_MATH = SimpleNamespace(**vars(math))
+for _name in ("sqrt", "exp", "log", "sin", "cos", "tan"):
+    setattr(_MATH, _name, _without_errors(getattr(math, _name), getattr(np, _name)))
+
 _NAMES: dict[str, dict[str, Any]] = {}  # of each module, with plain Python in place of what is compiled
 
 
 @cache
 def _written(made: _Compiled) -> Callable[..., Any]:
     """Return a kernel as plain Python, which calls others as plain Python."""
-    function: Any = made.py_func
-    names = _NAMES.get(function.__module__)
+    written: Any = made.py_func
+    names = _NAMES.get(written.__module__)
     if names is None:
-        names = _NAMES[function.__module__] = dict(function.__globals__)
+        names = _NAMES[written.__module__] = dict(written.__globals__)
         names |= {name: _written(value) for name, value in names.items() if isinstance(value, _Compiled)}
-    return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+        names |= {name: _MATH for name, value in names.items() if value is math}
+    function = FunctionType(written.__code__, names, written.__name__, written.__defaults__)
+
+    def clocked(*args: Any) -> Any:
+        if thread_time() > _until.clock:
+            raise _CostlyError
+        return function(*args)
+
+    return function if isinstance(made, _Inner) else clocked
 
 
 def _unboxed(found: Any) -> Any:

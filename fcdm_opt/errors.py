@@ -5,14 +5,25 @@ Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.p
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
+Called = TypeVar("Called", bound=Callable[..., Any])
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
+_OTHER_WORDS = {
+    **dict.fromkeys(("inch", "inches"), "in"),
+    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
+    **dict.fromkeys(("centimetre", "centimeter", "centimetres", "centimeters"), "cm"),
+    **dict.fromkeys(("micrometre", "micrometer", "micron", "microns", "\N{MICRO SIGN}m".casefold()), "um"),
+    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
+    **dict.fromkeys(("foot", "feet"), "ft"),
+}
+"""Names of units that are spelled otherwise in files."""
 
 
 class FcdmError(Exception):
@@ -66,10 +77,11 @@ def placed(*, file: str | Path | None = None, key: str | None = None) -> Iterato
         raise reason.within(file=file, key=key) from reason
 
 
-def expected(value: Any, kind: type, key: str) -> None:
-    """Refuse an argument that is not of a kind."""
+def expected(value: Any, kind: type | tuple[type, ...], key: str) -> None:
+    """Refuse an argument that is not of a kind, or of one of some."""
     if not isinstance(value, kind):
-        raise InputError(f"expected a {kind.__name__}", key=key, found=type(value).__name__)
+        kinds = " or ".join(own.__name__ for own in (kind if isinstance(kind, tuple) else (kind,)))
+        raise InputError(f"expected a {kinds}", key=key, found=type(value).__name__)
 
 
 def checked_path(value: Any, key: str) -> Path:
@@ -77,6 +89,38 @@ def checked_path(value: Any, key: str) -> Path:
     if not isinstance(value, str | PathLike):
         raise InputError("not a path", key=key, found=value, allowed="text, or a path")
     return Path(value)
+
+
+def closest(key: str, allowed: Iterable[str]) -> str:
+    """Return a hint at the allowed key that is spelled most alike, "" where none is near; dashes before it are none."""
+    import difflib
+
+    words = {word.casefold().removeprefix("--"): word for word in allowed}
+    asked = key.casefold().removeprefix("--")
+    near = difflib.get_close_matches(asked, list(words), 1)
+    meant = _OTHER_WORDS.get(asked, "")
+    found = meant if meant in words else words[near[0]] if near else ""
+    return f", did you mean '{found}'?" if found else ""
+
+
+def known_arguments(function: Called) -> Called:
+    """Have a function, or class, refuse arguments that it does not have as `InputError`, with the name that is near."""
+    if isinstance(function, type):
+        function.__init__ = known_arguments(function.__init__)  # type: ignore[misc]
+        return function
+    code = function.__code__
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    names = [name for name in known if name not in ("self", "cls")]
+
+    @functools.wraps(function)
+    def checked(*arguments: Any, **named: Any) -> Any:
+        for key, value in named.items():
+            if key not in known:
+                what = f"unknown argument '{key}'{closest(key, names)}"
+                raise InputError(what, key=key, found=value, allowed=", ".join(names) or "none")
+        return function(*arguments, **named)
+
+    return cast("Called", checked)
 
 
 def _shortened(text: str) -> str:

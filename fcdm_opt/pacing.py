@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from fcdm_opt.errors import FcdmError, InputError
 
@@ -56,10 +56,13 @@ class _Given(NamedTuple):
     kept: bool = False
 
 
+Found = TypeVar("Found")
+Other = TypeVar("Other")
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
 _limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf, math.inf))  # noqa: B039 (immutable)
+_looks: ContextVar[list[float]] = ContextVar("looks", default=[math.inf])  # noqa: B039 (counted down where it is set)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -156,6 +159,23 @@ def telling() -> Iterator[None]:
         yield
 
 
+def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found | Other:
+    """Return what work finds; `late` where the time is over by then, even while what was found is told."""
+    with _set(_limit, _limit.get()._replace(kept=False)):
+        try:
+            check()
+            return work(*arguments)
+        except TimeOverError:
+            return late
+
+
+@contextmanager
+def looking(count: int) -> Iterator[None]:
+    """Let what is done meanwhile ask so often whether the time is over, and then it is: alike on any machine."""
+    with _set(_looks, [float(count)]):
+        yield
+
+
 @contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
@@ -180,8 +200,9 @@ def left() -> float:
 
 def over() -> bool:
     """Tell whether the time given is over."""
-    end = _limit.get().end
-    return end < math.inf and clock() >= end
+    end, looks = _limit.get().end, _looks.get()
+    looks[0] -= 1.0
+    return looks[0] < 0.0 or (end < math.inf and clock() >= end)
 
 
 def stopped() -> str:

@@ -90,6 +90,8 @@ def drawn(value: Any) -> Any:
 def _read(kind: Any, told: Any) -> Any:
     """Return a value of a kind from its plain data."""
     inner = get_args(kind)
+    if hasattr(kind, "from_dict") and isinstance(told, kind):
+        return told  # read already
     if get_origin(kind) is UnionType and inner[1:] == (type(None),):
         return None if told is None else _read(inner[0], told)
     if get_origin(kind) is Mapping:

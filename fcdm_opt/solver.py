@@ -1,41 +1,60 @@
-"""The main path: from a problem to a verified solution. Start reading here."""
+"""The main path: from a problem, or an assembly, to a verified solution. Start reading here."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple, TypedDict, Unpack, overload
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, UnsolvedError, expected
+from fcdm_opt.assembling import assembled
+from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
-from fcdm_opt.model.mesh_error import with_mesh_error
+from fcdm_opt.judge.multipliers import shows
+from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
+from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides
 from fcdm_opt.problem.arguments import is_real
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import AT_ONCE, more_parts, with_insides
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, StageName, left, settled
 from fcdm_opt.stages.rounding import in_steps
-from fcdm_opt.stages.together import alone
+from fcdm_opt.stages.together import alone, proof_of
 
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
 
+class How(TypedDict, total=False):
+    """Arguments of `solve`."""
+
+    model: Literal["auto"] | StageName
+    certify: bool
+    effort: Effort
+    seconds: float | None
+    time: float | None
+    throw: bool
+
+
+@overload
+def solve(problem: Problem, **how: Unpack[How]) -> Solution: ...
+@overload
+def solve(problem: Assembly, **how: Unpack[How]) -> AssemblySolution: ...
+@known_arguments
 def solve(
-    problem: Problem,
+    problem: Problem | Assembly,
     *,
     model: Literal["auto"] | StageName = "auto",
     certify: bool = False,
@@ -43,17 +62,18 @@ def solve(
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
-) -> Solution:
-    """Find the smallest motion that meets a problem's requirement, and have it judged.
+) -> Solution | AssemblySolution:
+    """Find the smallest motion that meets a problem's requirement, or an assembly's, and have it judged.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     model : "auto" or a key of `STAGES`
-        "auto" takes the first stage that settles the case; a stage's name forces it.
+        "auto" takes the first stage that settles the case; a stage's name forces it. Of an assembly whose contacts
+        share motions, which are one program, "auto".
     certify : bool
         Prove until `Solution.lower_bound` is within 1e-4 of the amount, or the time given is over, and keep what
-        proves it as `Solution.evidence`.
+        proves it as `Solution.evidence`. Of an assembly each contact of a part with the one that it follows.
     effort : "proved" or "quick"
         "proved": without `certify` too the least motion is looked for everywhere, and bounded: of one and two
         parameters within 1 % of the amount, of more and of large parts as near as some seconds of work bring it, see
@@ -61,8 +81,8 @@ def solve(
         "quick": the first motion that the stages find, for thousands of questions; its bound is what they know.
         A forced `model` is quick.
     seconds : float, optional
-        Wall time of the proof. Without, it ends after a number of looks that does not depend on the machine, with
-        `certify` about a minute's.
+        Wall time of the proof, of an assembly of each contact's. Without, it ends after a number of looks that does not
+        depend on the machine, with `certify` about a minute's.
     time : float, optional
         Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
         was found is judged in what is left and a tenth more, or NOT_VERIFIED. An enclosing `pacing.within` limits
@@ -80,14 +100,29 @@ def solve(
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
     with pacing.within(time):
-        solution = _solved_all(problem, how)
-        if effort == "proved":
-            solution = with_mesh_error(solution, partial(_solved_again, how))
+        solution = _several(problem, how) if isinstance(problem, Assembly) else _answered(problem, how)
         if solution.stopped and time is None:  # whoever asked would take it for all that can be had
             raise pacing.TimeOverError
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution
+
+
+def _several(assembly: Assembly, how: _How) -> AssemblySolution:
+    """Return the solution of an assembly, of which contacts are problems of their own."""
+    quick = how._replace(certify=False, effort="quick")
+    as_asked, at_once = (partial(_answered, how=own) for own in (how, quick))
+    return assembled(
+        assembly, as_asked, at_once, model=how.model, certify=how.certify, prove=how.effort == "proved"
+    )
+
+
+def _answered(problem: Problem, how: _How) -> Solution:
+    """Return the least solution, with what facets of round faces leave open of it."""
+    if how.effort == "quick":
+        return _solved_all(problem, how)
+    facets_known(problem)
+    return with_mesh_error(_solved_all(problem, how), partial(_solved_again, how))
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
@@ -108,11 +143,11 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     asked, solution = problem, _with_all_that_matters(problem, how)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
-        lies = _in_time(with_insides, problem, pose)
+        lies = pacing.in_time(with_insides, problem, pose, late=None)
         if lies is None or (solution.transform is None and problem is not asked):
             break
         problem = lies
-        if problem.goal == "touch" and problem.movable.whole is not None:  # where it comes free it touches
+        if problem.goal == "touch" and problem.partial:  # where it comes free it touches
             problem = _like(problem, _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem)
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
@@ -123,31 +158,18 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
 
 def _like(problem: Problem, other: Problem) -> Problem:
     """Return a problem with those parts of large bodies modelled, too, that are in another about the same bodies."""
-    if problem.movable.whole is None or problem.static.whole is None:
+    known, others = problem.active_indices, other.active_indices
+    if known is None or others is None:
         return problem
-    rows = []
-    for body, whole, more in (
-        (problem.movable, problem.movable.whole, other.movable.rows),
-        (problem.static, problem.static.whole, other.static.rows),
-    ):
-        new = np.setdiff1d(more, body.rows)
-        rows.append(np.append(body.rows, new[new < len(whole.parts)]))
-    return problem.with_parts((rows[0], rows[1]))
-
-
-def _in_time(look: Callable[..., Problem | None], *arguments: Any) -> Problem | None:
-    """Return a problem with more of the bodies in it, as a look finds it; None where the time is over by then."""
-    try:
-        pacing.check()
-        return look(*arguments)
-    except pacing.TimeOverError:
-        return None
+    new = [np.setdiff1d(more, own) for own, more in zip(known, others, strict=True)]
+    own, its = (more[more < len(body.parts)] for more, body in zip(new, problem.bodies, strict=False))
+    return problem.with_active_parts((np.append(known[0], own), np.append(known[1], its)))
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
-    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.reach`."""
-    problem, most = _in_time(more_parts, problem, None, 0.0) or problem, AT_ONCE
-    if problem.movable.whole is None:
+    """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
+    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
+    if not problem.partial:
         return _solved(problem, how)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
     while True:
@@ -158,7 +180,7 @@ def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
         pose = None if answer.q is None else task.transform(answer.q)
         apart = task.gap(task.rest) >= 0.0  # else what parts those modelled does all that a contact needs
         least = answer.amount if apart and (impossible or pose is not None) else 0.0
-        further = _in_time(more_parts, problem, pose, least, most)
+        further = pacing.in_time(expand_active_parts, problem, pose, least, most, late=None)
         late = pacing.over()
         if further is None:
             break
@@ -208,6 +230,8 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     with pacing.telling():
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
     watch.lap("prove")
+    if isinstance(shown := solution.evidence, Multipliers) and not shows(solution, shown):
+        solution = replace(solution, evidence=None)  # more is known by other means
     solution, certificate = judged(solution)
     watch.lap("verify")
     return solution.with_certificate(certificate, watch.seconds)
@@ -225,7 +249,7 @@ def _least_motion(task: Task, model: str) -> Answer:
         return left(task)
 
 
-def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     pacing.at("proving that nothing smaller does")
     with suppress(pacing.TimeOverError):
@@ -233,17 +257,18 @@ def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[An
     return answer, None
 
 
-def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the same, where the time does for it."""
     if task.joints:
-        return alone(problem, task, answer) if how.effort == "proved" else answer, None
+        answer = alone(problem, task, answer) if how.effort == "proved" else answer
+        return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer), None
-    with pacing.within(None if problem.movable.whole is None else SHOWN_SECONDS, share=1.0):
+    with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
@@ -254,8 +279,8 @@ def _least_of(solutions: list[Solution]) -> Solution:
     return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 
-def _check(problem: Problem, how: _How) -> None:
-    expected(problem, Problem, "problem")
+def _check(problem: Problem | Assembly, how: _How) -> None:
+    expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:
             raise InputError(f"unknown {key}", key=key, found=value, allowed=", ".join(known))
@@ -265,3 +290,7 @@ def _check(problem: Problem, how: _How) -> None:
         raise InputError("a quick search proves nothing", key="effort", found="quick", allowed='"proved" with certify')
     if how.seconds is not None and not (is_real(how.seconds) and 0.0 < how.seconds < math.inf):
         raise InputError("not a time", key="seconds", found=how.seconds, allowed="a number > 0, or None")
+
+
+solve_assembly = solve
+"""The same by the name that it once had for assemblies."""

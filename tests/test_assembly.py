@@ -15,6 +15,7 @@ from scripts import loaded
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -584,3 +585,184 @@ def test_a_part_that_must_go_round_another_keeps_on_its_face_by_more_than_a_bord
     assert solution.lower_bound <= least
     lap = 5.0 + solution.parameters["left"]["TX"] + solution.parameters["beam"]["TX"] - 8.13
     assert lap > 1e-6
+
+
+# ------------------------------------------------------------------------------------------------------------ one entry
+
+
+@pytest.mark.parametrize(
+    ("how", "key"),
+    [
+        ({"effort": "fast"}, "effort"),
+        ({"certify": 1}, "certify"),
+        ({"certify": True, "effort": "quick"}, "effort"),
+        ({"seconds": -1.0}, "seconds"),
+        ({"time": 0.0}, "time"),
+        ({"model": "best"}, "model"),
+    ],
+)
+def test_assemblies_took_arguments_of_their_own(how, key) -> None:
+    """Seconds below 0 were taken, and there was no time and no model."""
+    with pytest.raises(InputError) as refused:
+        fo.solve(PLATES, **how)
+    assert refused.value.key == key
+    assert fo.solve_assembly is fo.solve
+    assert fo.verify_assembly is fo.verify
+
+
+def test_a_forced_model_answers_a_chain_and_is_refused_of_a_loop() -> None:
+    assert fo.solve(PLATES, model="together").amount == pytest.approx(hypot(*lifts(2, SCALES)), rel=1e-12)
+    with pytest.raises(InputError, match="one program"):
+        fo.solve(wedges(Z, X >> Z, scales=MADE), model="together")
+
+
+def test_an_assembly_is_answered_in_the_time_given() -> None:
+    turning = wedges(X >> Z >> fo.Rotation("y"), X >> Z >> fo.Rotation("y"), scales=MADE)
+    late = fo.solve(turning, time=1e-9)
+    assert late.stopped.startswith("the time limit of 1e-09 s was met")
+    assert not late.usable
+    assert "allow more time" in late.advice
+    with pytest.raises(fo.FcdmError, match="time limit"), pacing.within(1e-9):
+        fo.solve(turning)
+
+
+ASKED = {
+    "tree": PLATES,
+    "loop": wedges(X >> Z, X >> Z, scales=MADE, weights={"left": 4.0}),
+    "turning loop": wedges(X >> Z >> fo.Rotation("y"), X >> Z >> fo.Rotation("y"), scales=MADE),
+    "only motion": bridge({"left": 1.02, "right": 0.98}, Z >> fo.Rotation("y"), unit="mm"),
+}
+
+
+@pytest.fixture(scope="module", params=ASKED)
+def certified(request) -> fo.AssemblySolution:
+    return fo.solve(ASKED[request.param], certify=True)
+
+
+def test_the_bound_of_an_assembly_is_proved_anew(certified) -> None:
+    assert certified.lower_bound == pytest.approx(certified.amount, rel=1e-4)
+    assert fo.verify(certified, proof=True).passed
+    more = replace(certified, amount=1.01 * certified.amount, lower_bound=1.01 * certified.lower_bound)
+    assert "proof: lower bound" in [check.name for check in fo.verify(more, proof=True).failed]
+    if certified.evidence:
+        (claim,) = certified.evidence
+        for wrong in ((), (claim, claim), (replace(claim, bound=1.001 * claim.bound),), (replace(claim, contacts=()),)):
+            claimed = replace(certified, evidence=wrong)
+            assert not fo.verify(claimed, proof=True).passed, wrong
+            assert fo.verify(claimed).passed
+
+
+def test_a_solution_of_an_assembly_is_read_again_as_it_was_told(certified) -> None:
+    told = json.loads(json.dumps(certified.to_dict()))
+    read = fo.AssemblySolution.from_dict(told)
+    assert json.loads(json.dumps(read.to_dict())) == told
+    assert fo.verify(read, proof=True).passed
+    assert flat(fo.solve(read.assembly)) == pytest.approx(flat(certified), abs=1e-12)
+    part = next(iter(told["transforms"]))
+    for key, wrong in (
+        ("gap", 0.5), ("transforms", {part: [[1.0]]}), ("parameters", {"lid": {"TZ": 1.0}}), ("status", "FOUND"),
+        ("contacts", told["contacts"][1:]), ("assembly", {}),
+    ):  # fmt: skip
+        with pytest.raises(InputError):
+            fo.AssemblySolution.from_dict({**told, key: wrong})
+    nudged = {**told, "amount": 1.1 * told["amount"], "gap": None}
+    del nudged["gap"]
+    assert not fo.verify(fo.AssemblySolution.from_dict(nudged)).passed
+
+
+def test_notebooks_show_an_assembly(certified) -> None:
+    shown = certified._repr_html_()
+    assert f"{certified.amount:.4f}"[:-1] in shown
+    assert all(part in shown for part in certified.parameters)
+    assert "<img" in shown
+
+
+def test_several_answers_may_be_of_assemblies() -> None:
+    found = fo.solve_all([PLATES, stack(1, [1.0] * 2)])
+    assert [row["usable"] for row in found.rows()] == [True, True]
+    assert "plate 1.TZ" in found.rows()[0]
+
+
+def test_parts_that_see_each_other_move_are_seen_from_elsewhere_alike() -> None:
+    """Only the first part's step knew of another origin: seen from there it was another motion."""
+    assembly, origin = ASKED["turning loop"], np.array([3.0, -2.0, 5.0])
+    pair = assembly.contacts[3]
+    problem = assembly.problem(pair, [*assembly.motions])
+    q = np.linspace(-0.3, 0.4, len(problem.motion.names))
+    seeds = problem.movable.seed, problem.static.seed
+    here = problem.motion.transform(q, *seeds)
+    there = problem.motion.seen_from(origin).transform(q, *(seed - origin for seed in seeds))
+    moved = here.copy()
+    moved[:3, 3] += here[:3, :3] @ origin - origin
+    assert there == pytest.approx(moved, abs=1e-12)
+
+
+# ------------------------------------------------------------------------------------------------- keep-outs, and steps
+
+
+def posts(**more) -> fo.Assembly:
+    """Plates of half widths 4 and 3.9 on one another, each on its shift along x and z, and posts beside them."""
+    motions = {"plate 1": X >> Z, "plate 2": X >> Z}
+    return stack(2, [1.0, 1.01, 1.01], motions=motions, **more)
+
+
+LOW = fo.KeepOut(fo.Body.convex(block((4.01, -4, 0.1), (6, 4, 0.9)), name="low"), clearance=0.02)
+HIGH = fo.KeepOut(fo.Body.convex(block((3.839, -4, 1.1), (6, 4, 1.9)), seed=(6, 0, 1.5), name="high"))
+
+
+@pytest.mark.parametrize(
+    ("keep_out", "beside", "questions"),
+    [
+        ((LOW,), {"plate 1": -0.05, "plate 2": 0.0}, 2),
+        ((HIGH,), {"plate 1": -0.05, "plate 2": -0.05}, 1),  # what carries it may go, too
+        ((fo.KeepOut(HIGH.body, (0.9, 1.0)),), {"plate 1": -0.05, "plate 2": -0.05}, 1),
+        ((fo.KeepOut(HIGH.body, 1.0, clearance=0.04), LOW), {"plate 1": -0.07, "plate 2": -0.07}, 1),
+    ],
+    ids=["the first", "the second", "a range", "clearance"],
+)
+def test_an_assembly_took_no_keep_outs(keep_out, beside, questions) -> None:
+    assembly = posts(keep_out=keep_out)
+    solution = fo.solve(assembly)
+    rises = dict(zip(beside, lifts(2, [1.0, 1.01, 1.01]), strict=True))
+    assert solution.usable
+    assert len(solution.stages) == questions
+    for part, own in solution.parameters.items():
+        assert [*own.values()] == pytest.approx([beside[part], rises[part]], abs=1e-9)
+    if not any(own.clearance for own in keep_out):  # corners may pass one another nearer than along facets
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+    assert solution.keep_out_gaps["plate 1", keep_out[0].name] >= keep_out[0].clearance - 1e-9
+    read = fo.AssemblySolution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert fo.verify(read).passed
+    unasked = fo.solve(posts())
+    forged = fo.verify(replace(unasked, assembly=assembly)).failed
+    assert any(check.name.endswith(f"keep-out '{keep_out[0].name}': clearance") for check in forged)
+
+
+def test_a_part_goes_in_steps_of_the_machine_and_one_in_a_loop_is_refused() -> None:
+    apart = {"parts": ("plate 1", "base"), "goal": "clear", "clearance": 0.05}
+    both = [{**apart, "goal": "touch", "clearance": 0.0}, {"parts": ("plate 2", "plate 1"), "goal": "touch"}]
+    asked = stack(1, [1.0, 1.0], contacts=[apart], resolution={"plate 1": 0.02})
+    solution = fo.solve(fo.Assembly.from_dict(json.loads(json.dumps(asked.to_dict()))))
+    assert solution.usable
+    assert found(solution)["plate 1"] == pytest.approx([0.06], abs=1e-12)
+    sharing = [*both, {**apart, "parts": ("plate 2", "base")}]
+    with pytest.raises(InputError) as refused:
+        fo.solve(stack(2, SCALES, contacts=sharing, resolution={"plate 2": 0.02}))
+    assert refused.value.key == "resolution.plate 2"
+    with pytest.raises(InputError) as refused:
+        stack(1, [1.0, 1.01], resolution={"plate 1": 0.01})
+    assert refused.value.key == "contacts[1] 'plate 1 - base'.resolution"
+
+
+def test_a_file_names_keep_outs_and_steps(tmp_path) -> None:
+    wall = "[[keep_out]]\nname = 'wall'\nclearance = 0.5\nscale = [0.9, 1.1]\n" + (
+        "vertices = [[20, 0, 0], [21, 0, 0], [20, 1, 0], [20, 0, 1]]\n"
+    )
+    path, text = tmp_path / "loop.toml", FILE.read_text("utf-8")
+    path.write_text(f"{text}\n{wall}", "utf-8")
+    (keep_out,) = fo.load_assemblies(path)[0].keep_out
+    assert (keep_out.name, keep_out.clearance, keep_out.scale) == ("wall", 0.5, (0.9, 1.1))
+    path.write_text(f"{text}\n{wall.replace('wall', 'key')}", "utf-8")
+    with pytest.raises(InputError) as refused:
+        fo.load_assemblies(path)
+    assert refused.value.key == "keep_out[1]"

@@ -82,6 +82,31 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert "Measure both parts" in page.read_text(encoding="utf-8")
 
 
+def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
+    """The peg is 2 wide as drawn, the wall's face one of a place: the first is a measure, the other a deviation."""
+    width = fo.Size("width", "movable", faces=("+x", "-x"), each=0.5, tolerance=0.02)
+    place = fo.Size("place", "static", faces="-x", tolerance=0.01)
+    problem = fo.Problem(*peg().bodies, motion=fo.Translation("x"), sizes=(width, place), goal="touch", unit="mm")
+    (grid,) = grids(fo.compensation_map(problem), problem, lines=3)
+    assert grid.rows == ["1.98 mm (-0.02)", "2 mm (as drawn)", "2.02 mm (+0.02)"]
+    assert grid.columns == ["-0.01 mm", "as drawn", "+0.01 mm"]
+
+
+def test_what_sizes_measure_as_drawn() -> None:
+    turns = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = np.column_stack([3.0 * np.cos(turns), 3.0 * np.sin(turns)])
+    pin = fo.Body.convex([[*point, z] for z in (0.0, 7.0) for point in ring])
+    for asked, measure in (
+        ({"faces": "cylinder radius 3", "each": 0.5}, 6.0),
+        ({"faces": "cylinder radius 3"}, 3.0),
+        ({"faces": ("+z", "-z"), "each": (0.25, 0.75)}, 7.0),
+        ({"faces": ("+z", "-z"), "each": (0.25, 0.25)}, np.nan),  # half of what it grows by
+        ({"faces": ("+z", "-z"), "along": "z"}, np.nan),  # a place
+        ({"scale": "z"}, 7.0),
+    ):
+        assert fo.Size("own", "movable", **asked).drawn(pin) == pytest.approx(measure, nan_ok=True)
+
+
 def test_cases_are_a_frame_and_a_card() -> None:
     answers = fo.solve_all(peg(), requirement="AB", effort="quick")
     frame = answers.to_frame()

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt
 from fcdm_opt.cli import app
+from fcdm_opt.cli.guarding import BAD_INPUT, ENDS, NO_MOTION, SOLVED
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Certificate, Check, Solution, Status
 
@@ -255,6 +256,32 @@ def test_the_most_severe_exit_code_wins(
     _rejecting(monkeypatch)
     assert run("solve", short, cubes).exit_code == 3
     assert run("solve", tmp_path / "missing.toml", cubes).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "command"),
+    [
+        (SOLVED, "schema"),
+        (SOLVED, "curve CUBES"),
+        (SOLVED, "faces CUBES"),
+        (NO_MOTION, "solve SHORT"),
+        (NO_MOTION, "whatif CUBES --set limits.TX=[-0.1,0.1]"),
+        (BAD_INPUT, "stack CUBES"),  # no sizes
+        (BAD_INPUT, "pose SHORT --clearance many"),
+        (BAD_INPUT, "study MISSING --out OUT"),
+        (BAD_INPUT, "range CUBES"),  # apart: no contact that could last
+        *((BAD_INPUT, f"{name} MISSING") for name in ("curve", "solve", "range", "whatif", "faces", "stack", "pose")),
+        *((BAD_INPUT, f"{name} MISSING --out OUT") for name in ("report", "map")),
+        (BAD_INPUT, "init MISSING MISSING"),
+    ],
+)
+def test_a_command_ends_with_an_exit_code_that_its_page_lists(
+    cubes: Path, short: Path, tmp_path: Path, code: int, command: str
+) -> None:
+    places = {"CUBES": cubes, "SHORT": short, "MISSING": tmp_path / "missing.toml", "OUT": tmp_path / "out"}
+    name, *rest = [places.get(word, word) for word in command.split()]
+    assert run(name, *rest).exit_code == code
+    assert code in ENDS[str(name)]
 
 
 # ------------------------------------------------------------------------------------------------------------- pictures

@@ -87,7 +87,7 @@ def test_map_agrees_with_single_solves_on_example_1():
     problem, found = example("example1_touch", 0)
     assert len(found.regions) == 4
     assert found.reached <= found.error
-    rho = pairs(found, 20, 4)
+    rho = pairs(found, 8, 4)
     at, task = found.at(*rho.T), Task.of(problem)
     for k, pair in enumerate(rho):
         solution = fo.solve(asked(problem, pair))
@@ -288,6 +288,21 @@ def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkey
     if count == 0:
         assert (found.undecided, found.reached) == (1.0, np.inf)
         assert {cell for grid in grids(found, slab()) for row in grid.cells for cell in row} == {"?"}
+
+
+def test_a_pair_that_took_long_left_no_time_for_the_others(monkeypatch):
+    """That of the box's lower corner goes on for as long as it may."""
+    solved, now = sampling.sample_at, [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: now[0])
+
+    def unequal(problem, pair, over):
+        while max(pair) < 0.981:
+            pacing.check()
+            now[0] += 0.1
+        return solved(problem, pair, over)
+
+    monkeypatch.setattr(sampling, "sample_at", unequal)
+    assert 0.0 < compensation_map(slab("touch"), seconds=10.0).undecided <= 1 / 16
 
 
 def test_no_look_is_begun_when_the_time_is_over(monkeypatch):

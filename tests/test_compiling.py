@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import os
 import re
 import subprocess
@@ -128,6 +129,50 @@ def test_little_work_is_not_compiled_and_answers_alike() -> None:
     assert len(fresh.signatures) == 1
 
 
+@kernel
+def counted(x, counts):
+    counts[0] += 1.0
+    zero = 0.0 * len(x)
+    return (1.0 + zero) / zero + x[0]
+
+
+@kernel
+def rooted(x, counts):
+    return math.sqrt(-x[0]) + math.exp(1e3 * x[0]) + 0.0 * counts[0]
+
+
+@kernel
+def nested(x, counts):
+    counts[0] += 1.0
+    return shifted(x) + counts[0]
+
+
+@kernel
+def shifted(x):
+    return x[0] + 1.0
+
+
+def test_plain_python_raised_where_compiled_code_has_an_answer() -> None:
+    x, counts = np.ones(2), np.zeros(1)
+    for written, wanted in ((rooted, np.nan), (counted, np.inf)):
+        made = light(kernel(written.py_func))
+        made.keeps = False
+        assert np.array_equal(made(x, counts), wanted, equal_nan=True)
+    assert counts[0] == 1.0  # what it had written before it was refused is taken back
+
+
+def test_plain_python_that_takes_longer_than_compiling_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, counts = np.ones(2), np.zeros(1)
+    made = light(kernel(nested.py_func))
+    made.keeps, made.patience = False, 1e-9
+    assert (made(x, counts), counts[0], len(made.signatures)) == (3.0, 1.0, 1)
+    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    made = light(kernel(nested.py_func))
+    made.keeps = False
+    compiling.eager()
+    assert (made(x, counts), counts[0], len(made.signatures)) == (4.0, 2.0, 1)
+
+
 def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
     """No stamp holds an address: it would be another one in every process."""
     for made in list(compiling._ALL):
@@ -146,16 +191,16 @@ def test_compiling_in_a_library_call_prints_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.rglob("*.nbc"))
 
 
-def test_the_curve_of_a_small_pair_compiles_nothing(tmp_path: Path) -> None:
-    problem = Path(__file__).parents[1] / "problems" / "example1.toml"
+def test_a_first_run_compiled_for_most_of_a_minute_what_small_bodies_need_for_seconds(tmp_path: Path) -> None:
+    problem = Path(__file__).parents[1] / "problems" / "example1_touch.toml"
     done = subprocess.run(
-        [sys.executable, "-c", "from fcdm_opt.cli import main; main()", "curve", str(problem)],
+        [sys.executable, "-c", "from fcdm_opt.cli import main; main()", "solve", "--certify", str(problem)],
         env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert "1 proved in floats" in done.stdout
+    assert "smallest possible (proved)" in done.stdout
     assert "compiling" not in done.stderr
     assert not list(tmp_path.rglob("*.nbc"))
 

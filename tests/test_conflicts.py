@@ -448,6 +448,11 @@ def test_a_solution_without_a_motion_stands_for_its_problem():
     assert one.solves == two.solves - 1
 
 
+def test_relaxations_had_lengths_without_their_unit():
+    found = conflicts(touching_wall(motion=X, limits={"TX": (-1, 3)}, unit="mm"))
+    assert "relax upper limit of TX: by 1 mm to 4 mm, amount 4 mm" in str(found)
+
+
 def test_results_are_plain_data():
     found = tight(0)
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))

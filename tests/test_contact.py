@@ -14,6 +14,7 @@ from degenerate import BLOCK, SLAB, fewer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Segment, SwitchingPoint
 from fcdm_opt.geometry.bodies import Body
@@ -208,3 +209,18 @@ def test_turned_squares_overlap_as_clipping_the_corners_says(degrees, scale):
     assert measure(found) == pytest.approx(4 * low**2 - lost, rel=1e-12)
     if abs(low * (np.cos(t) + np.sin(t)) - high) > 1e-6:
         assert len(found) == (8 if over else 4)
+
+
+def test_a_sliver_that_a_cut_leaves_of_a_face_does_not_make_its_edge_pass_for_the_face():
+    """A tilted edge meets a box's edge; beside that lies a part of the face 1.5e-5 wide, as high to 4e-12."""
+    tilt, wide = 2.5e-7, 1.5e-5
+    cut = [[0, -20, -20], [-20, -20, -20], [0, -20 + wide, 20], [-20, -20 + wide, 20]]
+    sliver, rest = [[0, -20, 20], [-20, -20, 20]], [[x, 20, z] for x in (0, -20) for z in (-20, 20)]
+    movable = Body.from_parts([cut + sliver, cut + rest], seed=(-10.0, 0.0, 0.0))
+    behind = [[5, y, z] for y in (-25, 25) for z in (15, 22)]
+    static = Body.convex([[1, -25, 18.5], [1 + 50 * tilt, 25, 18.5], *behind])
+    problem = fo.Problem(movable, static, target=(1.0, 1.0), goal="touch", motion=fo.Translation("x"))
+    found = fo.solve(problem)
+    assert found.usable
+    assert found.amount == pytest.approx(1.0 + 5 * tilt, abs=1e-12)
+    assert {feature.kind for feature in found.features} == {"E1E2"}

@@ -236,6 +236,29 @@ def test_what_excludes_what_does_not_ask_for_a_fit() -> None:
     assert least.by == pytest.approx(lifted(0.02) - 1.0, abs=1e-6)
 
 
+def test_contacts_were_blamed_together_where_each_alone_cannot_be_closed() -> None:
+    """Lifted through the lips until its head stands on them, the nut touches it, but not by the contacts meant."""
+    contacts = [f"F1F2(P1V2,V4,V6,V8; P2{face})" for face in ("V9,V10,V17,V19", "V25,V26,V27,V29")]
+    asked = nut_in_rail(goal="seat", contacts=contacts, path="free")
+    found = fo.conflicts(asked, deviation=False)
+    names = ("contact 1, face 2 of nut, face 8 of slot", "contact 2, face 2 of nut, face 12 of slot")
+    assert [(clash.names, clash.proved) for clash in found.clashes] == [((name,), True) for name in names]
+    assert found.complete
+    assert str(found).startswith(verdict(asked))
+
+
+def test_facets_of_a_boss_raised_doubt_about_flat_walls() -> None:
+    """A round boss above the rail has nothing to do with head and slot, whose walls are plane."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    boss = [[3.0 * np.cos(turn), 3.0 * np.sin(turn), z] for z in (19.0, 30.0) for turn in turns]
+    nut = fo.Body.from_parts([*(part.vertices for part in t_nut().parts), np.array(boss)], seed=NUT, name="nut")
+    for tau in (0.02, 0.01):
+        solution = fo.solve(nut_in_rail(tau, movable=nut, goal="seat"))
+        assert solution.usable == (tau == 0.01)
+        assert "mesh" not in f"{solution}{solution.advice}{remarks(solution)}"
+        assert "tessellation" not in str(remarks(solution))
+
+
 def test_boxes_drawn_into_each_other_may_be_taken_apart() -> None:
     """What overlaps as drawn is no fit; the shorter way out does not go through."""
     one, two = (block((x, x + 4.0), (-1.0, 1.0), (-1.0, 1.0)) for x in (0.0, 3.0))

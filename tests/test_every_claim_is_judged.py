@@ -198,8 +198,8 @@ CHANGES: dict[str, list[tuple[tuple[str, ...], Any]]] = {
     ],
     "open_contacts": [(CASES, of(["x"]))],
     "keep_out_gaps": [(CASES, of({"x": 1.0})), (("clear",), of({})), (("clear",), scaled(2.0))],
-    "amount_low": [(CASES, of(1e6)), (CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
-    "amount_high": [(CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a"))],
+    "amount_low": [(CASES, of(1e6)), (CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a")), (ALL, scaled(0.9))],
+    "amount_high": [(CASES, of(-1.0)), (CASES, of(None)), (CASES, of("a")), (ALL, scaled(1.1)), (CASES, of("inf"))],
     # told, and not claimed: of their form alone
     "active": [(CASES, of(5)), (CASES, of("one")), (CASES, of([5])), (CASES, of(None))],
     "modelled": [(CASES, of({"variables": -1})), (CASES, of({"variables": "a"})), (CASES, of([5])), (CASES, of(None))],
@@ -319,10 +319,10 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
     "transforms": [of({}), first_moved, lambda own: dict(list(own.items())[1:])],
     "amounts": [of({}), of_parts(1.01), lambda own: {**own, "another": 1.0}],
     "amount": [scaled(1.01), scaled(0.99), of(float("nan"))],
-    # no evidence is kept of assemblies: a bound that is no more than the amount is the solver's word
+    # without `proof` a bound that is no more than the amount is the solver's word
     "lower_bound": [scaled(1.01), of(float("inf")), of(float("nan")), of(-1.0)],
-    "amount_low": [scaled(1.01), of(float("nan")), of(-1.0)],
-    "amount_high": [scaled(0.99), of(float("nan"))],
+    "amount_low": [scaled(1.01), of(float("nan")), of(-1.0), scaled(0.9)],
+    "amount_high": [scaled(0.99), of(float("nan")), scaled(1.1), of(float("inf"))],
     "contacts": [
         of(()),
         lambda own: own[1:],
@@ -335,7 +335,8 @@ ASSEMBLY_CHANGES: dict[str, list[Any]] = {
         contact_changed(rho=np.array([1.1, 1.0])),
     ],
 }
-TOLD = {"stages", "active", "certificate", "seconds"}  # words, times, and what `verify_assembly` itself makes
+# words, times, what `verify` itself makes, and evidence, which it looks at with `proof`
+TOLD = {"stages", "stopped", "active", "certificate", "seconds", "evidence"}
 ASSEMBLY_ROWS = [(key, number) for key, own in ASSEMBLY_CHANGES.items() for number in range(len(own))]
 
 

@@ -1,6 +1,7 @@
 """Bodies of which only the surface is made convex parts, and of which a problem models only the parts that matter."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -112,8 +113,8 @@ def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored:
         assert solution.usable, solution.certificate
         assert solution.amount == pytest.approx((two * HOLE - one * PEG) * apothem, rel=1e-9)
         assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
-        kept = solution.problem.static
-        assert kept.whole is bored
+        assert solution.problem.static is bored
+        kept = solution.problem.active[1]
         assert len(kept.parts) < len(bored.parts) / 2
         assert {"whole surfaces", "inside"} <= {check.name for check in solution.certificate.checks}
 
@@ -130,14 +131,128 @@ def test_a_body_deep_inside_a_surface_is_seen(bored: fo.Body) -> None:
     assert WholeSurfaces(inner, block, np.ones(2), away).looked_at()[2].inside == 0
 
 
+def test_contacts_within_the_thickness_of_a_surface_were_listed() -> None:
+    """A cube on top of an angle of 12 height: in its middle it meets what the surface is kept as from beneath."""
+    outline = np.array([(-10, -10), (10, -10), (10, 10), (2, 10), (2, 2), (-10, 2)], float)
+    corners = np.vstack([np.column_stack([outline, np.full(6, z)]) for z in (-6.0, 6.0)])
+    sides = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
+    faces = [[*range(6)][::-1], [*range(6, 12)], *sides]
+    angle = fo.Body.from_mesh(corners, faces, decomposition="surface", seed=(6, -4, 0))
+    cube = fo.Body.convex(np.array(list(product((5.5, 6.5), (-4.5, -3.5), (3.5, 4.5)))), seed=(6, -4, 4))
+    curve = fo.decision_curve(cube, angle, box=((0.3, 2.0), (0.3, 2.0)))
+    assert angle.hollow
+    assert [(4.0 - rho[0] / 2.0) / 6.0 for own in curve.segments for rho in (own.start, own.end)] == pytest.approx(
+        [rho[1] for own in curve.segments for rho in (own.start, own.end)]
+    )
+    assert len(curve.segments) == 1
+    assert not curve.switching_points
+    assert curve.crossings(0.35) == pytest.approx([(4.0 - 0.35 / 2.0) / 6.0])
+
+
 def test_questions_that_take_all_parts_are_refused(bored: fo.Body) -> None:
     problem = Problem(
         prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
     )
-    with pytest.raises(InputError, match="bodies: a range looks at all parts"):
-        fo.contact_times(problem)
     with pytest.raises(InputError, match="a pose for all sizes looks at all parts"):
         fo.clearances(problem)
+
+
+SLOT = [(0, 0), (30, 0), (30, 20), (20, 20), (20, 10), (10, 10), (10, 20), (0, 20)]
+
+
+def slotted(decomposition: str) -> fo.Body:
+    """A block with a slot from x = 10 to 20, down to y = 10."""
+    count = len(SLOT)
+    sides = [[k, (k + 1) % count, (k + 1) % count + count, k + count] for k in range(count)]
+    faces = [[*range(count)][::-1], [*range(count, 2 * count)], *sides]
+    points = [(x, y, z) for z in (0.0, 10.0) for x, y in SLOT]
+    return fo.Body.from_mesh(points, faces, decomposition=decomposition, seed=(15, 0, 0), name="slot")
+
+
+def key(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float] = (1, 9)) -> fo.Body:
+    return fo.Body.convex([(a, b, c) for a in x for b in y for c in z], name="key")
+
+
+WALLS = [
+    fo.Size("left", "static", faces=[{"through": [10, 15, 5]}], tolerance=(-0.1, 0.1)),
+    fo.Size("floor", "static", faces=[{"through": [15, 10, 5]}], tolerance=(-0.1, 0.1)),
+]
+XY = Translation("x") >> Translation("y")
+DIAGONAL = np.arctan2(6.5, 3.5)
+
+
+@pytest.mark.parametrize("floor", [0.05, -0.05])
+def test_a_body_kept_as_a_surface_took_no_sizes_of_its_faces(floor: float) -> None:
+    """The key follows the walls that it stands on, as far as they are moved."""
+    problem = Problem(
+        key((10, 19.8), (10, 25)), slotted("surface"), motion=XY, goal="at", contacts="all", sizes=WALLS,
+        made={"left": 0.1, "floor": floor},
+    )  # fmt: skip
+    solution = fo.solve(problem)
+    assert solution.certificate.passed
+    assert list(solution.parameters.values()) == pytest.approx([0.1, floor], abs=1e-12)
+    assert fo.verify(fo.Solution.from_dict(solution.to_dict())).passed
+
+
+def test_a_body_kept_as_a_surface_is_sensitive_to_sizes() -> None:
+    problem = Problem(
+        key((10.2, 19.8), (10.5, 25)), slotted("surface"), motion=XY, goal="touch", sizes=WALLS, made={"left": 0.05}
+    )
+    solution = fo.solve(problem)
+    assert solution.amount == pytest.approx(0.15, rel=1e-12)
+    assert solution.sensitivity.sizes == pytest.approx({"left": -1.0, "floor": 0.0}, abs=1e-12)
+    with pytest.raises(InputError, match="rows of sizes are of a solid cut into convex parts"):
+        fo.stack_up(problem)
+
+
+@pytest.mark.parametrize(
+    ("motion", "free"),
+    [
+        (Translation("x"), (-1.0, 2.0)),
+        (Translation("y"), (-2.0, np.inf)),
+        # the lower corners, 3.5 and 6.5 from the seed, come to the walls, 4.5 and 5.5 from it
+        (fo.Rotation("z"), [s * (DIAGONAL - np.arccos(d / np.hypot(3.5, 6.5))) for s, d in ((-1, 4.5), (1, 5.5))]),
+    ],
+)  # fmt: skip
+def test_a_range_of_a_large_mesh_was_refused(motion: fo.Motion, free: tuple[float, float]) -> None:
+    problem = Problem(key((11, 18), (12, 25)), slotted("surface"), motion=motion, goal="clear", target=(1, 1))
+    found = fo.contact_times(problem)
+    assert found.free[0] == pytest.approx(free[0], rel=1e-9)
+    assert found.free[1] == pytest.approx(free[1], rel=1e-9) or (np.isinf(free[1]) and found.free[1] > 30.0)
+    assert found.proved
+
+
+def test_a_part_in_the_middle_of_a_surface_body_is_no_free_range() -> None:
+    small, far = key((-4, -3), (4, 5), (4, 5)), slotted("exact").moved(shifted(100.0))
+    for problem in (
+        Problem(small, slotted("surface"), motion=Translation("x"), goal="clear", target=(1, 1)),
+        Problem(small, far, motion=Translation("x"), goal="clear", target=(1, 1), keep_out=[slotted("surface")]),
+    ):
+        found = fo.contact_times(problem, limit=20.0)
+        assert found.free == pytest.approx((-20.0, 3.0), rel=1e-12)
+    speck = key((4, 5), (4, 5), (4, 5))
+    inside = fo.contact_times(
+        Problem(speck, slotted("surface"), motion=Translation("x"), goal="clear", target=(1, 1))
+    )
+    assert inside.free is None
+    assert {span.state for span in inside.spans if span.low <= 0 <= span.high} == {"overlapping"}
+
+
+def shifted(x: float) -> np.ndarray:
+    T = np.eye(4)
+    T[0, 3] = x
+    return T
+
+
+def test_contact_rows_of_a_large_mesh_were_refused() -> None:
+    """Rows of the parts near by: the clearances of planes that the parts keep, at rest and where they are restored."""
+    problem = Problem(key((9.9, 19), (9.8, 25)), slotted("surface"), motion=XY, goal="clear", target=(1, 1))
+    rows = fo.contact_rows(problem)
+    assert rows.within == pytest.approx(problem.size / 16)
+    assert 0 < len(rows.clearances) < len(problem.static.parts)
+    gaps = [float(row(q=[0.1, 0.2])["gap"]) for row in rows.contacts]
+    assert min(gaps) == pytest.approx(0.0, abs=1e-12)
+    assert min(float(row(q=[0.0, 0.0])["gap"]) for row in rows.contacts) == pytest.approx(-0.2, abs=1e-12)
 
 
 def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
@@ -226,9 +341,9 @@ def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch:
             np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts), decomposition="surface", name=name
         )
 
-    pin = Manifold.cylinder(12.0, 4.0, 4.0, 24).translate((50.0, 0.0, 0.0))
+    pin = Manifold.cylinder(12.0, 4.0, 4.0, 12).translate((50.0, 0.0, 0.0))
     plate = meshed(Manifold.cube((140.0, 60.0, 5.0)).translate((-70.0, -30.0, -5.0)) + pin, "plate")
-    ring = Manifold.cylinder(6.0, 9.0, 9.0, 24) - Manifold.cylinder(20.0, 4.2, 4.2, 24).translate((0, 0, -5.0))
+    ring = Manifold.cylinder(6.0, 9.0, 9.0, 12) - Manifold.cylinder(20.0, 4.2, 4.2, 12).translate((0, 0, -5.0))
     situation = Situation(meshed(ring.translate((50.0, 0.0, 0.0)), "ring"), plate)
     monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", math.inf)  # no answer is to depend on how busy a machine is
     choice = chosen(situation)

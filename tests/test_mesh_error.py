@@ -262,6 +262,83 @@ def test_the_flanks_of_a_gear_counted_as_exact() -> None:
     assert (found < 2.0 * sagittae).all()
 
 
+def profile_of(outline: Any, height: float = 6.0) -> fo.Body:
+    """A prism over a polygon, (n, 2), counter-clockwise."""
+    ends = [np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, height)]
+    n = len(outline)
+    sides = [[k, (k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)]
+    return fo.Body.from_mesh(
+        np.vstack(ends), [[*range(n)][::-1], [*range(n, 2 * n)], *sides], seed=np.zeros(3), decomposition="surface"
+    )
+
+
+def sheet(steps: list[tuple[float, float]], count: int) -> np.ndarray:
+    """A block below a line of slopes in degrees and lengths, again and again."""
+    turns, lengths = np.array([steps[k % len(steps)] for k in range(count)]).T
+    ways = lengths[:, None] * np.column_stack([np.cos(np.radians(turns)), np.sin(np.radians(turns))])
+    top = np.vstack([[0.0, 0.0], np.cumsum(ways, axis=0)])
+    return np.vstack([[0.0, -10.0], [top[-1, 0], -10.0], top[::-1]])
+
+
+def chords(ratio: float, count: int) -> np.ndarray:
+    return np.cumsum([0.0, *np.where(np.arange(count) % 2, 1.0, ratio)]) / (count // 2 * (1.0 + ratio))
+
+
+SMOOTH = {  # a curve from right to left, and where facets meet on it
+    "one wave": (lambda u: (10 - 20 * u, 1.5 * np.cos(2 * np.pi * u)), np.linspace(0, 1, 11)),
+    "an S of 5 facets": (lambda u: (10 - 20 * u, 1.6 * (2 * u - 1) ** 3), np.linspace(0, 1, 6)),
+    "uneven chords": (lambda u: (10 * np.cos(np.pi * u), 5 * np.sin(np.pi * u)), chords(3.0, 24)),
+    "uneven chords on a circle": (lambda u: (10 * np.cos(np.pi * u), 10 * np.sin(np.pi * u)), chords(2.5, 24)),
+    "a wave of uneven chords": (lambda u: (10 - 20 * u, 1.5 * np.cos(2 * np.pi * u)), chords(2.0, 12)),
+}
+
+
+@pytest.mark.parametrize("kind", SMOOTH)
+def test_waves_and_uneven_chords_counted_as_exact(kind: str) -> None:
+    curve, places = SMOOTH[kind]
+    points = np.column_stack(curve(places))
+    body = profile_of(np.vstack([[-10.0, -8.0], [10.0, -8.0], points]))
+    errors, (normals, _) = facet_errors(body).max(axis=1), body.face_planes
+    for a, b, u, v in zip(points[:-1], points[1:], places[:-1], places[1:], strict=True):
+        way = (b - a) / np.linalg.norm(b - a)
+        truth = np.abs((np.column_stack(curve(np.linspace(u, v, 33))) - a) @ [-way[1], way[0]]).max()
+        face = int((normals[:, :2] @ [way[1], -way[0]]).argmax())
+        assert errors[face] >= 0.99 * truth
+    blocks = (np.abs(normals) > 1 - 1e-9).any(axis=1)
+    assert not errors[blocks].any()
+
+
+@pytest.mark.parametrize(("fineness", "share"), [(2, 0.5), (3, 0.8)])
+def test_scans_with_noise_counted_as_exact(fineness: int, share: float) -> None:
+    """A ball whose corners are off by a share of what its facets are."""
+    mesh, random = trimesh.creation.icosphere(fineness, 10.0), np.random.default_rng(5)
+    off = 10.0 - float(np.linalg.norm(mesh.triangles_center, axis=1).mean())
+    corners = mesh.vertices * (1.0 + share * off / 10.0 * random.normal(size=(len(mesh.vertices), 1)))
+    errors = facet_errors(fo.Body.from_mesh(corners, mesh.faces, decomposition="surface"))
+    assert (errors.max(axis=1) > 0.5 * off).mean() > 0.9
+
+
+def test_a_free_form_edge_between_large_planes_counted_as_exact() -> None:
+    angles = np.linspace(0.0, np.pi / 2, 6)
+    body = profile_of([(0, 0), (20, 0), *zip(16 + 4 * np.cos(angles), 10 + 2 * np.sin(angles), strict=True), (0, 12)])
+    errors, (normals, _) = facet_errors(body), body.face_planes
+    np.testing.assert_array_equal(errors.any(axis=1), (normals[:, :2] > 1e-9).all(axis=1))
+
+
+FLAT = {
+    "trapezoids": sheet([(0, 2), (20, 2), (0, 2), (-20, 2)], 12),
+    "zigzag": sheet([(10, 2), (-10, 2)], 10),
+    "ramps": sheet([(0, 4), (8, 5), (18, 6), (4, 3), (-10, 5), (-2, 6)], 6),
+    "two chamfers": [(0, 0), (6, 0), (6, 3.634), (5.5, 4.5), (4.634, 5), (0, 5)],
+}
+
+
+@pytest.mark.parametrize("kind", FLAT)
+def test_polygons_that_turn_gently_are_not_taken_for_smooth_ones(kind: str) -> None:
+    """Trapezoids and ramps were: each of their turns is like one next to it."""
+    assert not facet_errors(profile_of(FLAT[kind])).any()
+
+
 @pytest.mark.parametrize("kind", ["ball", "cloud"])
 def test_bodies_with_blunt_corners_are_not_taken_for_smooth_ones(kind: str) -> None:
     random = np.random.default_rng(3)
@@ -387,6 +464,21 @@ def test_quick_does_not_look() -> None:
     assert math.isnan(solution.amount_low)
     assert math.isnan(solution.amount_high)
     assert "smallest possible" not in verdict_text(solution)
+    assert 'what the mesh leaves open is not known: effort "quick"' in verdict_text(solution)
+
+
+def test_why_it_is_not_known_what_a_mesh_leaves_open_was_not_told() -> None:
+    """A shaft on its side over a table, with a wall beside it."""
+    shaft = fo.Body.convex(np.vstack([ring(9.9, 24, z) for z in (0.0, 10.0)])[:, [0, 2, 1]], name="shaft")
+    table, wall = fo.Body.convex(PLATE - [0.0, 0.0, 30.0]), fo.Body.convex(PLATE + np.array([60.0, 0.0, 0.0]))
+    known = {"target": (1.0, 1.0), "motion": Z, "goal": "touch"}
+    beside = fo.solve(fo.Problem(shaft, table, keep_out=[fo.KeepOut(wall)], **known))
+    assert beside.usable
+    assert math.isnan(beside.amount_low)
+    assert "is not known: larger parts touch sooner, and keep less clear" in verdict_text(beside)
+    on_it = tuple(beside.problem.curve.nearest((1.0, 1.0)).tolist())
+    followed = replace(beside, problem=beside.problem.changed(keep_out=(), goal="at", nominal=on_it))
+    assert 'is not known: goal "at" follows one contact' in followed.left_by_mesh
 
 
 def test_stack_and_map_repeat_how_well_gaps_are_known(tmp_path: Path) -> None:

@@ -200,6 +200,25 @@ def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
     assert pacing.left() == math.inf
 
 
+def test_what_may_be_left_out_went_on_once_it_had_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is told is not to be ended; the curve in a frame of a report may be, and is."""
+    now = [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: now[0])
+
+    def work(looks: int) -> str:
+        for _ in range(looks):
+            pacing.check()
+            now[0] += 1.0
+        return "done"
+
+    with pacing.within(10.0, share=1.0), pacing.telling():
+        assert pacing.in_time(work, 5, late="late") == "done"
+        assert pacing.in_time(work, 20, late="late") == "late"
+        assert now[0] == pytest.approx(11.0)  # a tenth more is for what is told
+        assert work(3) == "done"
+        assert pacing.in_time(work, 0, late="late") == "late"
+
+
 @pytest.mark.parametrize("time", [0, -1.0, math.nan, "5", True])
 def test_what_is_no_time_is_refused(time: Any) -> None:
     with pytest.raises(InputError, match="time: not a time"):

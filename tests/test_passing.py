@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
+from fcdm_opt.judge.certificate import verify_assembly
 from fcdm_opt.judge.passing import passes
-from fcdm_opt.judge.placed_parts import verify_assembly
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.solution import Status
 

@@ -48,3 +48,18 @@ def test_steps_that_do_nothing_are_left_out_of_the_words() -> None:
     problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=both)
     assert motion_text(fo.solve(problem)) == "TX 0.2"
     assert motion_text(fo.solve(problem.changed(target=(1.0, 1.4)))) == "TY 0"  # touching as it is
+
+
+def test_what_a_motion_goes_through_on_its_way_was_not_named() -> None:
+    """A box above a slab is to touch the floor below it; between them is a keep-out."""
+
+    def block(low: float, high: float) -> np.ndarray:
+        return CUBE * np.array([4.0, 4.0, high - low]) + np.array([0.0, 0.0, (low + high) / 2])
+
+    static = fo.Body.from_parts([block(-0.5, 0.0), block(-8.0, -7.5)], seed=(0.0, 0.0, 0.0), name="table")
+    box, shelf = fo.Body.convex(CUBE + np.array([0.0, 0.0, 1.0])), fo.Body.convex(block(-3.0, -2.9), name="shelf")
+    asked = {"target": (1.0, 1.0), "goal": "touch", "motion": fo.Translation("z"), "keep_out": (fo.KeepOut(shelf),)}
+    through = fo.solve(fo.Problem(box, static, **asked, limits={"TZ": (-9.0, -5.0)}))
+    assert through.parameters["TZ"] == pytest.approx(-8.0, abs=1e-9)
+    assert "straight there it goes through table and keep-out shelf" in remarks(through)[-1]
+    assert [text for text in remarks(fo.solve(fo.Problem(box, static, **asked))) if "large" in text] == []

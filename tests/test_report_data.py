@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass, fields
 from functools import cache
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
@@ -135,6 +137,25 @@ def test_case_that_is_refused_is_told_and_the_others_go_on(monkeypatch):
 def gap_of_boxes(rho, shift=0.0):
     """Return the gap of the two boxes of boxes.toml, the cube shifted towards the plate."""
     return 1.25 - rho[0] / 2 - rho[1] / 4 - shift
+
+
+def test_on_a_busy_machine_sliders_had_fewer_frames(monkeypatch):
+    """Where a second is over at each look at the clock there are the same frames."""
+    quiet = gathered("boxes", "both made larger")["cases"][0]["families"]["tolerance"]
+    ticks = itertools.count(0.0, 1.0)
+    monkeypatch.setattr(pacing, "perf_counter", lambda: next(ticks))
+    busy = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"][0]["families"]["tolerance"]
+    assert len(quiet["values"]) == LEAST
+    assert busy == quiet
+
+
+def test_a_search_for_a_frame_without_end_is_given_up_after_so_many_looks(monkeypatch):
+    monkeypatch.setattr("fcdm_opt.show.report.families.LOOKS", 10)
+    monkeypatch.setattr("fcdm_opt.show.report.families.LEAST_LOOKS", 10)
+    (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
+    family = case["families"]["tolerance"]
+    assert family["values"] == [0.0, 1.0]
+    assert family["note"].startswith("from +4 %, +8 % on left out")
 
 
 def test_tolerance_family_of_boxes_is_the_closed_form():

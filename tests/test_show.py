@@ -35,7 +35,7 @@ from fcdm_opt.show.scene import (
     true_edges,
     view_of,
 )
-from fcdm_opt.show.sections import _section_plane, section
+from fcdm_opt.show.sections import CORNER, _section_plane, free_corner, section
 
 TITLE = "Example (reconstruction)"
 
@@ -387,3 +387,13 @@ def test_a_picture_in_a_page_stood_on_a_white_plate() -> None:
     assert ids[0]
     assert not ids[0] & ids[1]
     assert {own[1:] for own in re.findall(r'href="(#[^"]+)"', one)} <= ids[0]
+
+
+def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
+    shares = np.linspace(-1.0, 1.0, 401)
+    for turn in np.linspace(0.0, np.pi, 25):
+        way = 3.0 * np.array([np.cos(turn), np.sin(turn)])
+        left, foot = free_corner(2.0, np.array([-way, way]))
+        points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
+        assert -2.0 < left < far[0] < 2.0
+        assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()

@@ -97,6 +97,17 @@ def test_depth_of_surface_bodies_does_not_fall_with_refinement(refined):
     assert PlacedSolids(peg, block, np.array([0.5, 2.0]), shifted(0, 0, 21)).depth == pytest.approx(1, rel=1e-6)
 
 
+def test_how_deep_parts_overlap_was_worked_out_to_tell_that_they_do_not_touch(monkeypatch):
+    lid, ring = box((2, 2, 1)), frame((3, 3, 1), (1, 1, 2), decomposition="surface")
+    assert ring.hollow
+    for high, asked in ((1.5, False), (2.0, True), (2.5, False)):
+        curve = fo.decision_curve(lid, ring, transform=shifted(0, 0, high))
+        with monkeypatch.context() as patched:
+            patched.setattr(PlacedSolids, "depth", property(lambda _: pytest.fail("worked out")))
+            assert (curve.locate((1.0, 1.0)) is not None) == asked
+        assert float(curve.gap((1.0, 1.0))) == pytest.approx(high - 2.0, abs=1e-9)
+
+
 def test_depth_of_balls_converges_to_the_closed_form():
     """Radii less the distance of their centres, that of one inside the other too."""
     for subdivisions, off in ((1, 0.28), (2, 0.07)):
@@ -144,7 +155,7 @@ def test_a_cube_in_the_middle_of_a_surface_body_was_clear_of_it(goal, up, turned
     assert solution.certificate.passed
     assert solution.amount == pytest.approx(11 - up, rel=1e-9)
     assert solution.problem.keep_out == ()
-    assert solution.problem.movable.whole is asked.movable.whole
+    assert solution.problem.movable is asked.movable
 
 
 def test_a_surface_body_was_moved_over_a_keep_out_into_its_middle():

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
+from typing import Any
 
 import pytest
 
-from fcdm_opt.errors import InputError
+import fcdm_opt as fo
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.problem.problem import SIGNS, load_problems
-from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.syntax import mistake
 
 FILE = """
@@ -26,6 +30,10 @@ motion = [{ translation = "x" }]
 name = "A"
 requirement = "A"
 """
+
+
+CUBE = fo.Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+PROBLEM = fo.Problem(CUBE, CUBE, target=(1, 1), goal="touch", motion=fo.Translation("x"))
 
 
 def answer(folder: Path, old: str, new: str) -> InputError:
@@ -165,3 +173,27 @@ def test_of_thousands_of_names_an_error_lists_the_first() -> None:
     assert listed.startswith("F0, F1, F2")
     shown = listed.partition(", ... and ")[0].count(",") + 1
     assert listed.endswith(f", ... and {5000 - shown:,} more")
+
+
+@pytest.mark.parametrize(
+    ("call", "meant"),
+    [
+        (lambda wrong: fo.solve(None, **wrong("certfy")), "certify"),
+        (lambda wrong: fo.conflicts(None, **wrong("certfy")), "certify"),
+        (lambda wrong: fo.solve_all([PROBLEM], **wrong("certfy")), "certify"),
+        (lambda wrong: fo.Body.from_file("lid.stl", **wrong("units")), "unit"),
+        (lambda wrong: fo.Rotation("z", **wrong("center")), "centre"),
+        (lambda wrong: fo.KeepOut(None, **wrong("clearence")), "clearance"),
+    ],
+)  # fmt: skip
+def test_a_slip_in_an_argument_was_a_bare_type_error(call: Callable[[Any], Any], meant: str) -> None:
+    with pytest.raises(InputError, match=rf"unknown argument '\w+', did you mean '{meant}'\?; .*allowed: .*{meant}"):
+        call(lambda name: {name: True})
+
+
+def test_every_public_function_names_its_arguments_and_still_goes_to_other_processes() -> None:
+    for name in set(fo.__all__) - {"whatif", "solve_all"}:  # they take those of a problem and of `solve`, too
+        if isinstance(own := getattr(fo, name), FunctionType):
+            with pytest.raises(InputError, match="unknown argument 'nothing'"):
+                own(nothing=None)
+            assert pickle.loads(pickle.dumps(own)) is own

@@ -13,7 +13,7 @@ import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.show.texts import parameter_texts
-from fcdm_opt.show.verdict import fit_text, motion_said, verdict_text
+from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
@@ -184,3 +184,15 @@ def test_parts_in_different_frames_are_warned_of() -> None:
     one, two = cube("one", 2.0), cube("two", 4.0, (170.0, 0.0, 0.0))
     far = fo.Problem(one, two, target=(1.0, 1.0), goal="clear", motion=fo.Translation("x"), unit="mm")
     assert "as drawn the parts are 167 mm apart: are both drawn in one frame?" in remarks(fo.solve(far))
+
+
+def test_labels_in_a_text_are_names_of_faces() -> None:
+    """The key of a map and the table of a pose had F1F2(P1V1,...), of a keep-out's corners too."""
+    cube = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    one, two, post = (
+        fo.Body.convex(cube + shift, name=name) for name, shift in (("lid", 0.0), ("box", 4.0), ("post", 9.0))
+    )
+    asked = fo.Problem(one, two, target=(1, 1), goal="touch", motion=fo.Translation("x"), keep_out=[fo.KeepOut(post)])
+    faces = "V1F2(P1V8; P2V1,V2,V3,V4)"
+    assert labels_in_words(f"{faces}; closes a gap", asked) == "corner 8 of lid, left face of box; closes a gap"
+    assert labels_in_words(f"keep-out 'post' {faces}", asked) == "corner 8 of lid, left face of post"

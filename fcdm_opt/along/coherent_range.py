@@ -17,12 +17,12 @@ from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed
@@ -74,7 +74,9 @@ class CoherentRange(Plain, Shown):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
-    the nominal pair.
+    the nominal pair. Of contacts that are restored together all are, at the scale pair that they have in common: where
+    two lines meet, or the point of the one line that all share nearest to the nominal pair. Along a ray on which they
+    have none the range is 0 both ways.
 
     Attributes
     ----------
@@ -119,9 +121,7 @@ class CoherentRange(Plain, Shown):
 
     def curve(self, x: float) -> DecisionCurve:
         """Return the decision curve of the moved bodies, in the problem's box."""
-        return decision_curve(
-            self.problem.movable, self.problem.static, box=self.problem.box, transform=self.transform(x)
-        )
+        return decision_curve(*self.problem.active, box=self.problem.box, transform=self.transform(x))
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair at x, (2,), for x within the range."""
@@ -141,6 +141,7 @@ class CoherentRange(Plain, Shown):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
+@known_arguments
 def coherent_range(
     problem: Problem, direction: Mapping[str, float] | Any = None, *, limit: float | None = None
 ) -> CoherentRange:
@@ -164,9 +165,7 @@ def coherent_range(
     """
     expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
-    if problem.contacts:
-        what = "a range tells how far one tracked contact lasts"
-        raise InputError(what, key="contacts", found="several", allowed="none, or another question of each contact")
+    need_all_parts(problem, "a range of tracked contacts")
     tracked = followed(problem)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest = min(end.x for end in ends.values())
@@ -200,7 +199,7 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
     rho = (was + moved) / 2.0  # also where edges are parallel just at x
     if not (np.isfinite(rho).all() and rho.min() > 0):
         return (), ()
-    movable, static = problem.movable, problem.static
+    movable, static = problem.active
     here, beyond = (problem.motion.transform(at * along, movable.seed, static.seed) for at in (x, after))
     pose = relative_pose(movable, static, here)
     merged = touching_features(movable, static, pose, rho, DEFAULT.nominal * problem.size)
@@ -246,7 +245,6 @@ class Reach(NamedTuple):
 
 def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     """Return how far to look along a ray from no motion."""
-    need_all_parts(problem.movable, problem.static, "a range")
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
     ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []

@@ -25,7 +25,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion.instructions import SCALARS, Instructions, pose_symbols
 from fcdm_opt.motion.kinematics import Compiled
-from fcdm_opt.motion.motions import Free, Motion, Rotation, Sequenced, Step, Translation
+from fcdm_opt.motion.motions import Motion, Sequenced
 
 TURNED, FIXED, CROSSED = 0.0, 1.0, 2.0  # normal of a tracked feature: of a face of body 1, of body 2, of two edges
 # forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k, one
@@ -303,17 +303,8 @@ def _expanded(pattern: Motion, kinds: tuple[float, ...]) -> Compiled:
 
 
 def _straightened(motion: Motion, direction: Array) -> tuple[Motion, Array]:
-    """Return the motion with each free step as what it is along a ray: a shift, and a turn about a fixed direction."""
-    steps: list[Step] = []
-    along: list[float] = []
-    for step, part in zip(motion.steps, motion.by_step(direction.tolist()), strict=True):
-        if isinstance(step, Free):
-            for kind, own in ((Translation, np.array(part[:3])), (Rotation, np.array(part[3:]))):
-                length = float(np.linalg.norm(own))
-                if length > 0:
-                    steps.append(kind(tuple((own / length).tolist())))
-                    along.append(length)
-        else:
-            steps.append(step)
-            along += part
-    return Sequenced(tuple(steps)), np.array(along)
+    """Return the motion with each step as what it is along a ray: of a free one a shift, and a turn about a line."""
+    each = zip(motion.steps, motion.by_step(direction.tolist()), strict=True)
+    made = [step.own_along_ray(part) for step, part in each]
+    steps = tuple(own for simpler, _ in made for own in simpler)
+    return Sequenced(steps), np.array([x for _, along in made for x in along])

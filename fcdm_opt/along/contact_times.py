@@ -22,17 +22,19 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.active_parts import with_parts_on_the_way
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 State = Literal["apart", "overlapping"]
+FIRST = 1.0 / 64  # of the size: how far first contacts of large bodies are looked for at first
 STEPS = 20_000  # along a ray, at most
 WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
 TOUCHES = 1_000  # instants of touching on one side, at most
@@ -114,6 +116,7 @@ class ContactTimes(Plain):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
+@known_arguments
 def contact_times(
     problem: Problem,
     direction: Mapping[str, float] | Any = None,
@@ -138,29 +141,77 @@ def contact_times(
     Raises
     ------
     InputError
-        For a direction, a pair or a limit that is none, and for keep-outs with a clearance or of which the surface
-        alone is modelled.
+        For a direction, a pair or a limit that is none, and for keep-outs with a clearance, or kept as a surface and
+        with a range of scales.
+
+    Notes
+    -----
+    Of large meshes no more is looked at than to the first contact both ways.
     """
     along = checked_direction(problem, direction)
-    need_all_parts(problem.movable, problem.static, "a range", problem.keep_out)
     pair = (
         problem.target
         if scale_pair is None
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
+    problem, limit = _to_first_contacts(problem, along, pair, limit)
     keep_outs = {own.name: _keep_out_states(problem, own, along, pair, limit) for own in problem.keep_out}
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
-    first, *rest = [StateSpan(*own) for own in ahead.spans]
-    if spans and spans[-1].state == first.state:
-        first = StateSpan(first.state, spans.pop().low, first.high)
+    spans += [StateSpan(*own) for own in ahead.spans]
     touches = [Touch(0.0 - t.x, t.features, t.grazing) for t in reversed(back.touches)]
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
+    spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
     proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches),
-                        keep_outs, proved)  # fmt: skip
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), keep_outs, proved)
+
+
+def _to_first_contacts(
+    problem: Problem, along: Array, pair: Array, limit: float | None
+) -> tuple[Problem, float | None]:
+    """Return a question about large bodies with the parts that meet first active, and how far that is to be looked at.
+
+    Others as they are.
+    """
+    if not problem.partial:
+        return problem, limit
+    ends = [_span_of(problem, sign * along, pair, reach(problem, sign * along, limit)) for sign in (-1.0, 1.0)]
+    x, unit = 0.0, FIRST / max(ray_of(problem, along).natural_step[1] / problem.size, 1.0 / max(ends))
+    while x < max(ends):
+        before, x = x, min(max(WIDEN * x, unit), max(ends))
+        for low, high in ((-x, -before), (before, x)):
+            problem = with_parts_on_the_way(problem, along, pair, low, high)
+        both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
+        if all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
+            break
+    return problem, limit if x >= max(ends) else x
+
+
+def _of_solids(
+    problem: Problem, along: Array, pair: Array, spans: list[StateSpan], touches: list[Touch]
+) -> tuple[list[StateSpan], list[Touch]]:
+    """Return spans, those of one state joined, and touches of the solids of which the parts may be the surface alone.
+
+    Where surfaces are apart one solid may be inside the other; nothing touches where parts inside come together.
+    """
+    found = list[StateSpan]()
+    for span in spans:
+        state = span.state
+        if state == "apart" and kept_as_surface(*problem.active):
+            pose = problem.motion.transform(
+                0.5 * (span.low + span.high) * along, problem.movable.seed, problem.static.seed
+            )
+            if PlacedSolids(problem.movable, problem.static, pair, pose).nested:
+                state = "overlapping"
+        if found and found[-1].state == state:
+            found[-1] = StateSpan(state, found[-1].low, span.high)
+        else:
+            found.append(StateSpan(state, span.low, span.high))
+    inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
+    real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
+    return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]
 
 
 def _keep_out_states(
@@ -170,8 +221,15 @@ def _keep_out_states(
     if keep_out.clearance:
         what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"
         raise InputError(what, key="keep_out", found=keep_out.name, allowed="a keep-out without clearance")
-    parts = [part.seed + scale * (part.vertices - part.seed) for part, scale in keep_out.obstacles]
-    body = Body.from_parts(parts, seed=problem.static.seed, name=keep_out.name)  # the seed is the motion's datum
+    low, high = keep_out.ends
+    if keep_out.body.hollow and low < high:
+        what = "of this keep-out only the surface is kept, and it has a range of scales"
+        raise InputError(what, key="keep_out", found=keep_out.name, allowed="one scale, or a solid cut into parts")
+    if low == high:
+        body = keep_out.body.scaled(low).with_seed(problem.static.seed)  # the seed is the motion's datum
+    else:
+        parts = [part.seed + scale * (part.vertices - part.seed) for part, scale in keep_out.obstacles]
+        body = Body.from_parts(parts, seed=problem.static.seed, name=keep_out.name)
     limits = dict(zip(problem.motion.names, problem.limits.tolist(), strict=True))
     alone = Problem(problem.movable, body, motion=problem.motion, limits=limits, goal="clear", target=(pair[0], 1.0))
     return contact_times(alone, along, limit=limit).spans
@@ -225,7 +283,7 @@ class _OneWay:
         return min(beyond, self._end)
 
     def _touch(self, x: float, grazing: bool) -> None:
-        one, two, slack = self._problem.movable, self._problem.static, DEFAULT.nominal * self._problem.size
+        (one, two), slack = self._problem.active, DEFAULT.nominal * self._problem.size
         pose = relative_pose(one, two, self._transform(x))
         self.touches.append(Touch(x, touching_features(one, two, pose, self._pair, slack), grazing))
 
@@ -239,7 +297,7 @@ class _OneWay:
 
     def _deepest(self, x: float) -> tuple[float, tuple[int, int]]:
         """Return the least gap of a part pair, and which that is."""
-        one, two = self._problem.movable, self._problem.static
+        one, two = self._problem.active
         pose = self._transform(x), one.seed, two.seed
         (gap,), ((i, j),) = kernels.least_gaps(*one.packed, *two.packed, *pose, self._pair[None])
         return float(gap), (int(i), int(j))
@@ -293,7 +351,7 @@ class _OneWay:
         However shallow: bodies that slide along each other stay so.
         """
         i, j = self._deepest(here.x)[1]
-        one, two, rho = self._problem.movable.parts[i], self._problem.static.parts[j], self._pair
+        (one, two), rho = (body.parts[k] for body, k in zip(self._problem.active, (i, j), strict=True)), self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         tops = one.bases - one.seed, two.bases - two.seed
         R, d = here.R[0], here.d[0]

@@ -184,7 +184,7 @@ def map_command(
         with pacing.unlimited():  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
-        stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
+        stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, problem, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
@@ -225,12 +225,12 @@ def pose_command(
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         drawn = clearances(problem, sizes=pairs, box=within)
-        yield "as drawn", drawn, partial(tables.print_clearances, where="as drawn")
+        yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
         best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
         yield "best pose", best, tables.print_said
         if best.transform is not None:
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
-            yield "at the best pose", made, partial(tables.print_clearances, where="at the best pose")
+            yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
     _each_case(Inquiry(files, case, as_json=as_json), asked)
 

@@ -6,7 +6,6 @@ options in groups and examples that run as they stand.
 
 from __future__ import annotations
 
-import difflib
 import re
 import sys
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import ENDS, EXIT_CODES, Manner, guarded, manner, stopped
 from fcdm_opt.cli.showing import shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 
 OPTIONS = "Options"  # heading of options without a group
 LENT = "fcdm_opt.commands"
@@ -155,11 +154,11 @@ def _misunderstood(reason: Any) -> str:
     where = f"; see {ctx.command_path} --help" if ctx is not None else ""
     if kind == "NoSuchOption":
         known = [name for each in command.get_params(ctx) for name in each.opts] if command is not None else []
-        return f"{reason.option_name}: no such option{_near(reason.option_name, known)}{where}"
+        return f"{reason.option_name}: no such option{closest(reason.option_name, known)}{where}"
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:
         name, known = unknown.group(2), list(command.commands)
-        return f"{name or repr(name)}: no such command{_near(name, known)}; allowed: {', '.join(known)}"
+        return f"{name or repr(name)}: no such command{closest(name, known)}; allowed: {', '.join(known)}"
     parameter = getattr(reason, "param", None)
     if parameter is not None:
         name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar or parameter.name
@@ -167,12 +166,6 @@ def _misunderstood(reason: Any) -> str:
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
     return f"{_lower(reason.message)}{where}"
-
-
-def _near(name: str, known: Sequence[str]) -> str:
-    words = {own.lstrip("-"): own for own in known}  # dashes are alike in all options
-    near = [words[word] for word in difflib.get_close_matches(name.lstrip("-"), list(words), 1)]
-    return f", did you mean {near[0]!r}?" if near else ""
 
 
 def _lower(text: str) -> str:

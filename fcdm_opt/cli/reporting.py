@@ -7,12 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
+from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
 from fcdm_opt.cli.guarding import BAD_INPUT, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
 MEGABYTE = 1e6
+GATHERED = 0.9  # share of the time left for what the page shows; the rest is for making it
 
 FILES = "Problem files (TOML), files of assemblies, folders of them, or the folder that a study was run into."
 
@@ -66,23 +68,24 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
     opened = opened_files(paths, cases)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]
-    payload = gather(opened, certify=certify, say=say)
+    with pacing.sharing(GATHERED):
+        payload = gather(opened, certify=certify, say=say)
     codes = [BAD_INPUT for file in payload["files"] if file.get("error")]
     return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
 
 
 def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the same of files of assemblies."""
-    from fcdm_opt.assembling import solve_assembly
     from fcdm_opt.show.report.gather import head
     from fcdm_opt.show.report.page import assembly_page
+    from fcdm_opt.show.solved import solved_case
 
     opened = opened_files(paths, cases, assemblies=True)
     solutions, codes = [], [BAD_INPUT for file in opened if file.error]
     for file in opened:
         for assembly in file.problems:
             say(f"{file.path.name}: case {assembly.name}")
-            solutions.append(solve_assembly(assembly, certify=certify))
+            solutions.append(solved_case(assembly, certify=certify).solution)
     codes += [code_of(own.usable, own.status.name) for own in solutions]
     return assembly_page(list(map(head, opened)), solutions) if solutions else "", codes
 

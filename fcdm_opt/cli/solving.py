@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -16,10 +15,9 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.problem.assembled import AssemblySolution
-    from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Effort, Solution
+    from fcdm_opt.problem.solution import Bounded, Effort
+    from fcdm_opt.show.solved import SolvedCase
 
 DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
@@ -75,43 +73,22 @@ def solve_command(
     Of a file of an assembly the smallest motions of all its parts together.
     """
     from fcdm_opt.design.cases import write_cases
-    from fcdm_opt.problem.assembly import Assembly
-    from fcdm_opt.show.assemblies import print_assemblies
-    from fcdm_opt.show.solved import SolvedCase, solved_case
-    from fcdm_opt.show.tables import print_solutions
+    from fcdm_opt.show.assemblies import print_answers
+    from fcdm_opt.show.solved import solved_case
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
-    answers: list[tuple[str, Solution | AssemblySolution]] = []
+    answers: list[tuple[str, Bounded]] = []
 
-    def tabled(file: OpenedFile, name: str, solution: Solution | AssemblySolution) -> None:
+    def tabled(file: OpenedFile, name: str, solution: Bounded) -> None:
         answers.append((name if len(files) == 1 else f"{file.path.stem}: {name}", solution))
         if table is not None:
             write_cases(table, answers)
             if len(answers) == 1:
                 inquiry.wrote(f"wrote {table}")
 
-    def assembled(file: OpenedFile, assembly: Assembly, entry: dict[str, Any]) -> AssemblySolution:
-        from fcdm_opt.assembling import solve_assembly
-        from fcdm_opt.show.assemblies import assembly_figure
-
-        solution = solve_assembly(assembly, certify=certify, effort=cast("Effort", effort), seconds=seconds)
-        entry |= solution.to_dict()
-        tabled(file, assembly.name, solution)
-        inquiry.codes.append(code_of(solution.usable, solution.status.name))
-        if certify:
-            inquiry.wrote(f"{assembly.name}: the bound is the solver's word, no evidence is kept of assemblies")
-        if inquiry.pictures:
-            with pacing.telling():
-                figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")
-                inquiry.pictures.add(f"{file.path.stem}-{assembly.name}", figure, ending="-scene")
-        return solution
-
-    def answered(file: OpenedFile, problem: Problem | Assembly, entry: dict[str, Any]) -> SolvedCase | AssemblySolution:
-        if isinstance(problem, Assembly):
-            return assembled(file, problem, entry)
+    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
         row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
-        beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
-        entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
+        entry |= {"name": problem.name, **row.solution.to_dict(), **row.beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         tabled(file, problem.name, row.solution)
         if inquiry.pictures:
@@ -119,10 +96,7 @@ def solve_command(
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
-    def print_all(rows: Sequence[Any]) -> None:
-        (print_solutions if isinstance(rows[0], SolvedCase) else print_assemblies)(rows)
-
-    inquiry.ask(answered, print_all)
+    inquiry.ask(answered, print_answers)
 
 
 def range_command(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, checked_bodies, checked_box
 from fcdm_opt.curve.segments import Box, Segment
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, in_full, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
@@ -81,6 +81,7 @@ class DecisionCurves:
         return DecisionCurve(self.movable, self.static, frozen(self.transforms[k]), self.box)
 
 
+@known_arguments
 def decision_curves(
     movable: Body,
     static: Body,

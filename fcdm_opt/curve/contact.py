@@ -228,13 +228,15 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
     slack : float
         Length; parts this near touch, and directions this near to the widest are tight.
     """
-    found, off = list[Meeting](), list[float]()
-    for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
-        one, two = movable.parts[i], static.parts[j]
-        contact = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
-        found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
-        off.append(max(abs(float(separations.max())), _misses(one, two, pose, contact, rho)))
-    tight = slack * DEFAULT.tight
+    found, off, tight = list[Meeting](), list[float](), slack * DEFAULT.tight
+    for (i, j), sites, rows, separations in touching_pairs(movable, static, pose, rho, slack):
+        one, two, widest = movable.parts[i], static.parts[j], int(separations.argmax())
+        contact = located(one, two, pose, contact_at(one, two, rows[widest, :3], pose, rho), rho)
+        if _across(one, two, contact, separations) > tight:  # of a face so narrow that all of it is about as high
+            contact = located(one, two, pose, contact_between(one, two, pose, *_corners(one, two, sites[widest])), rho)
+        found.append(Meeting((i, j), contact))
+        misses = _misses(one, two, pose, contact, rho), _across(one, two, contact, separations)
+        off.append(max(abs(float(separations.max())), *misses))
     most = tight if min(off, default=0.0) <= tight else math.inf
     return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
 
@@ -242,6 +244,9 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
 def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> tuple[Feature, ...]:
     """Return the features that touch, each once; arguments as `meetings` takes them."""
     return tuple(dict.fromkeys(met.contact.feature for met in meetings(movable, static, pose, rho, slack)))
+
+
+_LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # kinds of the elements of a site
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,16 +304,43 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
                 kept.append(k)
         found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
-    least = [own for own in found.values() if not any(_holds(other, own) for other in wide)]
+    least = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
     return tuple(own.carried_by(movable, static) for own in least)
 
 
-def _holds(joint: Joint, other: Joint) -> bool:
-    """Tell whether a contact of two faces is what another one, of corners or edges of these, is a part of."""
-    if other is joint or len(other.normals) != 1 or not other.normals[0] @ joint.normals[0] >= 1.0 - DEFAULT.side:
-        return False
-    pairs = ((other.feature.one, joint.feature.one), (other.feature.two, joint.feature.two))
-    return all(set(own.vertices) <= set(face.vertices) for own, face in pairs)
+def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -> bool:
+    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone.
+
+    Directions that only cuts between the parts of a body leave to a pair of them are none of the solids'.
+    """
+    own = joint.feature
+    around = [
+        other.normals[0]
+        for other in wide
+        if set(own.one.vertices) <= set(other.feature.one.vertices)
+        and set(own.two.vertices) <= set(other.feature.two.vertices)
+    ]
+    one, two = (movable, movable.parts[joint.parts[0]]), (static, static.parts[joint.parts[1]])
+    its = [normal for site, normal in zip(joint.sites, joint.normals, strict=True) if is_own(one, two, site)]
+    return bool(around) and all(any(n @ other >= 1.0 - DEFAULT.side for other in around) for n in its)
+
+
+def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
+    """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
+
+    Parameters
+    ----------
+    one, two : (Body, ConvexPart)
+        A part of each body.
+    site : (3,) int array
+        See `kernels.facet_rows`.
+    """
+    kind, *rows = site.tolist()
+    return all(
+        (element := part.elements[letter][row]).kind == letter and body.owns(element)
+        for (body, part), letter, row in zip((one, two), _LETTERS[kind], rows, strict=True)
+        if letter != "V"
+    )
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
@@ -316,6 +348,28 @@ def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     X, Y = placed_elements(one, two, pose, contact, rho)
     first, second = _nearest_points(X, Y)
     return float(np.linalg.norm(first - second))
+
+
+def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
+    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is.
+
+    `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first.
+    """
+    deep, start = 0.0, 0
+    for part, element in ((one, contact.feature.one), (two, contact.feature.two)):
+        own = part.carriers(element) if element.kind == "F" else []
+        deep = max(deep, -max((float(separations[start + part.loops.index(loop)]) for loop in own), default=0.0))
+        start = len(part.loops)
+    return deep
+
+
+def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
+    """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
+    kind, own, other = site.tolist()
+    if kind == kernels.E1E2:
+        first, second = one.edges[own, :2].tolist(), two.edges[other, :2].tolist()
+        return tuple(first), tuple(second)
+    return (one.loops[own], (other,)) if kind == kernels.F1V2 else ((own,), two.loops[other])
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

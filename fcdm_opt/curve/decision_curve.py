@@ -29,7 +29,7 @@ from fcdm_opt.curve.segments import (
     without_borders,
 )
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -97,6 +97,9 @@ class DecisionCurve(Shown):
         for whole in self.chains:
             chain = [stretch for stretch in whole if not is_point(stretch.whole)] or list(whole)
             spans = [clipped(stretch.whole, self.box) for stretch in chain]
+            shown = next((np.mean(span, axis=0) for span in spans if span is not None), None)
+            if shown is not None and self._buried(shown):
+                continue
             back = _hanging(chain, spans)
             chain, spans = chain[-back:] + chain[:-back], spans[-back:] + spans[:-back]
             run: list[Segment] = []
@@ -116,8 +119,8 @@ class DecisionCurve(Shown):
             if run:
                 branches.append(Branch(tuple(run)))
         for rho, one, two in [] if self._convex else self._union.alone:
-            near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
-            if in_box(rho, self.box) and abs(float(self.gap(rho, settled=False))) <= near:
+            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+            if in_box(rho, self.box) and abs(self.near_gap(rho, near)) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
                 points.append(self._switching_point(*runs, len(points) + 1, alone=True))
         return tuple(branches), tuple(points)
@@ -204,7 +207,7 @@ class DecisionCurve(Shown):
         point, bodies = _pair(rho), (self.movable, self.static)
         slack = DEFAULT.nominal * max(body.size for body in bodies)
         if len(self.movable.parts) * len(self.static.parts) > LISTED:
-            on_curve = abs(float(self.gap(point, settled=False))) <= slack
+            on_curve = abs(self.near_gap(point, slack)) <= slack
             met = without_borders(meetings(*bodies, self.pose, point, slack)) if on_curve else ()
         else:
             found = self.locate(point)
@@ -251,7 +254,8 @@ class DecisionCurve(Shown):
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
         near = tolerance * np.abs(point).max()
-        if point.min() > 0 and abs(float(self.gap(point, settled=False))) > 2.0 * near * self._reach.sum():
+        most = 2.0 * near * float(self._reach.sum())
+        if point.min() > 0 and abs(self.near_gap(point, most)) > most:
             return None  # a change of the scales by `near` closes no such gap
         each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
         low, high = np.array(self.box).T
@@ -317,7 +321,8 @@ class DecisionCurve(Shown):
                 ends += [lo, hi]
         low, high = span[0] * (1.0 - DEFAULT.line), span[1] * (1.0 + DEFAULT.line)
         apart = [s for k, s in enumerate(ends) if not (k and s <= ends[k - 1] * (1.0 + DEFAULT.line))]
-        return np.array([float(np.clip(s, *span)) for s in apart if low <= s <= high and 0 < s < np.inf])
+        listed = [float(np.clip(s, *span)) for s in apart if low <= s <= high and 0 < s < np.inf]
+        return np.array([s for s in listed if not self._buried(np.array([rho1, s]))])
 
     def rho2(self, rho1: ArrayLike) -> Array:
         """Return the least contact scale rho_2 in the box for each rho_1, nan where there is none."""
@@ -346,18 +351,28 @@ class DecisionCurve(Shown):
         if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or not np.isfinite(pairs).all():
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = np.ascontiguousarray(pairs.reshape(-1, 2))
-        if self._convex:
-            rows = self.regions[0].facet_rows
-            gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
-        else:
-            gaps = kernels.least_gaps(*self._bodies, flat)[0]
-        positive = (flat > 0).all(axis=1)
+        gaps, positive = self._of_parts(flat), (flat > 0).all(axis=1)
         near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
         for k in np.flatnonzero(positive & (np.abs(gaps) <= near)) if settled else ():  # rounding would decide
             gaps[k] = self._exact_gap(flat[k], near[k])
         for k in np.flatnonzero(positive) if kept_as_surface(self.movable, self.static) else ():
             gaps[k] = self._solids(flat[k]).gap(float(gaps[k]))
         return float(gaps[0]) if pairs.ndim == 1 else gaps.reshape(pairs.shape[:-1])
+
+    def _of_parts(self, pairs: Array) -> Array:
+        """Return the gaps of the convex parts at scale pairs, (n,); below 0 those of the solids are no larger."""
+        if not self._convex:
+            return np.asarray(kernels.least_gaps(*self._bodies, pairs)[0])
+        rows = self.regions[0].facet_rows
+        return np.asarray((rows[:, 5] - pairs @ rows[:, 3:5].T).max(axis=-1))
+
+    def near_gap(self, rho: ArrayLike, slack: float, *, settled: bool = False) -> float:
+        """Return the gap at a scale pair, see `gap`; any number below `-slack` where it is one.
+
+        How deep solids overlap, which takes long, is not looked for where their parts tell that they do.
+        """
+        of_parts = float(self._of_parts(_pair(rho)[None])[0])
+        return of_parts if of_parts < -slack else float(self.gap(rho, settled=settled))
 
     def _exact_gap(self, rho: Array, near: float) -> float:
         """Return the gap at positive scales where it is within rounding of 0: its sign by rational arithmetic."""
@@ -371,6 +386,15 @@ class DecisionCurve(Shown):
             # of parts that barely meet at all scales no line that the exact curve has need be near
             least = min(least, exact if abs(exact) <= 2.0 * near else side * max(size, float(np.finfo(float).tiny)))
         return least
+
+    def _buried(self, rho: Array) -> bool:
+        """Tell whether a contact of parts is one inside a solid kept as its surface, with which the other one overlaps.
+
+        All of its chain is, then, as that nowhere passes the surface.
+        """
+        complete = self.movable.full_body is self.static.full_body is None
+        hollow = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
+        return bool(hollow and self._solids(rho).nested)
 
     def _solids(self, rho: Array) -> PlacedSolids:
         return PlacedSolids(self.movable, self.static, rho, self.transform)
@@ -427,6 +451,7 @@ def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) 
     return 0
 
 
+@known_arguments
 def decision_curve(
     movable: Body,
     static: Body,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, cast
 
@@ -89,6 +90,15 @@ class Feature:
         if not elements or any(len(set(vertices)) not in _COUNTS[kind] for kind, vertices in elements):
             raise InputError("not a feature label", found=label, allowed="V1F2(P1V6; P2V2,V3,V5) and the like")
         return cls(*elements)
+
+    @staticmethod
+    def all_in_words(text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body]) -> str:
+        """Return a text with `in_words` in place of each label; "keep-out 'post' " before one says what body 2 is."""
+
+        def told(found: re.Match[str]) -> str:
+            return Feature.from_label(found[2]).in_words(movable, keep_outs.get(found[1] or "", static))
+
+        return re.sub(rf"(?:keep-out '([^']*)' )?({_LABEL.pattern})", told, text)
 
     def merged(self, other: Feature) -> Feature | None:
         """Return the contact feature in which two features of one part pair meet, None if they share nothing."""

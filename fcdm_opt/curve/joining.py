@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.region import Region
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
@@ -84,6 +85,7 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
     """Keep one of the stretches that coincide: snug where overlap lies on both sides."""
     kept: list[Stretch | None] = []
     for own in stretches:
+        pacing.check()
         line, (x, y) = _collinear(pieces, own.piece), pieces[own.piece, 2:4].tolist()
         scale = max(float(np.abs(pieces[own.piece, :2]).sum()), LEAST_SCALE)
         rest = np.array([[own.lo, own.hi]])

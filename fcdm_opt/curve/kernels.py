@@ -2069,6 +2069,7 @@ def _direction(way):
     return s, (-s if axis - 3 & 1 else s), (-s if axis - 3 & 2 else s)
 
 
+@light
 @kernel
 def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
     """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs times ways, 3), largest |a| and |b|.
@@ -2151,6 +2152,7 @@ def interval(lines, base, travel, limits):
     return lo, hi
 
 
+@light
 @kernel
 def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, limits):
     """Return which stretches of the pieces are on the boundary of a union of regions, (k, 3): piece, lo, hi.

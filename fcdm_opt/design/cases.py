@@ -12,8 +12,9 @@ from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -25,15 +26,16 @@ COLUMNS = (
     "amount_high", "rho_1", "rho_2", "pair_state", "pair_gap", "unit",
 )  # fmt: skip
 """Of a table of cases, before the motion's parameters (angles in degrees) and the verdict."""
+OF_ALL = ("usable", "amount", "lower_bound", "gap", "amount_low", "amount_high")
 
 
-class SolvedCases(Mapping[str, Solution], Shown):
+class SolvedCases(Mapping[str, Any], Shown):
     """Solutions by the name of their case, in order; `print` shows their verdicts, `to_frame` gives one table."""
 
-    def __init__(self, solutions: Mapping[str, Solution]) -> None:
+    def __init__(self, solutions: Mapping[str, Bounded]) -> None:
         self._solutions = dict(solutions)
 
-    def __getitem__(self, name: str) -> Solution:
+    def __getitem__(self, name: str) -> Any:
         return self._solutions[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -65,14 +67,14 @@ class SolvedCases(Mapping[str, Solution], Shown):
 
 
 def solve_all(
-    problem: Problem | Iterable[Problem], *, requirement: str | None = None, **how: Any
+    problem: Problem | Assembly | Iterable[Problem | Assembly], *, requirement: str | None = None, **how: Any
 ) -> SolvedCases:
     """Solve several questions, each by itself.
 
     Parameters
     ----------
-    problem : Problem, or several
-        As `load_problems` returns them.
+    problem : Problem or Assembly, or several
+        As `load_problems` and `load_assemblies` return them.
     requirement : "all", or letters such as "AD", optional
         Ask each problem for these requirements in place of its own: the cases are named by their letters.
     **how
@@ -83,9 +85,9 @@ def solve_all(
     InputError
         As `solve` does, and for a requirement that is none.
     """
-    problems = list(problem) if isinstance(problem, Iterable) else [problem]
+    problems: list[Any] = list(problem) if isinstance(problem, Iterable) else [problem]
     for each in problems:
-        expected(each, Problem, "problem")
+        expected(each, Problem if requirement else (Problem, Assembly), "problem")
     letters = "".join(SIGNS) if requirement == "all" else requirement
     if letters is not None:
         if not isinstance(letters, str) or not letters or set(letters) - set(SIGNS):
@@ -97,43 +99,35 @@ def solve_all(
             for each in problems
             for letter in letters
         ]
-    solved: dict[str, Solution] = {}
+    solved: dict[str, Bounded] = {}
     for number, each in enumerate(problems, 1):
         name = each.name or str(number)
         solved[name if name not in solved else f"{name} ({number})"] = solve(each, **how)
     return SolvedCases(solved)
 
 
-def case_rows(cases: Iterable[tuple[str, Solution | AssemblySolution]]) -> list[dict[str, Any]]:
-    """Return a row for each named solution, all with the same columns; of an assembly parameters as PART.NAME."""
+def case_rows(cases: Iterable[tuple[str, Bounded]]) -> list[dict[str, Any]]:
+    """Return a row for each named solution, all with the same columns; of an assembly parameters as PART.NAME.
+
+    The columns that one pair of bodies has are empty there.
+    """
     rows = []
     for name, solution in cases:
+        row: dict[str, Any] = {"case": name, "status": solution.status.name, "unit": solution.question.unit}
+        row |= {key: getattr(solution, key) for key in OF_ALL}
         if isinstance(solution, AssemblySolution):
-            rows.append(_assembly_row(name, solution))
-            continue
-        problem, (rho_1, rho_2) = solution.problem, solution.pair.tolist()
-        gap = 0.0 if abs(solution.pair_gap) <= DEFAULT.weld * problem.size else solution.pair_gap  # rounding
-        told = (
-            name, problem.requirement, problem.goal, solution.status.name, solution.usable, solution.amount,
-            solution.lower_bound, solution.gap, solution.amount_low, solution.amount_high, rho_1, rho_2,
-            solution.pair_state, gap, problem.unit,
-        )  # fmt: skip
-        row: dict[str, Any] = dict(zip(COLUMNS, told, strict=True))
-        row |= _moved(problem.motion, solution.parameters)
-        row["verdict"] = str(solution).splitlines()[0].removeprefix(f"{problem.name}: ")
+            for part, motion in solution.assembly.motions.items():
+                moved = _moved(motion, solution.parameters.get(part, {}))
+                row |= {f"{part}.{own}": x for own, x in moved.items()}
+        elif isinstance(solution, Solution):
+            problem, (row["rho_1"], row["rho_2"]) = solution.problem, solution.pair.tolist()
+            row |= {"requirement": problem.requirement, "goal": problem.goal, "pair_state": solution.pair_state}
+            rounding = abs(solution.pair_gap) <= DEFAULT.weld * problem.size
+            row |= {"pair_gap": 0.0 if rounding else solution.pair_gap, **_moved(problem.motion, solution.parameters)}
+        row["verdict"] = str(solution).splitlines()[0].removeprefix(f"{solution.question.name}: ")
         rows.append(row)
-    moved = dict.fromkeys(key for row in rows for key in row if key not in (*COLUMNS, "verdict"))
-    return [{key: row.get(key) for key in (*COLUMNS, *moved, "verdict")} for row in rows]
-
-
-def _assembly_row(name: str, solution: AssemblySolution) -> dict[str, Any]:
-    """Return the row of an assembly: the columns that one pair of bodies has are empty."""
-    names = ("usable", "amount", "lower_bound", "gap")
-    row: dict[str, Any] = {"case": name, "status": solution.status.name, "unit": solution.assembly.unit}
-    row |= {own: getattr(solution, own) for own in names}
-    for part, motion in solution.assembly.motions.items():
-        row |= {f"{part}.{own}": x for own, x in _moved(motion, solution.parameters.get(part, {})).items()}
-    return {**row, "verdict": solution.advice}
+    more = dict.fromkeys(key for row in rows for key in row if key not in (*COLUMNS, "verdict"))
+    return [{key: row.get(key) for key in (*COLUMNS, *more, "verdict")} for row in rows]
 
 
 def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -143,7 +137,7 @@ def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
             for (own, kind), x in pairs}  # fmt: skip
 
 
-def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Solution | AssemblySolution]]) -> None:
+def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Bounded]]) -> None:
     """Write a row for each named solution as CSV."""
     rows = case_rows(cases)
     to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *(list(row.values()) for row in rows)])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.design.moved_files import read
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real
@@ -71,6 +71,7 @@ class Uniform(_Drawn):
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Normal(_Drawn):
     """A normal distribution cut off at both ends of a range.

@@ -10,8 +10,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
-from fcdm_opt.errors import InputError
-from fcdm_opt.problem.schema import closest
+from fcdm_opt.errors import InputError, closest
 
 Place = tuple[str | int, ...]  # keys of tables, and rows of lists from 0
 _BARE = r"""[^.\[\]\s"']+(?: [^.\[\]\s"']+)*+"""

@@ -18,16 +18,16 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.design.places import Place, check_item, parse, put, written
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body, plain_step
+from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, checked, closest, known_sizes
+from fcdm_opt.problem.schema import Entry, checked, known_sizes
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
@@ -75,7 +75,7 @@ def plain_value(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): plain_value(item) for key, item in value.items()}
     if isinstance(value, Motion):
-        return [plain_step(step) for step in value.steps]
+        return [step.own_plain() for step in value.steps]
     if isinstance(value, Body):
         return plain_body(value)
     if isinstance(value, list | tuple):

@@ -7,7 +7,10 @@ from itertools import product
 import numpy as np
 from manifold3d import Manifold
 
+from fcdm_opt import compiling
 from fcdm_opt.along.coherent_range import coherent_range
+from fcdm_opt.curve.batch import decision_curves
+from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.design.compensation.compensation_map import compensation_map
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.stack.stack_up import stack_up
@@ -23,11 +26,13 @@ ASIDE, TURN = Translation("x"), Rotation("z", centre="origin")
 
 def shared() -> None:
     """Ask what needs the kernels of curves, shifts and the judge: those that all other questions need, too."""
+    compiling.eager()
     solve(_larger(ASIDE), certify=True)
 
 
 def moved() -> Solution:
     """Ask what needs the kernels of motions and their proofs; return the last answer."""
+    compiling.eager()
     wedge = Body.convex([(0, 0, 0), (2, 0.3, 0), (0.4, 1.7, 0), (0.6, 0.5, 1.9)], name="wedge")
     stone = Body.convex([(3, 0.2, -0.4), (5, 0, 0), (4.2, 1.9, 0.1), (4, 0.6, 2.2), (3.4, 1.1, 1.3)], name="stone")
     beyond = Problem(wedge, stone, nominal=1, tolerance=0.01, requirement="B", motion=ASIDE >> TURN)
@@ -38,8 +43,15 @@ def moved() -> Solution:
 
 
 def sized() -> None:
-    """Ask what needs the kernels of sizes, poses, maps and bodies kept as surfaces."""
+    """Ask what needs the kernels of unions, faces on faces, sizes, poses, maps and bodies kept as surfaces."""
+    compiling.eager()
     peg, plate = _bodies()
+    decision_curve(peg, plate).crossings(1.02)
+    block, floor = Body.convex(_box((-1, -1, 0), (1, 1, 3))), Body.convex(_box((-3, -3, -1), (3, 3, 0)))
+    decision_curves(block, floor, np.eye(4)[None])
+    resting = Problem(block, floor, target=(0.98, 1.0), goal="seat", motion=Translation("z"))
+    resting.curve.contact_points((1.0, 1.0))
+    solve(resting)
     asked = Problem(peg, plate, tolerance=0.01, requirement="A", goal="touch", motion=ASIDE)
     compensation_map(asked, error=0.1)
     best_pose(asked)
@@ -58,10 +70,10 @@ def _larger(motion: Motion) -> Problem:
 
 def _bodies() -> tuple[Body, Body]:
     """Return a peg, and a plate of four walls around it, a little wider."""
-
-    def box(low: tuple[float, ...], high: tuple[float, ...]) -> list[tuple[float, ...]]:
-        return list(product(*zip(low, high, strict=True)))
-
     w = 1.05
     walls = [((-5, -5, 0), (-w, 5, 2)), ((w, -5, 0), (5, 5, 2)), ((-w, -5, 0), (w, -w, 2)), ((-w, w, 0), (w, 5, 2))]
-    return Body.convex(box((-1, -1, 0.5), (1, 1, 4)), name="peg"), Body.from_parts([box(*wall) for wall in walls])
+    return Body.convex(_box((-1, -1, 0.5), (1, 1, 4)), name="peg"), Body.from_parts([_box(*wall) for wall in walls])
+
+
+def _box(low: tuple[float, ...], high: tuple[float, ...]) -> list[tuple[float, ...]]:
+    return list(product(*zip(low, high, strict=True)))

@@ -20,7 +20,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from fcdm_opt import beside, pacing
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import known_to
@@ -31,10 +31,8 @@ from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.entries import plain_step
 from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
@@ -275,8 +273,7 @@ def _because(situation: Situation, choice: Choice) -> str:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
         why = ONE_WAY.format(_places(len(situation.contacts)), kept)
-    shift = choice.motion.steps[0]
-    if len(choice.motion.steps) == 1 and isinstance(shift, Translation) and shift.axis == named(situation.normal):
+    if choice.motion.steps == (Translation(named(situation.normal)),):
         why += ", and along the contact's normal is the shortest way"
     return why
 
@@ -468,7 +465,7 @@ def motion_entry(motion: Motion) -> str:
     names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
     words = []
     for step in motion.steps:
-        entry = plain_step(step)
+        entry = step.own_plain()
         for key in ("translation", "rotation"):
             if isinstance(entry.get(key), list):
                 entry[key] = names.get(tuple(entry[key]), entry[key])

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.contact import Joint, joints
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.solids import PlacedSolids
-from fcdm_opt.problem.reach import modelled_parts
+from fcdm_opt.problem.active_parts import active_bodies
 from fcdm_opt.tolerances import DEFAULT
 
 DRAWN = (1.0, 1.0)
@@ -134,7 +134,7 @@ class Situation:
     @cached_property
     def curve(self) -> DecisionCurve:
         """The decision curve in `box`."""
-        return self._usual if self._modelled else replace(self._usual, box=self.box)
+        return self._usual if self.large else replace(self._usual, box=self.box)
 
     @cached_property
     def nearest(self) -> Near | None:
@@ -200,23 +200,22 @@ class Situation:
         return self._usual if self.state == "touching" or self._usual.segments else self._wide
 
     @cached_property
-    def _modelled(self) -> dict[str, Any]:
-        """The parts of large bodies that are near each other, and the box of their curve, as in a problem."""
-        return modelled_parts({"nominal": "drawn", "box": WIDE}, self.movable, self.static, None)
+    def _active(self) -> tuple[tuple[Body, Body], Box]:
+        """The bodies with the parts that a problem about them looks at, and the box of their curve."""
+        return active_bodies(self.movable, self.static, "drawn", WIDE)
 
     @property
     def large(self) -> bool:
-        """Whether only some of the bodies' parts are modelled."""
-        return bool(self._modelled)
+        """Whether only some of the bodies' parts are looked at."""
+        return self._bodies[0] is not self.movable
 
-    @cached_property
+    @property
     def _bodies(self) -> tuple[Body, Body]:
-        """The bodies as a problem about them models them."""
-        return self._modelled.get("movable", self.movable), self._modelled.get("static", self.static)
+        return self._active[0]
 
     @cached_property
     def _usual(self) -> DecisionCurve:
-        return decision_curve(*self._bodies, **({"box": self._modelled["box"]} if self._modelled else {}))
+        return decision_curve(*self._bodies, box=self._active[1] if self.large else DEFAULT_BOX)
 
     @cached_property
     def _wide(self) -> DecisionCurve:

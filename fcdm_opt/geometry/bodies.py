@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import (
     LARGEST,
     SMALLEST,
@@ -211,10 +211,10 @@ class Body(_Sealed, Shown):
         where it was made exactly from a mesh.
     hollow : bool
         Whether the parts are all of the solid's surface but leave out some of what is inside it.
-    whole : Body or None
-        The body with all parts, where these are only some of it, see `fcdm_opt.problem.reach`.
-    rows : tuple of int
-        The numbers, from 0, of the parts of `whole` that these are.
+    full_body : Body or None
+        The body with all parts, where these are only some of it, see `subset`.
+    part_indices : tuple of int
+        The numbers, from 0, of the parts of `full_body` that these are.
     rounding : float
         Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
@@ -232,12 +232,13 @@ class Body(_Sealed, Shown):
     notes: tuple[str, ...] = ()
     skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
     hollow: bool = False
-    whole: Body | None = field(default=None, repr=False)
-    rows: tuple[int, ...] = field(default=(), repr=False)
+    full_body: Body | None = field(default=None, repr=False)
+    part_indices: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
     unit: UnitOrNone = ""
 
     @classmethod
+    @known_arguments
     def convex(
         cls,
         vertices: ArrayLike,
@@ -268,6 +269,7 @@ class Body(_Sealed, Shown):
         return cls._made(points, [np.arange(len(points))], None, seed, name)._in(unit)
 
     @classmethod
+    @known_arguments
     def from_parts(
         cls,
         vertices: ArrayLike | Sequence[ArrayLike],
@@ -320,6 +322,7 @@ class Body(_Sealed, Shown):
         return replace(body, deviation=_deviation(deviation, name))._in(unit)
 
     @classmethod
+    @known_arguments
     def from_mesh(
         cls,
         vertices: Any,
@@ -371,6 +374,7 @@ class Body(_Sealed, Shown):
         return body._in(unit)
 
     @classmethod
+    @known_arguments
     def from_file(
         cls,
         path: str | Path,
@@ -514,6 +518,8 @@ class Body(_Sealed, Shown):
 
         True of all where faces were listed by hand, as some may be left out.
         """
+        if self.full_body is not None:
+            return self.full_body.owns(element)
         if len(self.parts) == 1 or not (self.skin or self.outlines == self.faces):
             return True
         labels = set(element.vertices)
@@ -583,6 +589,18 @@ class Body(_Sealed, Shown):
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     @cached_property
+    def extremes(self) -> tuple[Array, tuple[Element, ...]]:
+        """Corners of the hull of the full body, (n, 3), and which of its own vertices each is: none moves further."""
+        from scipy.spatial import ConvexHull
+
+        if self.full_body is not None:
+            return self.full_body.extremes
+        points = np.concatenate([part.vertices for part in self.parts])
+        elements = [element for part in self.parts for element in part.elements["V"]]
+        rows = range(len(points)) if len(self.parts) == 1 else np.sort(ConvexHull(points).vertices).tolist()
+        return frozen(points[list(rows)]), tuple(elements[k] for k in rows)
+
+    @cached_property
     def packed(self) -> tuple[Array, Ints, Ints]:
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
@@ -597,9 +615,10 @@ class Body(_Sealed, Shown):
         body = Body._made(made.points, list(made.parts), None, self.seed, self.name, surface=made.surface)
         return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]), unit=self.unit)
 
-    def only(self, rows: Sequence[int]) -> Body:
-        """Return the body with some of its parts alone, by number; the whole one stays with it."""
-        return replace(self, parts=tuple(self.parts[k] for k in rows), whole=self, rows=tuple(rows))
+    def subset(self, indices: Sequence[int]) -> Body:
+        """Return the body with some of its parts alone, by number from 0; the full one stays with it."""
+        parts = tuple(self.parts[k] for k in indices)
+        return replace(self, parts=parts, full_body=self, part_indices=tuple(indices))
 
     def _in(self, unit: str) -> Body:
         if unit not in ("", *NANOMETRES):
@@ -612,8 +631,8 @@ class Body(_Sealed, Shown):
         ends = np.cumsum([len(part.vertices) for part in self.parts])[:-1]
         mapped = np.split(rows(np.concatenate([part.vertices for part in self.parts])), ends)
         parts = tuple(part.placed(own, seed) for part, own in zip(self.parts, mapped, strict=True))
-        whole = None if self.whole is None else self.whole._mapped(rows)
-        return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts, whole=whole)
+        full = None if self.full_body is None else self.full_body._mapped(rows)
+        return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts, full_body=full)
 
     def scaled(self, rho: float) -> Body:
         """Return the body scaled by `rho` > 0 about its seed."""
@@ -628,6 +647,11 @@ class Body(_Sealed, Shown):
         scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
         return replace(scaled, deviation=(out, short), facet_errors=errors)
 
+    def with_seed(self, seed: Array) -> Body:
+        """Return the same body with another datum of scaling."""
+        parts = tuple(replace(part, seed=seed) for part in self.parts)
+        return replace(self, seed=seed, parts=parts)
+
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
         T = rigid_transform(transform, key=f"body '{self.name}': transform")
@@ -639,6 +663,7 @@ class Body(_Sealed, Shown):
         return scaled @ transform[:3, :3].T + transform[:3, 3]
 
 
+@known_arguments
 def as_body(
     x: Any,
     *,

@@ -1,8 +1,8 @@
 """How far facets leave the round faces that they stand for, and bodies that the true one lies between.
 
 STEP files say what their faces are. Of a mesh, facets side by side whose corners all lie on one cylinder, cone, sphere
-(`naming.round_faces`) are taken for that surface; of others that turn evenly, as on the flanks of gears and on
-free-form faces, what they leave is estimated from how they turn (`_bent`). With each facet moved by its own error,
+(`naming.round_faces`) are taken for that surface; of others whose bends change evenly, as on the flanks of gears and
+on free-form faces, what they leave is estimated from how they turn (`_bent`). With each facet moved by its own error,
 inward where it sticks out and outward where it falls short, a body becomes one that the true body holds, and one that
 holds it.
 """
@@ -33,11 +33,11 @@ from fcdm_opt.tolerances import DEFAULT
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
 GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # of the angle between facets of a round face, at most
 STRIP = 4  # facets side by side that are taken for a smooth face
-EVEN = 0.8  # of how they turn, at least so much is explained by how they are bent
-CREASE = 0.4  # of the turn between two facets, beyond which their bends do not explain it
-UNEVEN = 2.5  # facets side by side of which one is larger by more than that are not cut from a smooth face
+EVEN = 0.6  # of how they turn, at least so much is explained by how they are bent
+CREASE = 0.35  # of the largest turn there, by which the turn between two facets differs from what their bends tell
 MARGIN = 1.5  # on what bends tell: they change from facet to facet
 NARROW = 1e-3  # of the extent of a facet: narrower, no bend across is told
+USUAL = 0.6  # of the facets of a round face, at least so many are no flats
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
@@ -49,7 +49,7 @@ def facet_errors(body: Body) -> Array | None:
 
     0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then.
     """
-    body = body.whole or body
+    body = body.full_body or body
     if body.facet_errors is not None:
         return body.facet_errors
     if body not in _KNOWN:
@@ -89,7 +89,7 @@ def _recognised(body: Body) -> Array | None:
         np.maximum.at(found, its[its >= 0], own.surface.offsets(corners[its >= 0]))
         for group in _groups(pairs[gentle], len(rows)):
             most = found[group].max(axis=1)
-            kept = group[(most > DEFAULT.drawn * body.size) & (most <= ALIKE * np.median(most))]
+            kept = group[(most > DEFAULT.drawn * body.size) & ~_flats(most)]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
     rows, found = _smooth(body, normals, {face for own in rounds for face in own.faces})
     errors[rows] = np.maximum(errors[rows], found)
@@ -99,6 +99,14 @@ def _recognised(body: Body) -> Array | None:
 def _groups(pairs: Ints, count: int, fewest: int = FEWEST) -> list[Ints]:
     """Return the groups of so many facets at least that pairs join."""
     return [own for own in groups_of(components(pairs, count)) if len(own) >= fewest] if count else []
+
+
+def _flats(errors: Array) -> Flags:
+    """Tell which facets of a round face are flats on it: few, of an error far above those of the others."""
+    levels = np.sort(errors)
+    few = int(USUAL * len(levels))
+    jumps = np.flatnonzero(levels[few:] > ALIKE * levels[few - 1 : -1])
+    return errors > (levels[few - 1 + jumps[0]] if len(jumps) else np.inf)
 
 
 def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple[Ints, Array]:
@@ -118,16 +126,19 @@ def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple
         errors, turning, smooth = _bent(body.vertices, faces, looks, pairs, ends, group)
         its = group[pairs[:, 0]]
         whole, explained = (np.bincount(its, own) for own in (turning, turning & smooth))
-        smooth &= (explained >= EVEN * whole)[its]
+        even = (explained >= EVEN * whole)[its]
+        smooth &= even
+    pairs = pairs[even]
     kept = [np.empty(0, np.int64)]
-    (one, two), beside = np.concatenate([pairs, pairs[:, ::-1]]).T, np.full_like(errors, np.inf)
-    np.minimum.at(beside, one, errors[two])  # at the ends of a face half of the turn is seen
-    errors = np.maximum(errors, np.where(np.isinf(beside), 0.0, beside))
+    (one, two), least, most = np.concatenate([pairs, pairs[:, ::-1]]).T, np.full_like(errors, np.inf), 0.0 * errors
+    np.minimum.at(least, one, errors[two])  # at the ends of a face half of the turn is seen
+    np.maximum.at(most, one, errors[two])  # where bends change their sign none is seen
+    errors = np.max([errors, np.where(np.isinf(least), 0.0, least), most / ALIKE], axis=0)
     telling = np.array([1.0 if len(face) > 3 else 1.0 / 3.0 for face in faces])  # triangles turn as bends let them
     for own in _groups(pairs, len(faces), STRIP):
         most = errors[own].max(axis=1)
         if telling[own].sum() >= STRIP:
-            kept.append(own[most <= ALIKE * np.median(most)])
+            kept.append(own[~_flats(most)])
     rows = np.concatenate(kept)
     return np.array([body.face_rows[faces[k]] for k in rows.tolist()], np.int64), errors[rows]
 
@@ -141,7 +152,9 @@ def _bent(
     corners, least squares (Rusinkiewicz, Estimating curvatures and their derivatives on triangle meshes, 2004); these
     are means over the group of facets there (with the weights of Max, Weights for computing vertex normals, 1999).
     Facets with corners on a face of that form leave it by what a parabola leaves its chords. Two of them turn by what
-    is missing, at their common side, between the chord across it and the side.
+    is missing, at their common side, between the chord across it and the side: by the mean of both their bends, which
+    changes evenly on a smooth face, with uneven chords and through an inflection too, and jumps from turn to turn of a
+    polygon.
 
     Parameters
     ----------
@@ -168,12 +181,10 @@ def _bent(
         np.unique(np.concatenate([own.ravel() for own in spots]), return_inverse=True)[1],
         np.cumsum([own.size for own in spots])[:-1],
     )
-    sums, areas = np.zeros((1 + max(int(own.max()) for own in spots), 3)), np.empty(count)
+    sums = np.zeros((1 + max(int(own.max()) for own in spots), 3))
     for spot, (places, _, flat) in zip(spots, sets, strict=True):
-        x, y = np.moveaxis(flat, -1, 0)
         back, on = np.roll(flat, 1, axis=1) - flat, np.roll(flat, -1, axis=1) - flat
         area = np.abs(back[..., 0] * on[..., 1] - back[..., 1] * on[..., 0])
-        areas[places] = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2.0
         weights = area / np.maximum((back**2).sum(axis=2) * (on**2).sum(axis=2), SMALLEST)
         np.add.at(sums, spot.reshape(area.shape), weights[..., None] * looks[places, None])
     corner_normals, form, errors = units(sums), np.zeros((count, 3)), np.zeros((count, 2))
@@ -206,11 +217,15 @@ def _bent(
         for own, part in ((chord, share), (side, place))
     ]
     turns = ((looks[two] - looks[one]) * way).sum(axis=1)
-    off = np.abs((bulges[0] - bulges[1]) / (depth * (1.0 - share)) - turns).reshape(2, -1).min(axis=0)
-    turns, largest = np.abs(turns).reshape(2, -1).max(axis=0), np.zeros(count)
-    np.maximum.at(largest, one, np.tile(turns, 2))
-    usual, alike = largest[pairs].max(axis=1) / ALIKE, areas[pairs].max(axis=1) <= UNEVEN * areas[pairs].min(axis=1)
-    return np.maximum(errors, 0.0), turns >= usual, alike & (off <= CREASE * np.maximum(turns, usual))
+    bent = ((bulges[0] - bulges[1]) / (depth * (1.0 - share))).reshape(2, -1)
+    halved = np.bincount(one, minlength=count) == 1  # at the ends of a face half of the turn is seen
+    told = ~halved[one].reshape(2, -1)
+    off = np.abs((bent * told).sum(axis=0) / np.maximum(told.sum(axis=0), 1) - turns[: len(pairs)])
+    largest = np.zeros(count)
+    np.maximum.at(largest, one, np.abs(turns))
+    usual = largest[pairs].max(axis=1)
+    turning = np.abs(turns[: len(pairs)]) >= usual / ALIKE
+    return np.maximum(errors, 0.0) * (1.0 + halved)[:, None], turning, off <= CREASE * usual
 
 
 def _squared(form: Array, steps: Array) -> Array:
@@ -225,7 +240,7 @@ def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
 
     None where none are known.
     """
-    body = body.whole or body
+    body = body.full_body or body
     if body not in _BOUNDS:
         errors = facet_errors(body)
         ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]

@@ -45,7 +45,7 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
     corners that the body ends with along an axis; "face 12", as they are counted, for others.
     """
-    return _names_of_faces(body.whole or body)
+    return _names_of_faces(body.full_body or body)
 
 
 @lru_cache(maxsize=16)
@@ -71,7 +71,7 @@ def _looks(body: Body) -> tuple[dict[Label, Array], list[Round]]:
 
 def round_faces(body: Body) -> list[Round]:
     """Return the cylinders, cones and spheres that facets of a body stand for: their corners lie on these."""
-    return _looks(body.whole or body)[1]
+    return _looks(body.full_body or body)[1]
 
 
 def _numbered(rounds: Sequence[Round]) -> dict[Label, str]:
@@ -115,7 +115,7 @@ def _rounded(name: str) -> str:
 
 def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    return _told_faces(body.whole or body)
+    return _told_faces(body.full_body or body)
 
 
 @lru_cache(maxsize=16)

@@ -55,11 +55,48 @@ def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
     InputError
         Where none fits under a face, as the solid there is thinner than rounding.
     """
+    local, sides = _local(vertices, triangles)[0], Sides.around(triangles.ravel(), 3)
+    groups, corners, sizes, _ = convex_faces(local, triangles, sides)
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    points = np.vstack([vertices, apexes(vertices, triangles, groups, corners, sizes, name)])
+    surface = Surface.of(vertices, triangles, flat_groups(local, triangles, sides))
+    hulls = [
+        _pyramid(corners[start:end], len(vertices) + k)
+        for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))
+    ]
+    owners = np.empty(len(sizes), np.int64)
+    owners[groups] = surface.owners
+    return Pyramids(points, hulls, surface, owners)
+
+
+def _local(vertices: Array, triangles: Ints) -> tuple[Array, Array, float]:
+    """Return the vertices from one of those used, relative to their extent; that one, and the extent."""
     used = np.unique(triangles)
     origin, size = vertices[used[0]], float(np.ptp(vertices[used], axis=0).max())
-    local = (vertices - origin) / size
-    sides = Sides.around(triangles.ravel(), 3)
-    groups, corners, sizes, _ = convex_faces(local, triangles, sides)
+    return (vertices - origin) / size, origin, size
+
+
+def apexes(vertices: Array, triangles: Ints, groups: Ints, corners: Ints, sizes: Ints, name: str) -> Array:
+    """Return the apexes of pyramids under a closed surface, (k, 3): as deep as the solid lets them be.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+    triangles : (t, 3) int array
+        Outward.
+    groups : (t,) int array
+        The base that each triangle is of.
+    corners, sizes : int arrays
+        Rows of the corners of all bases, one after the other, and how many each has.
+    name : str
+        Of the body.
+
+    Raises
+    ------
+    InputError
+        Where none fits under a face, as the solid there is thinner than rounding.
+    """
+    local, origin, size = _local(vertices, triangles)
     starts = np.concatenate([[0], np.cumsum(sizes)])
     middles = np.add.reduceat(local[corners], starts[:-1]) / sizes[:, None]
     normals = np.empty((len(sizes), 3))
@@ -70,25 +107,16 @@ def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
     after[starts[1:] - 1] = starts[:-1]
     longest = np.maximum.reduceat(norms(local[corners[after]] - local[corners]), starts[:-1])
     depths = SHARE * longest
-    apexes = middles - depths[:, None] * normals
-    low = np.minimum(np.minimum.reduceat(local[corners], starts[:-1]), apexes)
-    high = np.maximum(np.maximum.reduceat(local[corners], starts[:-1]), apexes)
+    tips = middles - depths[:, None] * normals
+    low = np.minimum(np.minimum.reduceat(local[corners], starts[:-1]), tips)
+    high = np.maximum(np.maximum.reduceat(local[corners], starts[:-1]), tips)
     first, others = _near(low, high, local[triangles], groups)
     fit(local[corners], starts, middles, normals, local[triangles], first, others, depths)
     thin = np.flatnonzero(depths < SHALLOWEST)
     if thin.size:
         found = (vertices[corners[starts[thin[0]]]]).tolist()
         raise InputError("the solid is thinner than rounding under a face", key=f"body '{name}'", found=found)
-    apexes = middles - depths[:, None] * normals
-    points = np.vstack([vertices, origin + size * apexes])
-    surface = Surface.of(vertices, triangles, flat_groups(local, triangles, sides))
-    hulls = [
-        _pyramid(corners[start:end], len(vertices) + k)
-        for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))
-    ]
-    owners = np.empty(len(sizes), np.int64)
-    owners[groups] = surface.owners
-    return Pyramids(points, hulls, surface, owners)
+    return np.asarray(origin + size * (middles - depths[:, None] * normals))
 
 
 def _near(low: Array, high: Array, corners: Array, groups: Ints) -> tuple[Ints, Ints]:

@@ -23,6 +23,7 @@ from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
+from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface, rims
 from fcdm_opt.tolerances import DEFAULT
@@ -99,12 +100,10 @@ class Resizing:
         Faces are chosen on the body as drawn, which the body was before it was scaled.
         """
         if body.hollow:
-            what = (
-                "sizes of faces move those of a solid cut into convex parts, and of this one only the surface is known"
-            )
-            raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed='decomposition = "exact"')
-        chosen = drawn or body
-        face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+            what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
+            allowed = 'decomposition = "exact", or a question at given sizes (made)'
+            raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed=allowed)
+        face_offsets = _face_offsets(drawn or body, sizes)
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
         shares = _shares(body, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
@@ -215,13 +214,78 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     lengths = {size: value for size, value in made.items() if size.is_length and value}
     if not lengths:
         return scaled
-    moving = Resizing.of(scaled, tuple(lengths), drawn=body)
     values = np.array(list(lengths.values()))
-    return _offset(moving, values)
+    if body.hollow:
+        with _at(body, tuple(lengths), values):
+            return _surface_resized(scaled, _face_offsets(body, tuple(lengths)) @ values)
+    return _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
+
+
+def _face_offsets(body: Body, sizes: Sequence[Size]) -> Array:
+    """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
+    return np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+
+
+def _surface_resized(body: Body, offsets: Array) -> Body:
+    """Return a body kept as its surface with its faces moved outward, (faces,): corners stay where the same faces meet.
+
+    Faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn.
+    """
+    triangles = np.concatenate([np.array(own) for own in body.skin])
+    places = (body.vertices + _surface_moves(body, offsets))[: triangles.max() + 1]  # the parts' apexes come after
+    surface = _surface(body, places)
+    made = _same_pyramids(body, places, triangles)
+    if made is None:
+        anew = pyramids(places, surface.triangles, body.name)
+        made = Body._of_surface(anew, body.seed, body.name, notes=body.notes, moved=0.0)
+    errors = body.facet_errors if made.faces == body.faces else None
+    return replace(made, deviation=body.deviation, facet_errors=errors, unit=body.unit)
+
+
+def _surface_moves(body: Body, offsets: Array) -> Array:
+    """Return how the corners of a body kept as its surface move where its faces move outward, (n, 3); 0 of apexes."""
+    triangles, owners = np.concatenate([np.array(own) for own in body.skin]), body.face_triangles[1]
+    around, normals, moves = [set[int]() for _ in body.vertices], body.face_planes[0], np.zeros_like(body.vertices)
+    for face, triangle in zip(owners.tolist(), triangles.tolist(), strict=True):
+        for row in triangle:
+            around[row].add(face)
+    for row in np.unique(triangles[offsets[owners] != 0.0]).tolist():
+        own = sorted(around[row])
+        move = _agree(normals[own], offsets[own])
+        if move is None:
+            listed = ", ".join(f"F{face + 1}" for face in own)
+            raise InputError(f"a corner would split, as the faces {listed} that meet there move apart")
+        moves[row] = move
+    return moves
+
+
+def _same_pyramids(body: Body, places: Array, triangles: Ints) -> Body | None:
+    """Return a body kept as its surface with its corners elsewhere and the same parts; None where one is not convex."""
+    rows = {tuple(point): k for k, point in enumerate(body.vertices[: len(places)].tolist())}
+    bases = [np.array([rows[tuple(point)] for point in part.vertices[:-1].tolist()]) for part in body.parts]
+    holders, near = [set[int]() for _ in places], DEFAULT.planarity * body.size**2
+    for k, (part, base) in enumerate(zip(body.parts, bases, strict=True)):
+        sides = np.roll(places[base], -1, axis=0) - places[base]
+        if (np.cross(sides, np.roll(sides, -1, axis=0)) @ part.normals[0]).min() <= near:
+            return None
+        for row in base.tolist():
+            holders[row].add(k)
+    groups = [set.intersection(*(holders[row] for row in triangle)) for triangle in triangles.tolist()]
+    if not all(groups):
+        return None
+    corners, sizes = np.concatenate(bases), np.array(list(map(len, bases)))
+    tips = apexes(places, triangles, np.array([min(own) for own in groups]), corners, sizes, body.name)
+    parts = zip(body.parts, bases, tips, strict=True)
+    placed = tuple(part.placed(np.vstack([places[base], tip]), body.seed) for part, base, tip in parts)
+    return replace(body, vertices=frozen(np.vstack([places, tips])), parts=placed)
 
 
 def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
     """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    if body.hollow:
+        made_body = resized(body.full_body or body, made)
+        parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
+        return [(part.normals, part.levels - part.normals @ part.seed) for part in parts]
     scaled = _scaled(body, made)
     lengths = {size: value for size, value in made.items() if size.is_length and value}
     moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts if lengths else ()
@@ -240,6 +304,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     if not size.is_length:
         turns = Resizing.of(body, (size,)).inclined() and any(own.is_length and x for own, x in made.items())
         return None if turns else (body.vertices - body.seed) @ size.directions()
+    if body.hollow:
+        return _surface_moves(body, _face_offsets(body, (size,))[:, 0])
     moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
@@ -302,7 +368,7 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
         return _CornersOfParts(found, np.empty((0, 3)), [], None)
     surface = None
     if body.skin and len(found) > 1:
-        with _at(moving, values):
+        with _at(body, moving.sizes, values):
             surface = _surface(body, numbered[0])
             _check_filled(body, found, surface)
     return _CornersOfParts(found, *numbered, surface)
@@ -316,7 +382,7 @@ def _offset(moving: Resizing, values: Array) -> Body:
     if len(body.parts) == 1:
         part = body.parts[0]
         return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
-    with _at(moving, values):
+    with _at(body, moving.sizes, values):
         if surface is not None:
             made = Body._made(rows, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
         else:
@@ -327,14 +393,14 @@ def _offset(moving: Resizing, values: Array) -> Body:
 
 
 @contextmanager
-def _at(moving: Resizing, values: Array) -> Iterator[None]:
+def _at(body: Body, sizes: Sequence[Size], values: Array) -> Iterator[None]:
     """Say of a body that is refused meanwhile at which sizes it was made."""
     try:
         yield
     except InputError as reason:
-        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
+        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
-        raise InputError(what, key=f"body '{moving.body.name}'", found=names, allowed="smaller deviations") from reason
+        raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
 
 
 def _surface(body: Body, rows: Array) -> Surface:

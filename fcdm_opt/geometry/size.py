@@ -12,7 +12,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, numbers
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows
+from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -147,6 +147,28 @@ class Size(Plain):
             key, allowed = ("each", "not all 0") if self.along is None else ("along", "a direction across a face")
             raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
         return moved
+
+    def drawn(self, body: Body) -> float:
+        """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
+
+        nan where nothing that can be measured on the part grows by as much as the size: where a single face moves.
+        """
+        if self.scale is not None:
+            extents = np.ptp(body.vertices @ self.directions(), axis=0)
+            return float(extents.max() if self.scale == "xyz" else np.linalg.norm(extents))
+        moved, (normals, points) = self.offsets(body), body.face_planes
+        rows, measured = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
+        labels = {tuple(sorted(body.faces[k])) for k in rows.tolist()}
+        for own in round_faces(body):
+            if labels == set(own.faces) and "cone" not in own.name and "countersink" not in own.name:
+                side = 1.0 if own.name.startswith(ROUND_KINDS[::2]) else -1.0
+                measured = {side * k * float(moved[rows[0]]): k * own.surface.radius for k in (1.0, 2.0)}
+        towards = normals[rows] @ normals[rows[-1]]
+        ends = [rows[np.abs(towards - side) <= DEFAULT.nominal] for side in (1.0, -1.0)]
+        if len(ends[0]) and len(ends[1]) and len(ends[0]) + len(ends[1]) == len(rows):
+            width = (points[ends[0][0]] - points[ends[1][0]]) @ normals[rows[-1]]
+            measured = {float(np.sign(width) * (moved[ends[0][0]] + moved[ends[1][0]])): abs(float(width))}
+        return next((length for rate, length in measured.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 
     def _keep(self, **values: Any) -> None:
         for key, value in values.items():

@@ -76,10 +76,10 @@ _KNOWN: WeakKeyDictionary[Body, SolidSurface] = WeakKeyDictionary()
 
 def solid_surface(body: Body) -> SolidSurface:
     """Return the boundary of the whole solid that a body, or some of its parts, stands for; worked out once."""
-    whole = body.whole or body
-    found = _KNOWN.get(whole)
+    full = body.full_body or body
+    found = _KNOWN.get(full)
     if found is None:
-        found = _KNOWN[whole] = SolidSurface(whole)
+        found = _KNOWN[full] = SolidSurface(full)
     return found
 
 
@@ -184,7 +184,7 @@ def kept_as_surface(*bodies: Body) -> bool:
 
     Then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`.
     """
-    return any(body.hollow or body.whole is not None for body in bodies)
+    return any(body.hollow or body.full_body is not None for body in bodies)
 
 
 def contains(body: Body, points: Array) -> Flags:
@@ -237,7 +237,8 @@ class PlacedSolids:
     """
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
-        self._own, self.complete = tuple(map(solid_surface, (movable, static))), movable.whole is static.whole is None
+        self._own = tuple(map(solid_surface, (movable, static)))
+        self.complete = movable.full_body is static.full_body is None
         away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
         self._points = rho[0] * self._own[0].points @ transform[:3, :3].T + away, rho[1] * self._own[1].points
         self._corners = tuple(points[own.triangles] for own, points in zip(self._own, self._points, strict=True))

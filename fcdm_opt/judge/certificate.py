@@ -8,31 +8,39 @@ conventions) and the bodies' faces and labels; that the nominal contact is one i
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import hypot, inf, isfinite, isnan
-from typing import Any, NamedTuple
+from math import hypot, inf, isfinite, isnan, nan
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.geometry.facet_errors import facet_errors
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
-from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
+from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
 from fcdm_opt.problem.solution import IN_TIME, Bounded, Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
+Judged = TypeVar("Judged", bound=Bounded)
+PROOF = "proof: "
+RESTORED = "contacts restored: none smaller by their equations, or no other motion"
+NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 MOST_CHECKED = 3  # parameters up to which evidence is kept
@@ -40,14 +48,15 @@ MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
 
+@known_arguments
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
     """Judge a solution, a stack-up, a yield or one pose for all sizes.
 
     Parameters
     ----------
-    solution : Solution, StackUp, GapYield, AssemblyYield or BestPose
-        Taken at its word in nothing: every claim of a solution is recomputed from `solution.problem` and the
-        parameters; what is said of many sizes is looked at where parts are made anew, see `judge.sampled_sizes`.
+    solution : Solution, AssemblySolution, StackUp, GapYield, AssemblyYield or BestPose
+        Taken at its word in nothing: every claim of a solution is recomputed from the question and the parameters; what
+        is said of many sizes is looked at where parts are made anew, see `judge.sampled_sizes`.
     tolerances : Tolerances
         Limits of the checks.
     proof : bool
@@ -63,11 +72,19 @@ def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = Fal
     """
     if hasattr(solution, "claims"):
         return Certificate(solution.claims(proof=proof).checks())
+    if isinstance(solution, AssemblySolution):
+        from fcdm_opt.judge.placed_parts import placed_checks
+
+        return Certificate(placed_checks(solution, tolerances, proof=proof))
     expected(solution, Solution, "solution")
-    return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
+    return Certificate((*_of_motion(solution, tolerances), *(proof_checks(solution) if proof else ())))
 
 
-def judged(solution: Solution) -> tuple[Solution, Certificate]:
+verify_assembly = verify
+"""The same by the name that it once had for assemblies."""
+
+
+def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tuple[Judged, Certificate]:
     """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict.
 
     Where the time given is over before, that is the one check, which fails.
@@ -75,7 +92,7 @@ def judged(solution: Solution) -> tuple[Solution, Certificate]:
     pacing.at("judging the motion found")
     try:
         with pacing.judging():
-            solution = inside_fit(solution)
+            solution = fitting(solution)
             return solution, verify(solution)
     except pacing.TimeOverError as over:
         untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
@@ -93,21 +110,27 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         found = judge.motion, judge.requirement, judge.only_motion, judge.contact
         stages = (*found, judge.sides, judge.path, judge.seats)
         checks = (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
-    return (*checks, *_same_as_read(solution, checks))
+    stored = same_as_read(solution, checks, solution.problem.contact_slack)
+    return (*checks, *stored, *_same_derivatives(solution))
 
 
-def _same_as_read(solution: Solution, checks: tuple[Check, ...]) -> tuple[Check, ...]:
-    """Check what a solution that was stored brings along: its certificate, and the derivatives of its amount."""
-    found, slack, told = {check.name: check for check in checks}, solution.problem.contact_slack, list[Check]()
-    if solution.certificate is not None and solution.certificate.read:
-        both = [(own, found[own.name]) for own in solution.certificate.checks if own.name in found]
-        wrong = [one.name for one, two in both if one.passed != two.passed or not _same(one, two, slack)]
-        told.append(_at_most("certificate", len(wrong), 0, f"checks come out otherwise: {', '.join(wrong) or 'none'}"))
-    if solution.derivatives is not None:
-        anew = plain(replace(solution, derivatives=None).sensitivity)
-        wrong = [key for key, own in plain(solution.derivatives).items() if not agree(own, anew[key], 1e-6, DERIVED)]
-        told.append(_at_most("sensitivity", len(wrong), 0, f"worked out anew, otherwise: {', '.join(wrong) or 'none'}"))
-    return tuple(told)
+def same_as_read(solution: Bounded, checks: Sequence[Check], slack: float) -> tuple[Check, ...]:
+    """Check that the certificate of a solution that was stored says what is found."""
+    told, found = solution.certificate, {check.name: check for check in checks}
+    if told is None or not told.read:
+        return ()
+    both = [(own, found[own.name]) for own in told.checks if own.name in found]
+    wrong = [one.name for one, two in both if one.passed != two.passed or not _same(one, two, slack)]
+    return (_at_most("certificate", len(wrong), 0, f"checks come out otherwise: {', '.join(wrong) or 'none'}"),)
+
+
+def _same_derivatives(solution: Solution) -> tuple[Check, ...]:
+    """Check the derivatives of its amount that a solution which was stored brings along."""
+    if solution.derivatives is None:
+        return ()
+    anew = plain(replace(solution, derivatives=None).sensitivity)
+    wrong = [key for key, own in plain(solution.derivatives).items() if not agree(own, anew[key], 1e-6, DERIVED)]
+    return (_at_most("sensitivity", len(wrong), 0, f"worked out anew, otherwise: {', '.join(wrong) or 'none'}"),)
 
 
 def _same(told: Check, found: Check, slack: float) -> bool:
@@ -116,33 +139,70 @@ def _same(told: Check, found: Check, slack: float) -> bool:
     return told.value == found.value or not abs(told.value - found.value) > room + 1e-6 * abs(found.value)
 
 
-def _of_proof(solution: Solution) -> tuple[Check, ...]:
+def proof_checks(solution: Solution) -> tuple[Check, ...]:
     """Check that what is claimed to be proved is: by the evidence, or without any by the distance at rest."""
     claimed = solution.lower_bound
     if solution.evidence is None:
-        shown, why = _by_distance(solution), f"no evidence is kept: {without_evidence(solution)}; by the gap at rest"
-        if solution.unique_within and solution.problem.amount == "weighted":  # see the check "only motion"
-            shown, why = min(solution.unique_within, solution.amount), "no other motion restores the contacts"
+        shown, why = _by_distance(solution), f"no evidence is kept: {_unproved(solution)}; by the gap at rest"
+        if solution.problem.contacts and solution.problem.amount == "weighted":
+            q = np.array([*solution.parameters.values()]) if solution.parameters else None
+            shown, why = claimed if restored_at_least((solution.problem,), claimed, q) else shown, RESTORED
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
         return () if claimed == 0.0 else (check,)
+    from fcdm_opt.judge.multipliers import check_multipliers
     from fcdm_opt.proof.checker import check_evidence
 
     try:
-        return check_evidence(solution.problem, solution.evidence, claimed)
+        if isinstance(solution.evidence, Multipliers):
+            return check_multipliers(solution, solution.evidence)
+        return check_evidence(solution.problem, cast("Evidence", solution.evidence), claimed)
     except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
         return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
 
 
-def without_evidence(solution: Solution) -> str:
-    """Return why the bound of a solution that was to be certified carries no evidence, in words; "" where it does."""
-    problem = solution.problem
-    if solution.evidence is not None or solution.amount == 0.0:
+def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | None = None) -> bool:
+    """Tell whether the contacts of some problems with the same parameters are shown to need a weighted amount.
+
+    By their equations, or as a motion that restores them, which is no smaller, is the only one that near.
+    """
+    from fcdm_opt.judge.only_motion import none_smaller, only_motion
+
+    if not any(problem.contacts for problem in problems):
+        return False
+    alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
+    slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
+    return alone or amount <= slack or none_smaller(problems, amount - slack)
+
+
+def without_evidence(solution: Solution | AssemblySolution) -> str:
+    """Return why the bound of a solution that was to be certified carries no evidence, in words; "" where it does.
+
+    What several contacts are bounded by is its own evidence, where it is proved anew.
+    """
+    if solution.amount == 0.0:
         return ""
+    if isinstance(solution, AssemblySolution):
+        from fcdm_opt.judge.placed_parts import shared_proofs
+
+        short = [check.name.removeprefix(PROOF) for check in shared_proofs(solution) if not check.passed]
+        told = [f"of {name}: {NOT_BY_EQUATIONS}" for name in short]
+        for pair, own in zip(solution.assembly.contacts, solution.contacts, strict=False):
+            if own.problem.motion == solution.assembly.motions.get(pair.one) and (why := without_evidence(own)):
+                told.append(f"of {pair}: {why}")
+        return "; ".join(told)
+    problem = solution.problem
+    known = solution.evidence is not None or (problem.contacts and all(own.passed for own in proof_checks(solution)))
+    return "" if known else _unproved(solution)
+
+
+def _unproved(solution: Solution) -> str:
+    """Return why there is no evidence of a solution's bound, in words."""
+    problem = solution.problem
     for holds, why in (
-        (bool(problem.contacts), "several contacts are bounded by their equations, not by cells"),
+        (bool(problem.contacts), NOT_BY_EQUATIONS),
         (problem.amount != "weighted", "only the weighted amount is checked"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
-        (problem.movable.whole is not None, "of large meshes only parts within reach are looked at"),
+        (problem.partial, "of large meshes only parts within reach are looked at"),
     ):
         if holds:
             return why
@@ -157,7 +217,7 @@ def _by_distance(solution: Solution) -> float:
     problem = solution.problem
     wanted = {"touch", "clear"} & {problem.goal, problem.pair}
     known = problem.amount == "displacement" or (problem.amount == "weighted" and problem.motion.shifts)
-    surfaces = any(body.hollow or body.whole for body in (problem.movable, problem.static))
+    surfaces = kept_as_surface(*problem.active)
     if not wanted or not known or surfaces:
         return 0.0
     rate = 1.0
@@ -195,18 +255,27 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
-def left_by_mesh(solution: Bounded, slack: float) -> list[Check]:
+def left_by_mesh(solution: Bounded, bodies: Sequence[Body], slack: float) -> list[Check]:
     """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all.
 
-    One that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
+    Bodies whose faces are as drawn leave nothing open, and of those that only come near the solid it is not known. A
+    motion that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
     """
     low, amount, high = solution.amount_low, solution.amount, solution.amount_high
-    if low == amount == high or (isnan(low) and isnan(high)):
+    if isnan(low) and isnan(high):
+        return []
+    errors = [facet_errors(body) for body in bodies]
+    known = all(own is not None for own in errors)
+    if known and low == amount == high:
         return []
     if solution.status is Status.OUTSIDE_FIT:
         amount = inf
     off = 0.0 if 0.0 <= low <= amount <= high else float(np.max([low - amount, amount - high, -low]))
     note = f"left open by the mesh: {low:.6g} to {high:.6g}"
+    if not any(own is None or own.any() for own in errors):
+        off, note = float(np.max([abs(low - amount), abs(high - amount)])), f"{note}, of plane faces"
+    elif not known:
+        off, note = nan, f"{note}, of parts that come near the solid, by how much is not known"
     return [_at_most("amount the mesh allows", off, slack, note)]
 
 
@@ -289,6 +358,38 @@ def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit:
     return min(gap, outside.distance) if outside.distance > limit else gap
 
 
+def keep_out_check(
+    keep_out: KeepOut, movable: Body, own: float, transform: Array, limit: float, tolerances: Tolerances
+) -> Check:
+    """Check that a part made, at its scale and after its motion, keeps clear of a body at every scale of its range."""
+    body, (low, high) = keep_out.body, keep_out.ends
+    filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
+    whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
+    here = transform[None]
+    bound, gaps = whole.lower_bounds(pairs, here), _asked_gaps(whole, pairs, here).tolist()
+    if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - limit):  # explicit vertices do not agree
+        gaps = judged_gaps(whole, pairs, transform, limit)
+        if low < high:
+            scales = np.linspace(low, high, tolerances.scale_points)
+            each = np.column_stack([np.full(len(scales), own), scales])
+            gaps += judged_gaps(scaled_pair(movable, body), each, transform, limit)
+    if kept_as_surface(movable, body):
+        scales = np.linspace(low, high, tolerances.scale_points if low < high else 1)
+        gaps += [solids_gap(movable, body, np.array([own, scale]), transform, limit) for scale in scales]
+    most = max(limit, tolerances.tie * body.size)
+    note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
+    return _at_least(kept_clear(keep_out.name), min(gaps), keep_out.clearance - most, note)
+
+
+def _asked_gaps(scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags | None = None) -> Array:
+    """Return signed distances by coal; where it cannot tell, by explicit vertices; nan for scales that are none."""
+    gaps = scaled.signed_distances(pairs, poses, settled=settled)
+    lost = np.isnan(gaps)
+    if lost.any():
+        gaps[lost] = scaled.least_separations(pairs[lost], poses[lost])
+    return gaps
+
+
 class _Side(NamedTuple):
     """How a part pair opens and closes across a contact line.
 
@@ -314,10 +415,10 @@ class _Judge:
         self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
         self.size = self.problem.size
         self.limit = self.problem.contact_slack
-        bodies = self.problem.movable, self.problem.static
+        bodies, drawn = self.problem.active, (self.problem.movable, self.problem.static)
         self.outside: Outside | None = None
         if kept_as_surface(*bodies):
-            surfaces = WholeSurfaces(*bodies, self.problem.target, self.transform)
+            surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
             *near, self.outside = surfaces.looked_at()
             if self.problem.goal not in TRACKING:  # others may be near on the way
                 bodies = near[0], near[1]
@@ -329,7 +430,7 @@ class _Judge:
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
         if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
-            depth = PlacedSolids(self.problem.movable, self.problem.static, self.problem.target, self.transform).depth
+            depth = PlacedSolids(*drawn, self.problem.target, self.transform).depth
             self.pair_gap = min(-depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
@@ -353,7 +454,7 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *left_by_mesh(solution, slack),
+            *left_by_mesh(solution, problem.bodies, slack),
             *self._whole_steps(),
         ]
 
@@ -390,12 +491,19 @@ class _Judge:
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
         if goal in ("at", "seat") and self._play > self.limit:
-            lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+            claims = self._listed if self._together else self.claims
+            lines = np.array([claim.lines(self.transform[None])[0] for claim in claims])
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         fits = self._fits() if goal == FIT else []
         return [_at_most("requirement", off, slack, "relative distance from the target pair"), *fits]
+
+    @cached_property
+    def _listed(self) -> list[Claim]:
+        """The contacts that are restored together, as claims."""
+        carried = carriers(*self.bodies)
+        return [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in self.problem.contacts]
 
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
@@ -404,9 +512,8 @@ class _Judge:
         """
         from scipy.optimize import linprog
 
-        problem, carried = self.problem, carriers(*self.bodies)
-        claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
-        rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
+        problem = self.problem
+        rows = np.array([claim.rows(self.transform[None])[0] for claim in self._listed])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         if problem.motion.shifts and self._known:
@@ -421,7 +528,7 @@ class _Judge:
             least = float(program.fun) if program.status == 0 else float("nan")
             checks.append(
                 _at_most(
-                    "largest gap least", gaps.max(), least + self.limit, "no shift makes it less, other parts aside"
+                    "largest gap least", gaps.max(), least + self._play, "no shift makes it less, other parts aside"
                 )
             )
         return checks
@@ -433,14 +540,15 @@ class _Judge:
             return []
         from fcdm_opt.judge.only_motion import only_motion
 
-        proved = only_motion(self.problem, self.q, claimed)
+        proved = only_motion((self.problem,), self.q, claimed)
         return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        apart = self.problem.goal in ("clear", FIT) or (self.problem.goal == "touch" and self._play > self.limit)
+        stepped = self._play > self.limit
+        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
@@ -452,12 +560,17 @@ class _Judge:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
             most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
-            known = tracked <= allowed and len(tracked) == most
+            known = tracked <= allowed and (len(tracked) == most or (stepped and self._together))
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.errors(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
+
+    @property
+    def _together(self) -> bool:
+        """Whether several contacts are restored together: in whole steps each to within their play, and open."""
+        return bool(self.problem.contacts)
 
     def _foreign(self) -> int:
         """Return how many claimed elements are no corner, edge or face of their solid."""
@@ -672,27 +785,11 @@ class _Judge:
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""
-        return [self._kept_clear(keep_out) for keep_out in self.problem.keep_out]
-
-    def _kept_clear(self, keep_out: KeepOut) -> Check:
-        body, (low, high) = keep_out.body, keep_out.ends
-        movable, own = self.problem.movable, self.problem.target[0]
-        filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
-        whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
-        here = self.transform[None]
-        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here).tolist()
-        if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - self.limit):  # explicit vertices do not agree
-            gaps = self._gaps(pairs, whole)
-            if low < high:
-                scales = np.linspace(low, high, self.tolerances.scale_points)
-                each = np.column_stack([np.full(len(scales), own), scales])
-                gaps += self._gaps(each, scaled_pair(movable, body))
-        if kept_as_surface(movable, body):
-            scales = np.linspace(low, high, self.tolerances.scale_points if low < high else 1)
-            gaps += [solids_gap(movable, body, np.array([own, scale]), self.transform, self.limit) for scale in scales]
-        limit = max(self.limit, self.tolerances.tie * body.size)
-        note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
-        return _at_least(kept_clear(keep_out.name), min(gaps), keep_out.clearance - limit, note)
+        own, scale = self.problem.active[0], float(self.problem.target[0])
+        return [
+            keep_out_check(keep_out, own, scale, self.transform, self.limit, self.tolerances)
+            for keep_out in self.problem.keep_out
+        ]
 
     # ------------------------------------------------------------------------------------------------------- parts
 
@@ -722,14 +819,6 @@ class _Judge:
         except InputError:  # a screw whose axis has vanished on the way
             return np.full((4, 4), np.nan)
 
-    def _asked(self, scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags | None = None) -> Array:
-        """Return signed distances by coal; where it cannot tell, by explicit vertices; nan for scales that are none."""
-        gaps = scaled.signed_distances(pairs, poses, settled=settled)
-        lost = np.isnan(gaps)
-        if lost.any():
-            gaps[lost] = scaled.least_separations(pairs[lost], poses[lost])
-        return gaps
-
     def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
         """Return how far the bodies are apart or overlap at each point of the way, (k,).
 
@@ -742,7 +831,7 @@ class _Judge:
             settled[:, i, j] |= errors <= self.limit
             least = np.minimum(least, errors)
         settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
-        gaps = self._asked(self.scaled, pairs, poses, settled)
+        gaps = _asked_gaps(self.scaled, pairs, poses, settled)
         return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
 
     def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:

@@ -27,6 +27,7 @@ from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
@@ -56,11 +57,11 @@ def outside_fit(solution: Solution) -> bool:
 def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     """Tell whether a motion leaves the fit in which a problem's parts are drawn."""
     q, bodies = np.array(parameters), (problem.movable, problem.static)
-    if not q.any() or all(len((body.whole or body).parts) == 1 for body in bodies):
+    if not q.any() or all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
     try:
         T = problem.motion.transform(q, *(body.seed for body in bodies))
-        return (_goes_through(problem, q) or _comes_off(problem, T)) and holds(problem)
+        return (goes_through(problem, parameters) or _comes_off(problem, T)) and holds(problem)
     except InputError:  # a screw whose axis has vanished on the way
         return False
 
@@ -88,15 +89,20 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _goes_through(problem: Problem, q: Array) -> bool:
-    """Tell whether body 1 goes through the other one on the straight ray of the parameters, in steps if it turns."""
+@lru_cache(maxsize=16)
+def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
+    """Tell whether body 1 goes through the other one, or a keep-out, on the straight ray of the parameters.
+
+    In steps where it turns.
+    """
+    q = np.array(parameters)
     motion, seeds, size = problem.motion, (problem.movable.seed, problem.static.seed), problem.size
     turned = float(np.abs(q[motion.turning]).sum())
     steps = min(1 + int(turned / TURN), MOST_STEPS)
-    before = _corners(problem, 0.0, REST)
+    before = _corners(problem, 0.0, REST, keep_out)
     for share in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
         pacing.check()
-        after = _corners(problem, share, motion.transform(share * q, *seeds))
+        after = _corners(problem, share, motion.transform(share * q, *seeds), keep_out)
         one, two = zip(before, after, strict=True)
         if any(passes(one, two, way, DEFAULT.snap * size) for way in _displacements(one, two, size, turned > 0.0)):
             return True
@@ -104,10 +110,18 @@ def _goes_through(problem: Problem, q: Array) -> bool:
     return False
 
 
-def _corners(problem: Problem, share: float, pose: Array) -> tuple[Array, Array]:
-    """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed."""
+def _corners(
+    problem: Problem, share: float, pose: Array, keep_out: KeepOut | None = None
+) -> tuple[Array, Array]:
+    """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed.
+
+    Those of a keep-out, at its largest scale, in place of the static body's where one is given.
+    """
     found, made, ends = list[Array](), (problem.movable, problem.static), (problem.nominal_pair, problem.target)
-    for drawn, own, *scales in zip(drawn_bodies(problem), made, *ends, strict=True):
+    asked = list(zip(drawn_bodies(problem), made, *ends, strict=True))
+    if keep_out is not None:
+        asked[1] = keep_out.body, keep_out.body, keep_out.ends[1], keep_out.ends[1]
+    for drawn, own, *scales in asked:
         before, after = (
             own.seed + rho * (corners - own.seed) for rho, corners in zip(scales, _facets(drawn, own), strict=True)
         )
@@ -117,7 +131,6 @@ def _corners(problem: Problem, share: float, pose: Array) -> tuple[Array, Array]
 
 def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
     """Return corners of the same facets of a body as drawn and as made; as made alone where these are others."""
-    drawn, made = drawn.whole or drawn, made.whole or made
     if drawn is not made and made.skin:  # triangulated anew, on vertices that keep their labels
         triangles = np.array([own for face in made.skin for own in face])
         points = made.vertices

@@ -1,8 +1,12 @@
-"""Whether a motion that restores several contacts is the only one in a box of motions: the judge's own proof.
+"""Whether a motion that restores several contacts is the only one in a box, or none is smaller: the judge's own proof.
 
 The contacts are written anew as equations between the corners of the claimed elements, as made and as moved. Where a
 square of their derivatives, times its inverse at the motion, is nearer to the unit matrix than 1 all over the box, no
 two motions of the box meet the equations. The derivatives are bounded piece by piece of the box, in intervals.
+
+Where none in the box is smaller than some amount, multipliers l of the equations F show it piece by piece: about its
+centre c, F(y) = 0 asks for w . y = w . c - l . F(c) - (l . J - w) . (y - c) with w = l . J(c) and J somewhere in the
+piece, so that y is no shorter than the right side over |w|.
 """
 
 from __future__ import annotations
@@ -13,74 +17,178 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
 PIECES = 5000  # of a box, at most
 NEAR = 1.0 - 1e-9  # how near to the unit matrix; what rounding does to the corners is far less
+NARROWED = 0.7  # of the longest side, above which a piece is cut in two
+CORNERS = 1e-12  # of the size: more than the rounding of corners as made, which leaves equations off each other
+ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
 
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
-def only_motion(problem: Problem, q: Array, half: float) -> bool:
-    """Tell whether it is proved that no motion but this one restores a problem's contacts in a box.
+def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
+    """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box.
 
     Parameters
     ----------
-    problem : Problem
-        With `contacts`.
+    problems : sequence of Problem
+        With `contacts`, and the same parameters, weights and limits.
     q : (k,) array
         The motion, which is to lie in the box.
     half : float
         The box: |weight x parameter| <= half. Infinite only of motions that turn nothing.
     """
-    import casadi
-
-    low, high = problem.limits.T
-    moving = np.flatnonzero(low < high)
-    reach = half / problem.weights[moving]
-    if not problem.contacts or not len(moving) or not (np.abs(q[moving]) <= reach).all():
+    low, high = problems[0].limits.T
+    moving, y = np.flatnonzero(low < high), problems[0].weights * q
+    if not _contacts(problems) or not len(moving) or not (np.abs(y[moving]) <= half).all():
         return False
     if np.isinf(half):  # derivatives that are the same everywhere
-        if not problem.motion.shifts:
+        if not all(problem.motion.shifts for problem in problems):
             return False
-        reach = np.abs(q[moving]) + problem.size / problem.weights[moving]
-    smooth = all(step.smooth for step in problem.motion.steps)
-    origin = problem.movable.seed if smooth else np.zeros(3)  # near what turns, intervals are narrow
-    variables = casadi.SX.sym("q", len(q))
-    seeds = (casadi.SX(body.seed - origin) for body in (problem.movable, problem.static))
-    T = problem.motion.seen_from(origin).symbolic(variables, *seeds)
-    rows = [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
-    slopes = casadi.jacobian(casadi.vertcat(*rows), variables)[:, moving.tolist()]
-    here = casadi.Function("slopes", [variables], [slopes])(q).full() * reach
+        half = float(np.abs(y[moving]).max()) + max(problem.size for problem in problems)
+    equations = _Restored(problems, y, moving)
+    here = equations.linearised(y[moving][None])[1][0] * half
     chosen = _independent(here)
     if len(chosen) < len(moving):
         return False
-    inverse, count = np.linalg.inv(here[chosen]), 1
-    bounds = IntervalFunction(casadi.Function("bounds", [variables], [casadi.densify(slopes[chosen, :].T)]))
+    inverse, count, side = np.linalg.inv(here[chosen]), 1, np.full(len(moving), half)
     while count ** len(moving) <= PIECES:
-        over, jumps = _over_box(bounds, q, moving, reach, count)
-        if jumps and not smooth:  # of smooth motions only the way of writing them changes
+        ends = np.linspace(-1.0, 1.0, count + 1)
+        places = np.stack(np.meshgrid(*[np.arange(count)] * len(moving), indexing="ij"), axis=-1)
+        places = places.reshape(-1, len(moving))
+        over, jumps = equations.slopes(ends[places] * side, ends[places + 1] * side)
+        if jumps.any():
             return False
-        off = Interval(inverse, np.zeros(inverse.shape)).contracted(over) - Interval(np.eye(len(inverse)))
+        low, high = over.low[:, chosen].min(axis=0) * half, over.high[:, chosen].max(axis=0) * half
+        product = Interval(inverse, np.zeros(inverse.shape)).contracted(Interval.between(low, high))
+        off = product - Interval(np.eye(len(inverse)))
         if off.size.sum(axis=1).max() < NEAR:  # nan is not
             return True
         count *= 2
     return False
 
 
-def _over_box(bounds: IntervalFunction, q: Array, moving: Ints, reach: Array, count: int) -> tuple[Interval, bool]:
-    """Return what holds the derivatives over a box, cut into `count` pieces each way, and whether they may jump."""
-    ends = np.linspace(-1.0, 1.0, count + 1)
-    places = np.stack(np.meshgrid(*[np.arange(count)] * len(moving), indexing="ij"), axis=-1).reshape(-1, len(moving))
-    values = [Interval(np.full(len(places), x)) for x in q]
-    for k, own in enumerate(moving.tolist()):
-        values[own] = Interval.between(ends[places[:, k]] * reach[k], ends[places[:, k] + 1] * reach[k])
-    (found,), jumps = bounds(values)
-    sides = [np.min(x.low) for x in found], [np.max(x.high) for x in found]
-    low, high = (np.reshape(side, (len(moving), len(moving))) * reach for side in sides)
-    return Interval.between(low, high), bool(np.any(jumps))
+@np.errstate(all="ignore")
+def none_smaller(problems: Sequence[Problem], least: float) -> bool:
+    """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        As of `only_motion`.
+    least : float
+        The amount; infinite where none is to do at all, which is proved only within limits.
+    """
+    weights, (low, high) = problems[0].weights, problems[0].limits.T
+    moving, y = np.flatnonzero(low < high), np.where(low < high, 0.0, low * weights)
+    if not _contacts(problems) or not len(moving):
+        return False
+    low, high = np.maximum(low * weights, -least)[None, moving], np.minimum(high * weights, least)[None, moving]
+    if not np.isfinite([low, high]).all():
+        return False
+    equations = _Restored(problems, y, moving)
+    looked_at = 0
+    while len(low) and looked_at + len(low) <= PIECES:
+        looked_at += len(low)
+        below, above = equations.narrowed(low, high, least)
+        kept, wide = ~(below > above).any(axis=1), (high - low).max(axis=1)
+        low, high = below[kept], above[kept]
+        cut = np.flatnonzero((high - low).max(axis=1) > NARROWED * wide[kept])
+        axis = (high - low)[cut].argmax(axis=1)
+        ends = low[cut], high[cut].copy()
+        high[cut, axis] = ends[0][np.arange(len(cut)), axis] = 0.5 * (low + high)[cut, axis]
+        low, high = np.concatenate([low, ends[0]]), np.concatenate([high, ends[1]])
+    return not len(low)
+
+
+def _contacts(problems: Sequence[Problem]) -> bool:
+    """Whether there are contacts to restore."""
+    return any(problem.contacts for problem in problems)
+
+
+class _Restored:
+    """The equations of all contacts of some problems, and their derivatives, by the weighted parameters that move.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+    y : (k,) array
+        Weighted parameters, of which those that do not move are taken.
+    moving : (j,) ints
+    """
+
+    def __init__(self, problems: Sequence[Problem], y: Array, moving: Ints) -> None:
+        import casadi
+
+        self._corners = CORNERS * max(problem.size for problem in problems)
+        self._smooth = all(step.smooth for problem in problems for step in problem.motion.steps)
+        variables, every, rows = casadi.SX.sym("y", len(moving)), casadi.SX(y), list[Any]()
+        every[moving.tolist()] = variables
+        q = every / problems[0].weights
+        for problem in problems:
+            origin = problem.movable.seed if self._smooth else np.zeros(3)  # near what turns, intervals are narrow
+            seeds = (casadi.SX(body.seed - origin) for body in (problem.movable, problem.static))
+            T = problem.motion.seen_from(origin).symbolic(q, *seeds)
+            rows += [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
+        values = casadi.densify(casadi.vertcat(*rows))
+        slopes = casadi.vec(casadi.densify(casadi.jacobian(values, variables)).T)
+        self._shape = len(rows), len(moving)
+        self._values, self._slopes = (
+            IntervalFunction(casadi.Function("rows", [variables], [own])) for own in (values, slopes)
+        )
+
+    def slopes(self, low: Array, high: Array) -> tuple[Interval, Flags]:
+        """Return what holds the derivatives over boxes, (n, m, j), and where they may jump, (n,)."""
+        found, jumps = self._worked_out(self._slopes, low, high)
+        # of smooth motions only the way of writing them changes
+        return found.shaped((len(low), *self._shape)), np.broadcast_to(np.asarray(jumps) & (not self._smooth), len(low))
+
+    def linearised(self, y: Array) -> tuple[Array, Array]:
+        """Return values, (n, m), and derivatives, (n, m, j), at points in floats."""
+        return self._worked_out(self._values, y, y)[0].middle, self.slopes(y, y)[0].middle
+
+    def narrowed(self, low: Array, high: Array, least: float) -> tuple[Array, Array]:
+        """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations.
+
+        A lower end above an upper one where there is none.
+        """
+        centre = 0.5 * low + 0.5 * high
+        half = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
+        none = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1) * ROUNDED >= least
+        over, jumps = self.slopes(low, high)
+        values = self._worked_out(self._values, centre, centre)[0] + Interval(0.0, self._corners)
+        J = over.middle
+        inverse = np.linalg.pinv(J, rcond=LEAST)
+        levels = (J @ centre[:, :, None])[:, :, 0] - values.middle
+        z = (inverse @ levels[:, :, None])[:, :, 0]
+        balanced = (np.swapaxes(inverse, 1, 2) @ z[:, :, None])[:, :, 0]
+        against = levels - (J @ z[:, :, None])[:, :, 0]  # what no motion changes: where equations disagree
+        for ways in (balanced, against):
+            w = (ways[:, None] @ J)[:, 0]
+            fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])
+            off = fixed.contracted(over)[:, 0] - Interval(w)
+            level = fixed.contracted(values.shaped((*values.middle.shape, 1))).high[:, 0, 0]
+            terms = (w * centre).sum(axis=1), -level, -(off.size * half).sum(axis=1)
+            steep = np.linalg.norm(w, axis=1)
+            far = (sum(terms) - sum(map(np.abs, terms)) * (1.0 - ROUNDED)) / steep * ROUNDED
+            none |= (far > 0.0) & (far >= least) & ~jumps
+            # motions no longer than `least` and as far as this along w lie in a ball about the nearest of them
+            reach = np.sqrt(least * least - far * far) / ROUNDED + (1.0 - ROUNDED) * least
+            known = (far > 0.0) & (far < least) & ~jumps
+            middle, reach = (far / steep)[:, None] * w, np.where(known, reach, np.inf)[:, None]
+            low = np.where(known[:, None], np.maximum(low, middle - reach), low)
+            high = np.where(known[:, None], np.minimum(high, middle + reach), high)
+        return np.where(none[:, None], np.inf, low), high
+
+    def _worked_out(self, function: IntervalFunction, low: Array, high: Array) -> tuple[Interval, Any]:
+        """Return outputs over boxes, (n, outputs), and where they may jump."""
+        (found,), jumps = function([Interval.between(low[:, k], high[:, k]) for k in range(low.shape[1])])
+        sides = ([np.broadcast_to(getattr(x, side), len(low)) for x in found] for side in ("middle", "radius"))
+        return Interval(*(np.stack(side, axis=-1) for side in sides)), jumps
 
 
 def _independent(slopes: Array) -> list[int]:
@@ -97,8 +205,13 @@ def _independent(slopes: Array) -> list[int]:
     return chosen
 
 
+def equations(problem: Problem, T: Any, origin: Array) -> list[Any]:
+    """Return what is 0 where all contacts are closed by a motion T, in CasADi, seen from an origin."""
+    return [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
+
+
 def _equations(problem: Problem, feature: Feature, T: Any, origin: Array) -> Iterator[Any]:
-    """Yield what is 0 where a contact is closed, of corners as made, seen from an origin: those of body 1 are moved."""
+    """Yield lengths that are 0 where a contact is closed, of corners as made and seen from an origin, some moved."""
     import casadi
 
     R, t = T[:3, :3], T[:3, 3]
@@ -111,7 +224,8 @@ def _equations(problem: Problem, feature: Feature, T: Any, origin: Array) -> Ite
     )
     kinds, flush = feature.one.kind + feature.two.kind, any(feature == own.touching for own in problem.nominal_seats)
     if kinds == "EE" and not flush:
-        yield casadi.dot(casadi.cross(R @ (one[1] - one[0]), two[1] - two[0]), R @ one[0] + t - two[0])
+        e, f = (own / np.linalg.norm(own) for own in (one[1] - one[0], two[1] - two[0]))
+        yield casadi.dot(casadi.cross(R @ e, f), R @ one[0] + t - two[0])
     elif kinds[1] == "F" or (kinds[1] == "E" and kinds[0] != "F"):  # in the axes of body 2
         points = [R @ p + t for p in (one if kinds != "FF" else [one[k] for k in _triangle(one)])]
         yield from _off(kinds[1], two, points)
@@ -126,11 +240,13 @@ def _off(kind: str, corners: Sequence[Array], points: Sequence[Any]) -> Iterator
     import casadi
 
     a, b, c = (corners[k] for k in _triangle(corners)) if kind == "F" else (*corners[:2], corners[0])
+    across = np.cross(b - a, c - a) if kind == "F" else b - a
+    across = across / np.linalg.norm(across)
     for p in points:
         if kind == "F":
-            yield casadi.dot(np.cross(b - a, c - a), p - a)
+            yield casadi.dot(across, p - a)
         else:
-            yield from casadi.vertsplit(casadi.cross(casadi.SX(b - a), p - a))
+            yield from casadi.vertsplit(casadi.cross(casadi.SX(across), p - a))
 
 
 def _triangle(corners: Sequence[Array]) -> tuple[int, int, int]:

@@ -12,43 +12,41 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.solids import kept_as_surface
-from fcdm_opt.judge.certificate import judged_gaps, left_by_mesh, solids_gap, verify
+from fcdm_opt.judge.certificate import (
+    PROOF,
+    RESTORED,
+    judged_gaps,
+    keep_out_check,
+    left_by_mesh,
+    proof_checks,
+    restored_at_least,
+    same_as_read,
+    solids_gap,
+    verify,
+)
 from fcdm_opt.judge.engagement import leaves_fit
-from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart
+from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
-from fcdm_opt.problem.solution import Certificate, Check, Status
+from fcdm_opt.problem.solution import Check, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
-def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT) -> Certificate:
-    """Judge the motions of an assembly, from the assembly and the claimed numbers alone.
-
-    Parameters
-    ----------
-    solution : AssemblySolution
-        Taken at its word in nothing.
-    tolerances : Tolerances
-        Limits of the checks.
-
-    Returns
-    -------
-    Certificate
-        All checks with value and limit; without motions the one check that says so.
-    """
+def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: bool) -> tuple[Check, ...]:
+    """Return the checks of the motions of an assembly, see `verify`; without motions the one that says so."""
     assembly = solution.assembly
     if not solution.status.found or not solution.parameters:
-        return Certificate((Check("motions found", False, float("nan"), 0.0, solution.status.name),))
+        return (Check("motions found", False, float("nan"), 0.0, solution.status.name),)
     asked = {part: motion.names for part, motion in assembly.motions.items()}
     known = {part: tuple(own) for part, own in solution.parameters.items()} == asked
     q = {part: list(own.values()) for part, own in solution.parameters.items()}
     numbers = [solution.amount, solution.lower_bound, *(x for own in q.values() for x in own)]
     if not known or not all(map(isfinite, numbers)) or set(solution.transforms) != set(assembly.parts):
         what = f"a finite number for each of {asked}, and a pose for each part"
-        return Certificate((Check("parameters", False, float("nan"), 0.0, what),))
+        return (Check("parameters", False, float("nan"), 0.0, what),)
     try:
         poses = assembly.poses(q)
     except InputError as reason:  # a screw whose axis has vanished on the way
-        return Certificate((Check("parameters", False, float("nan"), 0.0, str(reason)),))
+        return (Check("parameters", False, float("nan"), 0.0, str(reason)),)
     smallest = min(body.size for body in assembly.parts.values())
     limit = max(tolerances.touch * smallest, tolerances.tie * assembly.size)
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
@@ -60,13 +58,54 @@ def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT
         else:
             gap = judged_gaps(scaled_pair(*bodies), rho[None], seen, limit)[0]
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
+    for part in assembly.motions:
+        for keep_out in assembly.keep_out:
+            check = keep_out_check(keep_out, made[part], scales[part], poses[part], limit, tolerances)
+            checks.append(check._replace(name=kept_clear_by(part, keep_out.name)))
     left = out_of_place(solution, poses)
     told = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)
     moved = any(any(own) for own in q.values())
     agrees = solution.status is not Status.NOT_VERIFIED and not (solution.status is Status.ALREADY_SATISFIED and moved)
     agrees &= bool(left) is (solution.status is Status.OUTSIDE_FIT)
     checks.append(Check(IN_PLACE, agrees, len(left), 0.0, told or "no part leaves its fit in another one"))
-    return Certificate(tuple(checks))
+    proofs = proofs_of(solution) if proof else ()
+    return (*checks, *proofs, *same_as_read(solution, checks, DEFAULT.touch * assembly.size))
+
+
+def shared_proofs(solution: AssemblySolution) -> list[Check]:
+    """Check what is claimed of contacts that share motions, see `SharedBound`: by their equations, anew."""
+    assembly, checks, seen = solution.assembly, list[Check](), set[str]()
+    known = {pair[:2]: pair for pair in assembly.contacts}
+    for claim in solution.evidence or ():
+        pairs = [known[pair] for pair in claim.contacts if pair in known]
+        involved = {part for pair in pairs for part in assembly.involved(*pair[:2])}
+        apart = len(pairs) == len(claim.contacts) and not involved & seen  # what two claims share would count twice
+        parts = [part for part in assembly.motions if part in involved]
+        problems = [assembly.problem(pair, parts) for pair in pairs]
+        moved = [x for part in parts for x in solution.parameters.get(part, {}).values()]
+        q = np.array(moved) if solution.status.found else None
+        shown = claim.bound == 0.0 or (apart and restored_at_least(problems, claim.bound, q))
+        name = f"{PROOF}{', '.join(map(str, pairs))}"
+        checks.append(Check(name, bool(shown), claim.bound if shown else 0.0, claim.bound, RESTORED))
+        seen |= involved
+    return checks
+
+
+def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
+    """Check the lower bound: of contacts that share motions, of each other one, and what they come to together."""
+    assembly, checks = solution.assembly, shared_proofs(solution)
+    shown = [check.value for check in checks]
+    taken = {pair for claim in solution.evidence or () for pair in claim.contacts}
+    for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
+        if pair[:2] in taken or tuple(own.parameters) != assembly.problem(pair).motion.names:
+            continue
+        proofs = proof_checks(replace(own, problem=assembly.problem(pair)))
+        checks += [check._replace(name=f"{pair}: {check.name}") for check in proofs]
+        if assembly.is_own(pair) and all(check.passed for check in proofs):
+            shown.append(assembly.weights[pair.one] * own.lower_bound)
+    least, claimed = hypot(*shown), solution.lower_bound
+    passed, why = claimed <= least + DEFAULT.requirement * claimed, "of all contacts that share no motion"
+    return (*checks, Check(f"{PROOF}lower bound", passed, least, claimed, why))
 
 
 def placed(solution: AssemblySolution) -> AssemblySolution:
@@ -129,7 +168,7 @@ def _motions(
         ("limits", excess, tolerances.requirement * assembly.size, ""),
     ]
     checks = [Check(name, value <= most, value, most, note) for name, value, most, note in named]
-    return [*checks, *left_by_mesh(solution, slack)]
+    return [*checks, *left_by_mesh(solution, [*assembly.bodies_made.values()], slack)]
 
 
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:

@@ -45,7 +45,7 @@ class WholeSurfaces:
     """
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
-        self._bodies = movable.whole or movable, static.whole or static
+        self._bodies = movable, static
         self._own = facets_of(self._bodies[0]), facets_of(self._bodies[1])
         away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
         self._places = (rho[0] * transform[:3, :3], away), (rho[1] * np.eye(3), np.zeros(3))
@@ -74,7 +74,7 @@ class WholeSurfaces:
         kept = []
         for body, own in zip(self._bodies, near, strict=True):
             rows = np.flatnonzero(own).tolist()
-            kept.append(body if len(rows) == len(body.parts) else body.only(rows))
+            kept.append(body if len(rows) == len(body.parts) else body.subset(rows))
         return kept[0], kept[1], Outside(apart, self._inside())
 
     def _distance(self, one: Any, two: Any) -> float:

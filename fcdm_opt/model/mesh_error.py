@@ -18,6 +18,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.problem.fit import drawn_bodies, misfit
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
@@ -39,6 +40,12 @@ class _Scene(NamedTuple):
     keep_outs: tuple[Body, ...]
 
 
+def facets_known(problem: Problem) -> None:
+    """Work out what the facets of a problem's bodies leave open, which is kept: it is told however late it is."""
+    for body in problem.bodies:
+        facet_errors(body)
+
+
 def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
@@ -54,6 +61,8 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
     errors = [facet_errors(body) for body in problem.bodies]
     if all(own is not None and not own.any() for own in errors):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
+    if not solution.usable and _too_wide(problem):
+        return replace(solution, amount_low=math.inf, amount_high=math.inf)
     if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
         return solution
     with suppress(pacing.TimeOverError):
@@ -146,7 +155,8 @@ def _bracketed(solution: Solution, inner: Solution, outer: Solution) -> Solution
 
 
 def _gap_at_rest(problem: Problem) -> float:
-    return float(decision_curve(problem.movable, problem.static, box=problem.box).gap(problem.target))
+    curve = decision_curve(*problem.active, box=problem.box)
+    return curve.near_gap(problem.target, problem.contact_slack, settled=True)
 
 
 def _least(solution: Solution, amount: float) -> float:
@@ -180,8 +190,15 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
     return bool(features) and all(_exact(body, element) for body, elements in sides for element in elements)
 
 
+def _too_wide(problem: Problem) -> bool:
+    """Tell whether widths do not go together between faces that are plane in truth: that is so whatever the mesh is."""
+    found = misfit(problem)
+    sides = zip(drawn_bodies(problem), found.faces, strict=True) if found is not None else ()
+    return found is not None and all(own is not None and _exact(body, own) for body, faces in sides for own in faces)
+
+
 def _exact(body: Body, element: Element) -> bool:
-    body, errors = body.whole or body, facet_errors(body)
+    errors = facet_errors(body)
     label = tuple(sorted(element.vertices))
     beside = [label] if element.kind == "F" else body.faces_with(label)
     rows = [body.face_rows.get(face, -1) for face in beside]
@@ -191,7 +208,7 @@ def _exact(body: Body, element: Element) -> bool:
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
     """Tell whether bodies about the true ones overlap no more than the tracked contact lets them, after the motion."""
     rho = solution.pair if solution.problem.contacts else solution.rho
-    if rho is None or solution.problem.movable.whole is not None or outer.keep_outs:
+    if rho is None or solution.problem.partial or outer.keep_outs:
         return False
     curve = decision_curve(outer.movable, outer.static, box=solution.problem.box, transform=solution.transform)
     return float(curve.gap(rho)) >= -solution.problem.contact_slack

@@ -20,7 +20,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
@@ -168,6 +168,7 @@ class Task:
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
+        bodies = movable, static = problem.active
         pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
         seats = problem.nominal_seats if problem.goal == "seat" else ()
@@ -182,16 +183,16 @@ class Task:
             else:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
-            tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
+            tuple(feature_points(*bodies, p.site, p.parts, p.normal, np.eye(3)) for p in some)
             for some in (pieces, () if joints else besides(seats, pieces, problem.target))
         )
-        others += tuple(line for joint in joints for line in lines_of(problem.movable, problem.static, joint))
+        others += tuple(line for joint in joints for line in lines_of(*bodies, joint))
         weights, amount = problem.weights, problem.amount
         if amount == "displacement" and _shifts_at_right_angles(problem):
             weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
         return cls(
-            problem.movable,
-            problem.static,
+            movable,
+            static,
             problem.motion,
             weights,
             _held_limits(problem, seats),
@@ -411,9 +412,9 @@ class Task:
 
     @cached_property
     def made_vertices(self) -> Array:
-        """Vertices of body 1 at the scale made, about the seed at rest, (n, 3)."""
-        used = np.concatenate([part.vertices for part in self.movable.parts])
-        return frozen(self.movable.seed + self.target[0] * (used - self.movable.seed))
+        """Corners of the hull of body 1 at the scale made, about the seed at rest, (n, 3)."""
+        corners, _ = self.movable.extremes
+        return frozen(self.movable.seed + self.target[0] * (corners - self.movable.seed))
 
     @cached_property
     def displacement_rate(self) -> float:
@@ -509,6 +510,13 @@ class Task:
             seen = self._against(opponent, pose)
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
+
+    def beside_joints(self, pairs: Flags) -> Flags:
+        """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
+        found = pairs.copy()
+        for joint in self.joints:
+            found[tuple(np.transpose(joint.hosts))] = False
+        return found
 
     def spans(self, pairs: Ints, along: Array) -> Array:
         """Return from where to where part pairs, (k, 2), are too near along a shift from rest, see `kernels.spans`."""
@@ -708,11 +716,11 @@ class Task:
     @property
     def is_equation(self) -> bool:
         """Whether the requirement is an equation, which motions in whole steps miss."""
-        return self.must_touch or self.goal in ("at", "seat")
+        return self.must_touch or self.goal in ("at", "seat", FIT)
 
     def miss(self, q: Array) -> float:
-        """Return by how much a motion misses an equation, a length."""
-        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat") else 0.0
+        """Return by how much a motion misses an equation, a length; of goal "fit" the largest gap."""
+        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat", FIT) else 0.0
         return max(lines, abs(self.gap(q))) if self.must_touch else lines
 
     def meets_in_steps(self, q: Array) -> bool:
@@ -724,7 +732,7 @@ class Task:
             return self.meets(q, DEFAULT.requirement)
         assert self.resolution is not None
         play = self.motion.play(q, self.resolution, self.made_vertices, self.movable.seed, self.static.seed)
-        if self.miss(q) > play or self.gap(q) < -DEFAULT.touch * self.size:
+        if (self.miss(q) > play and self.goal != FIT) or self.gap(q) < -DEFAULT.touch * self.size:
             return False
         if self.tracked and self.path_faults(q, first=True):
             return False

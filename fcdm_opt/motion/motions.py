@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.motion.kinematics import Kinematics
@@ -30,6 +31,9 @@ ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart ar
 Matrix = tuple[tuple[Any, ...], ...]
 ORIGIN = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+
+PITCHES: dict[str, float | Literal["free"]] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
+"""Words for pitches that are no finite number."""
 
 Kind = Literal["translation", "rotation"]
 AxisWord = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -99,6 +103,22 @@ class Motion:
     def shifts(self) -> bool:
         """Whether the body moves in proportion to the parameters and never turns."""
         return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
+
+    @cached_property
+    def shift_directions(self) -> tuple[Array | None, ...]:
+        """The direction along which each parameter shifts the body, whatever the others do, world frame; or None."""
+        given = [direction for step in self.steps for direction in step.own_shift_directions]
+        return tuple(None if direction is None else frozen(direction) for direction in given)
+
+    @property
+    def about_seed(self) -> bool:
+        """Whether every turn is about the movable seed as already moved: then the shifts alone move the seed."""
+        return all(step.own_about_seed for step in self.steps)
+
+    @property
+    def along_seeds(self) -> Flags:
+        """Which parameters are of a line that joins the seeds, and turns with what other parameters do, (k,)."""
+        return np.array([step.own_along_seeds for step in self.owners], bool)
 
     def ways(self, movable_seed: Any, static_seed: Any) -> Array:
         """Return what each parameter shifts a body that never turns, (k, 3), see `shifts`."""
@@ -289,6 +309,43 @@ class Step(Motion):
         """Whether it has derivatives everywhere."""
         return True
 
+    @property
+    def own_shift_directions(self) -> tuple[tuple[float, ...] | None, ...]:
+        """Unit direction along which each parameter shifts the body, whatever the others do; None of others."""
+        return (None,) * len(self.own_parameters)
+
+    @property
+    def own_about_seed(self) -> bool:
+        """Whether the step leaves the movable seed where it is, but for what `own_shift_directions` say."""
+        return False
+
+    @property
+    def own_along_seeds(self) -> bool:
+        """Whether its line joins the seeds."""
+        return False
+
+    @property
+    def own_pitch(self) -> float | None:
+        """Translation per radian of a step whose one parameter is an angle; None of others."""
+        return None
+
+    @property
+    def own_fixed_points(self) -> tuple[Any, ...] | None:
+        """Points of the world that the step is written with; None where that is not known."""
+        return None
+
+    def own_line(self, movable_seed: Any, static_seed: Any) -> tuple[Any, Any] | None:
+        """Return unit direction of, and a point on, the line that the step is along and about; None without one."""
+        return None
+
+    def own_along_ray(self, q: list[float]) -> tuple[list[Step], list[float]]:
+        """Return simpler steps that do the same on the whole ray to parameters q, and their parameters at q."""
+        return [self], q
+
+    def own_plain(self) -> dict[str, Any]:
+        """Return the step as plain data, as problem files have it."""
+        raise TypeError(f"{type(self).__name__} has no plain data")
+
     def own_shifts(self, first: bool) -> bool:
         """Whether the step shifts along a direction that no earlier step changes; `first`: there is none."""
         return False
@@ -339,6 +396,10 @@ class Straight(Step):
         """Return the unit direction of the line and a point on it, world frame; `movable_seed` as already moved."""
         raise TypeError(f"{type(self).__name__} defines no line")
 
+    def own_line(self, movable_seed: Any, static_seed: Any) -> tuple[Any, Any] | None:
+        """Return `line`."""
+        return self.line(movable_seed, static_seed)
+
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Turn about and shift along the line."""
         along, about = self.movements(q)
@@ -363,6 +424,7 @@ class Straight(Step):
         return _way(self.line(ORIGIN, ORIGIN)[0], sign)
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Translation(Straight):
     """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
@@ -392,11 +454,31 @@ class Translation(Straight):
         """Return the axis through the origin."""
         return self.direction, ORIGIN
 
+    @property
+    def own_shift_directions(self) -> tuple[tuple[float, ...] | None, ...]:
+        """The axis."""
+        return (self.direction,)
+
+    @property
+    def own_about_seed(self) -> bool:
+        """Nothing turns."""
+        return True
+
+    @property
+    def own_fixed_points(self) -> tuple[Any, ...] | None:
+        """None are needed."""
+        return ()
+
+    def own_plain(self) -> dict[str, Any]:
+        """Return its axis."""
+        return {"translation": plain(self.axis)}
+
     def own_shifts(self, first: bool) -> bool:
         """Tell that it always does."""
         return True
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Rotation(Straight):
     """Rotation about a fixed world direction through a centre, right-hand rule.
@@ -443,6 +525,20 @@ class Rotation(Straight):
             return self.direction, tuple(movable_seed) if self.centre == "seed" else ORIGIN
         return self.direction, self.centre
 
+    @property
+    def own_about_seed(self) -> bool:
+        """Where that is the centre."""
+        return self.centre == "seed"
+
+    @property
+    def own_fixed_points(self) -> tuple[Any, ...] | None:
+        """A centre that is not the seed."""
+        return () if self.centre == "seed" else (ORIGIN if isinstance(self.centre, str) else self.centre,)
+
+    def own_plain(self) -> dict[str, Any]:
+        """Return axis and centre."""
+        return {"rotation": plain(self.axis), "centre": plain(self.centre)}
+
     def told_line(self, sign: float) -> str:
         """Return the axis in words, and its centre where it is not the seed."""
         told = super().told_line(sign)
@@ -458,6 +554,7 @@ class Rotation(Straight):
         return True
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Screw(Straight):
     """Rotation about a directed line and translation along it.
@@ -552,6 +649,28 @@ class Screw(Straight):
         return Screw((_shifted(self.axis[0], origin), self.axis[1]), self.pitch)
 
     @property
+    def own_along_seeds(self) -> bool:
+        """Where the axis is not a fixed line."""
+        return self.axis == "seeds"
+
+    @property
+    def own_pitch(self) -> float | None:
+        """The pitch where it is a finite number."""
+        return None if isinstance(self.pitch, str) or self._endless else self.pitch
+
+    @property
+    def own_fixed_points(self) -> tuple[Any, ...] | None:
+        """A point on a fixed line."""
+        return () if isinstance(self.axis, str) else (self.axis[0],)
+
+    def own_plain(self) -> dict[str, Any]:
+        """Return line and pitch."""
+        line = plain(self.axis)
+        named = {value: name for name, value in PITCHES.items()}
+        pitch = {"pitch": named[self.pitch]} if self.pitch in named else {"pitch_per_rad": self.pitch}
+        return {"screw": line if isinstance(line, str) else {"point": line[0], "direction": line[1]}, **pitch}
+
+    @property
     def closed(self) -> bool:
         """Without pitch it is a rotation."""
         return self.pitch == 0.0
@@ -600,6 +719,35 @@ class Free(Step):
             for i in range(3)
         )
         return _about(R, movable_seed, q[:3])
+
+    @property
+    def own_shift_directions(self) -> tuple[tuple[float, ...] | None, ...]:
+        """The world's axes."""
+        return (*(AXES[name] for name in XYZ), None, None, None)
+
+    @property
+    def own_about_seed(self) -> bool:
+        """As it is written."""
+        return True
+
+    @property
+    def own_fixed_points(self) -> tuple[Any, ...] | None:
+        """None are needed."""
+        return ()
+
+    def own_along_ray(self, q: list[float]) -> tuple[list[Step], list[float]]:
+        """Return a shift, and a turn about a fixed direction."""
+        found: tuple[list[Step], list[float]] = [], []
+        for kind, own in ((Translation, q[:3]), (Rotation, q[3:])):
+            length = math.hypot(*own)
+            if length > 0.0:
+                found[0].append(kind((own[0] / length, own[1] / length, own[2] / length)))
+                found[1].append(length)
+        return found
+
+    def own_plain(self) -> dict[str, Any]:
+        """Return that it is free."""
+        return {"free": True}
 
     def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return a shift, and a turn about the seed."""

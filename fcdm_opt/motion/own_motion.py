@@ -74,6 +74,10 @@ class OwnMotion(Step):
         motion._function, motion.text = function, text
         return motion
 
+    def own_plain(self) -> dict[str, Any]:
+        """Return the text of its function, its parameters and its name."""
+        return {"casadi": self.text, "parameters": [list(one) for one in self.own_parameters], "name": self.name}
+
     def __reduce__(self) -> Any:
         return OwnMotion.from_text, (self.text, self._parameters, self.name)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,11 @@ class Carrying:
         own = list(q[self.start : self.start + len(self.motion.parameters)])
         return self.motion.composed(own, *self.seeds)
 
+    def seen_from(self, origin: Array) -> Carrying:
+        """Return the same in coordinates with another origin."""
+        one, two = (tuple((np.array(seed) - origin).tolist()) for seed in self.seeds)
+        return replace(self, motion=self.motion.seen_from(origin), seeds=(one, two))
+
 
 @dataclass(frozen=True)
 class Relative(Step):
@@ -60,6 +65,11 @@ class Relative(Step):
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Carry, and look back; seeds are those of the motions."""
         return product(_inverse(_carried(self.two, q)), _carried(self.one, q))
+
+    def own_seen_from(self, origin: Array) -> Relative:
+        """See every motion from there."""
+        one, two = (tuple(each.seen_from(origin) for each in own) for own in (self.one, self.two))
+        return replace(self, one=one, two=two)
 
     @property
     def bounded(self) -> bool:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any, Self
 
+import numpy as np
+
+from fcdm_opt.doors import upper
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.plain import plain
-from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.solution import Bounded, Certificate, Solution, Status
+from fcdm_opt.plain import agree, plain
+from fcdm_opt.problem.assembly import Assembly, JoinedPair
+from fcdm_opt.problem.evidence import SharedBound
+from fcdm_opt.problem.solution import Bounded, Solution, Status, kept_clear
+from fcdm_opt.tolerances import DEFAULT
 
 IN_PLACE = "status"
 """The check that the status says whether a part leaves the fit in which it is drawn; its note says which."""
@@ -19,6 +25,11 @@ IN_PLACE = "status"
 def kept_apart(one: str, two: str) -> str:
     """Return the name of the check that two parts do not overlap."""
     return f"no overlap: {one} - {two}"
+
+
+def kept_clear_by(part: str, keep_out: str) -> str:
+    """Return the name of the check that a part keeps clear of a keep-out."""
+    return f"{part}: {kept_clear(keep_out)}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,44 +60,48 @@ class AssemblySolution(Bounded):
         How each group of contacts that share parameters was settled.
     active : tuple of str
         What stops the motions from being smaller, or what excludes what.
+    stopped : str
+        What the time limit ended, in words; empty where the search was through. The bound holds all the same.
+    evidence : tuple of SharedBound, or None
+        With `certify` what is claimed of contacts that share motions; of each other contact it is with its solution.
     certificate : Certificate or None
     seconds : dict
         Wall time of "solve" and "verify".
     """
 
     plain_names = (
-        "name", "unit", "status", "advice", "usable", "parameters", "motions", "transforms", "amounts", "amount",
-        "lower_bound", "amount_low", "amount_high", "gap", "contacts", "gaps", "stages", "active", "certificate",
-        "seconds",
+        "name", "unit", "assembly", "status", "advice", "usable", "parameters", "motions", "transforms", "amounts",
+        "amount", "lower_bound", "amount_low", "amount_high", "gap", "contacts", "gaps", "keep_out_gaps", "stages",
+        "active", "stopped", "doubt", "evidence", "certificate", "seconds",
     )  # fmt: skip
 
     assembly: Assembly = field(repr=False)
-    status: Status
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     transforms: Mapping[str, Array] = field(default_factory=dict, repr=False)
     amounts: Mapping[str, float] = field(default_factory=dict)
-    amount: float = float("nan")
-    lower_bound: float = 0.0
-    amount_low: float = float("nan")
-    amount_high: float = float("nan")
     contacts: tuple[Solution, ...] = field(default=(), repr=False)
     stages: tuple[str, ...] = ()
-    active: tuple[str, ...] = ()
-    certificate: Certificate | None = field(default=None, repr=False)
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    evidence: tuple[SharedBound, ...] | None = None
 
-    @cached_property
-    def left_by_mesh(self) -> str:
-        """As in `Bounded`; `known_to` of each two parts says why."""
-        return self._mesh_bracket_text([*self.assembly.bodies_made.values()], self.assembly.unit)
+    def __str__(self) -> str:
+        """Return the verdict in words."""
+        name, told = self.assembly.name, upper("show.assemblies:assembly_verdict")(self)
+        return f"{name}: {told}" if name else str(told)
 
     @property
-    def advice(self) -> str:
-        """What to do, in words; where a part leaves its fit, which and where."""
-        if self.status is not Status.OUTSIDE_FIT or self.certificate is None:
-            return self._meshed(self.status.value)
-        left = next((check.note for check in self.certificate.checks if check.name == IN_PLACE), "")
-        return f"{left}. {self._meshed(self.status.value)}"
+    def question(self) -> Assembly:
+        """`assembly`."""
+        return self.assembly
+
+    @property
+    def _limited(self) -> bool:
+        return any(map(len, self.assembly.limits.values()))
+
+    @property
+    def _why_not(self) -> str:
+        """Which part leaves its fit, and where."""
+        checks = self.certificate.checks if self.certificate and self.status is Status.OUTSIDE_FIT else ()
+        return next((check.note for check in checks if check.name == IN_PLACE), "")
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:
@@ -95,27 +110,65 @@ class AssemblySolution(Bounded):
         return {pair: found[kept_apart(*pair)] for pair in self.assembly.pairs() if kept_apart(*pair) in found}
 
     @property
+    def keep_out_gaps(self) -> dict[tuple[str, str], float]:
+        """Signed distance of each part that moves from each keep-out, by names, after the motion, as judged."""
+        found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
+        both = product(self.assembly.motions, (keep_out.name for keep_out in self.assembly.keep_out))
+        return {(part, name): found[key] for part, name in both if (key := kept_clear_by(part, name)) in found}
+
+    @property
     def motions(self) -> dict[str, str]:
         """The motions in words, by part."""
         told, unit = self.assembly.motions, self.assembly.unit
         return {part: told[part].describe([*own.values()], unit=unit) for part, own in self.parameters.items()}
 
-    def with_certificate(self, certificate: Certificate) -> AssemblySolution:
-        """Return the solution with the judge's verdict, and the status it implies."""
-        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
-        return replace(self, certificate=certificate, status=status)
-
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None, and pairs of parts "one - two"."""
-        pairs = self.assembly.contacts if self.contacts else ()
-        shown = ("status", "pair_gap", "pair_state", "features", "open_contacts", "stage", "certificate")
+        """Return plain data as `Solution.to_dict`; pairs of parts as "one - two", contacts with the names of theirs."""
         told = {
             "name": self.assembly.name,
             "unit": self.assembly.unit,
             "contacts": [
-                {"parts": pair[:2], **{name: getattr(own, name) for name in shown}}
-                for pair, own in zip(pairs, self.contacts, strict=True)
+                {"parts": pair[:2], **own.to_dict(problem=False)}
+                for pair, own in zip(self.assembly.contacts, self.contacts, strict=False)
             ],
             "gaps": {" - ".join(pair): gap for pair, gap in self.gaps.items()},
+            "keep_out_gaps": {" - ".join(both): gap for both, gap in self.keep_out_gaps.items()},
         }
         return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
+        try:
+            assembly = Assembly.from_dict(data["assembly"])
+            told = zip(assembly.contacts, data["contacts"], strict=bool(data["contacts"]))
+            contacts = tuple(_contact(assembly, pair, own) for pair, own in told)
+            read = super().from_dict({**data, "assembly": assembly, "contacts": contacts})
+            read._check_shapes()
+        except (KeyError, TypeError, ValueError) as reason:
+            if isinstance(reason, InputError):
+                raise
+            raise InputError("not the plain data of a solution", key="AssemblySolution", found=str(reason)) from reason
+        for key, own in (("usable", read.usable), ("gap", read.gap), ("gaps", read.to_dict()["gaps"])):
+            if key in data and not agree(data[key], plain(own), DEFAULT.touch * assembly.size):
+                raise InputError("does not follow from the rest", key=key, found=data[key], allowed=str(own))
+        return read
+
+    def _check_shapes(self) -> None:
+        """Refuse poses that are none, and parameters of other motions."""
+        assembly, asked = self.assembly, {part: motion.names for part, motion in self.assembly.motions.items()}
+        for part, pose in self.transforms.items():
+            if part not in assembly.parts or pose.shape != (4, 4) or not np.isfinite(pose).all():
+                allowed = f"of {', '.join(assembly.parts)} (4, 4) finite numbers"
+                raise InputError("not a pose of a part", key=f"transforms.{part}", found=pose.tolist(), allowed=allowed)
+        found = {part: tuple(own) for part, own in self.parameters.items()}
+        if found and found != asked:
+            raise InputError("not the motions' parameters", key="parameters", found=found, allowed=str(asked))
+
+
+def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> Solution:
+    """Return the solution of a contact, in the parameters of one part's motion or, as PART.NAME, of several."""
+    if [*told["parts"]] != [*pair[:2]]:
+        raise InputError("not the assembly's contact", key="contacts.parts", found=told["parts"], allowed=str(pair))
+    parts = [*dict.fromkeys(name.rpartition(".")[0] for name in told["parameters"])]
+    return Solution.from_dict({**told, "problem": assembly.problem(pair, None if "" in parts else parts)})

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import made_at
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
@@ -26,9 +26,12 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
+from fcdm_opt.problem.entries import plain_body, plain_keep_out
+from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared, known_sizes
+from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -98,6 +101,10 @@ class Assembly:
         Turn a part's radians into lengths, see `Problem`.
     limits : mapping of name to mapping of parameter name to (lower, upper), optional
         Length units or radians.
+    keep_out : sequence of KeepOut or Body, optional
+        Further bodies at rest that every part with a motion must keep clear of where it ends, see `Problem`.
+    resolution : mapping of name to number or mapping of parameter name to number > 0, optional
+        Steps of a part's motion, see `Problem`; of parts whose contacts share motions there can be none.
     name, unit : str
         As of a `Problem`.
 
@@ -125,11 +132,14 @@ class Assembly:
     weights: Mapping[str, float]
     lengths: Mapping[str, float]
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
+    keep_out: tuple[KeepOut, ...]
+    resolution: Mapping[str, Any]
     name: str
     unit: UnitOrNone
     fixed: tuple[str, ...]
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
 
+    @known_arguments
     def __init__(
         self,
         parts: Mapping[str, Body] | Sequence[Body],
@@ -143,6 +153,8 @@ class Assembly:
         weights: Mapping[str, float] | None = None,
         lengths: Mapping[str, float] | None = None,
         limits: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+        keep_out: Sequence[KeepOut | Body] = (),
+        resolution: Mapping[str, float | Mapping[str, float]] | None = None,
         name: str = "",
         unit: UnitOrNone = "",
     ) -> None:
@@ -156,7 +168,14 @@ class Assembly:
                 allowed = "a Motion with parameters"
                 raise InputError("not a motion", key=f"motions.{part}", found=motion, allowed=allowed)
         ways = [way for motion in moved.values() for way in motion.directions]
-        bodies = dict(zip(bodies, matched(tuple(bodies.values()), ways), strict=True))
+        others = keep_outs(keep_out)
+        both = matched((*bodies.values(), *(other.body for other in others)), ways)
+        others = tuple(map(KeepOut.with_body, others, both[len(bodies) :]))
+        bodies = dict(zip(bodies, both, strict=False))
+        for k, other in enumerate(others, 1):
+            if other.name in bodies:
+                allowed = "a name that no part has: KeepOut(body, name=...)"
+                raise InputError("the name is that of a part", key=f"keep_out[{k}]", found=other.name, allowed=allowed)
         resting = tuple(part for part in bodies if part not in moved)
         if not resting or not moved:
             what = "some parts must be without a motion: those that are fixed; and some with one"
@@ -180,8 +199,14 @@ class Assembly:
             "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
             "limits": _limits(limits, moved),
+            "keep_out": others,
+            "resolution": _by_part(resolution, "resolution", moved),
             "name": name,
-            "unit": unit_of(unit, {f"parts.{part}": body.unit for part, body in bodies.items()}),
+            "unit": unit_of(
+                unit,
+                {f"parts.{part}": body.unit for part, body in bodies.items()}
+                | {f"keep_out[{k}]": other.body.unit for k, other in enumerate(others, 1)},
+            ),
             "fixed": resting,
         }
         for key, value in own.items():
@@ -203,6 +228,11 @@ class Assembly:
             part: resized(body, {size: self.made[size.name] for size in self.sizes if size.body == part})
             for part, body in self.parts.items()
         }
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies of the question, at the sizes made."""
+        return (*self.bodies_made.values(), *(other.body for other in self.keep_out))
 
     @cached_property
     def parameters(self) -> tuple[tuple[str, Parameter], ...]:
@@ -226,6 +256,14 @@ class Assembly:
         chains = self.chain(one), self.chain(two)
         return tuple(part for own, other in (chains, chains[::-1]) for part in own if part not in other)
 
+    def keeps_out(self, one: str, two: str) -> bool:
+        """Tell whether the question about two parts is that of keep-outs, too: of a part that moves, and what it is on.
+
+        One fixed part for each: it stands still as keep-outs do.
+        """
+        chain = self.chain(one)
+        return bool(self.keep_out and chain) and self.follows[chain[0]] == two
+
     def poses(self, q: Mapping[str, Sequence[float] | Array]) -> dict[str, Array]:
         """Return the pose change of each part in the world, (4, 4), of the parameters of each motion."""
         found = {part: np.eye(4) for part in self.fixed}
@@ -235,6 +273,48 @@ class Assembly:
                 T = T @ self.motions[own].transform(q[own], self.parts[own].seed, self.parts[self.follows[own]].seed)
             found[part] = T
         return {part: frozen(found[part]) for part in self.parts}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the question as plain data: the keys of a file of an assembly with one case, angles in radians."""
+        unit = {"unit": self.unit} if self.unit else {}
+        parts = list[dict[str, Any]]()
+        for part, body in self.parts.items():
+            entry = {**plain_body(replace(body, name=part)), **unit}
+            if motion := self.motions.get(part):
+                spelt = {name: f"{name}{'_rad' * (kind == 'rotation')}" for name, kind in motion.parameters}
+                entry |= {
+                    "motion": [step.own_plain() for step in motion.steps],
+                    "follows": self.follows[part],
+                    "weight": self.weights[part],
+                    "length": self.lengths[part],
+                    "limits": {spelt[name]: plain(ends) for name, ends in self.limits[part].items()},
+                }
+                if steps := self.resolution.get(part):
+                    named = steps if isinstance(steps, Mapping) else dict.fromkeys(spelt, steps)
+                    entry["resolution"] = {spelt[name]: step for name, step in named.items()}
+            parts.append(entry)
+        others = [{**plain_keep_out(other), **unit} for other in self.keep_out]
+        sizes = [size.to_dict() for size in self.sizes]
+        case = {"name": self.name, "scales": dict(self.scales), **({"made": dict(self.made)} if sizes else {})}
+        contacts = [{"parts": list(pair[:2]), **plain(pair.asked)} for pair in self.contacts]
+        more = {"keep_out": others, "size": sizes}
+        return {"part": parts, "contact": contacts, **{key: own for key, own in more.items() if own}, "case": [case]}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Assembly:
+        """Rebuild an assembly from `to_dict`, or from the contents of a file of an assembly with one case.
+
+        Raises
+        ------
+        InputError
+            Names the key, what was found and what is allowed.
+        """
+        from fcdm_opt.problem.assembly_file import AssemblyFile
+
+        assemblies = checked(AssemblyFile, data).assemblies()
+        if len(assemblies) > 1:
+            raise InputError("more than one case", key="case", found=len(assemblies), allowed="one")
+        return assemblies[0]
 
     # ---------------------------------------------------------------------------------------------------- as problems
 
@@ -262,11 +342,16 @@ class Assembly:
         target = (self.scales[pair.one], self.scales[pair.two])
         named = {part: role for role, part in zip(ROLES, pair[:2], strict=True)}
         sizes = [replace(size, body=named[size.body]) for size in self.sizes if size.body in named]
-        made = {"sizes": sizes, "made": {size.name: self.made[size.name] for size in sizes}} if sizes else {}
+        made = dict[str, Any]()
+        if sizes:
+            made |= {"sizes": sizes, "made": {size.name: self.made[size.name] for size in sizes}}
+        if self.keeps_out(*pair[:2]):
+            made["keep_out"] = self.keep_out
         common: dict[str, Any] = {**bodies, **shown, **pair.asked, **made, "target": target}
         if parts is None and self.is_own(pair):
             part = pair.one
             own = {"motion": self.motions[part], "limits": self.limits[part], "length": self.lengths[part]}
+            own["resolution"] = self.resolution.get(part)
             return Problem(**{**common, **own})
         return Problem(**{**common, **self._shared(pair, self.involved(*pair[:2]) if parts is None else parts)})
 

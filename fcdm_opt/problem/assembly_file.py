@@ -9,10 +9,10 @@ from operator import rshift
 from pathlib import Path
 from typing import Any, Literal
 
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, known_arguments, placed
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
-from fcdm_opt.problem.entries import BodyEntry, SizeEntry, StepEntry
+from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keys import by_name, each, unlike_names
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
@@ -42,6 +42,13 @@ class PartEntry(BodyEntry, title="Parts"):
         {},
         "{ TZ = [-1, 1], RZ_deg = [-10, 10] }: lower and upper, lengths, angles as _deg or _rad",
         {"TZ": [-1.0, 1.0]},
+    )
+    resolution: Positive | dict[str, Positive] | None = declared(
+        None,
+        "the machine's step, a number > 0, or { TZ = 0.05, RZ_deg = 0.5 }: the motion found is in whole steps; not of "
+        "parts whose contacts share motions",
+        0.05,
+        {"TZ": 0.05},
     )
 
 
@@ -78,6 +85,11 @@ class AssemblyFile(Entry, title="Assembly file"):
     contact: list[JoinedEntry] = declared(
         ..., "[[contact]] tables: which parts meet", [{"parts": ["slide", "frame"]}], min_length=1
     )
+    keep_out: list[KeepOutEntry] = declared(
+        [],
+        "[[keep_out]] tables: further bodies at rest that every part with a motion must keep clear of",
+        [{"file": "rib.stl", "unit": "mm"}],
+    )
     size: list[PartSizeEntry] = declared(
         [],
         "[[size]] tables: ways in which a part can come out different from drawn",
@@ -109,14 +121,17 @@ class AssemblyFile(Entry, title="Assembly file"):
 
     def _asked(self, file: Path | None) -> dict[str, Any]:
         """Return what all cases share, as `Assembly` wants it."""
-        unit = same_unit({f"part[{k}]": entry.unit for k, entry in enumerate(self.part, 1)}, file)
+        units = {f"part[{k}]": entry.unit for k, entry in enumerate(self.part, 1)}
+        unit = same_unit(units | {f"keep_out[{k}]": own.unit for k, own in enumerate(self.keep_out, 1)}, file)
         bodies = each("part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part])
         moving = [(k, own) for k, own in enumerate(self.part, 1) if own.motion]
-        motions, limits = {}, dict[str, Mapping[str, Any]]()
+        motions, limits, steps = {}, dict[str, Mapping[str, Any]](), dict[str, Any]()
         for k, own in moving:
             with placed(key=f"part[{k}]"):
                 motions[own.name] = reduce(rshift, each("motion", [step.step for step in own.motion or ()]))
                 limits[own.name] = by_name("limits", own.limits, motions[own.name])
+                step = own.resolution
+                steps[own.name] = by_name("resolution", step, motions[own.name]) if isinstance(step, dict) else step
         return {
             "parts": dict(zip((own.name for own in self.part), bodies, strict=True)),
             "contacts": [own.model_dump(exclude_unset=True) for own in self.contact],
@@ -126,6 +141,14 @@ class AssemblyFile(Entry, title="Assembly file"):
             "weights": {own.name: own.weight for _, own in moving},
             "lengths": {own.name: own.length for _, own in moving if own.length is not None},
             "limits": limits,
+            "keep_out": each(
+                "keep_out",
+                [
+                    lambda k=k, own=own: own.keep_out(f"keep-out {k}", file and file.parent)
+                    for k, own in enumerate(self.keep_out, 1)
+                ],
+            ),
+            "resolution": {part: own for part, own in steps.items() if own},
             "unit": unit,
         }
 
@@ -148,6 +171,7 @@ def _renamed(reason: InputError) -> InputError:
     return InputError(reason.what, key=key, found=reason.found, allowed=reason.allowed)
 
 
+@known_arguments
 def load_assemblies(path: str | os.PathLike[str]) -> tuple[Assembly, ...]:
     """Return the assemblies of a file, one for each case.
 

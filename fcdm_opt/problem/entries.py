@@ -16,12 +16,12 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
 from fcdm_opt.geometry.units import Unit
-from fcdm_opt.motion.motions import AxisWord, Free, Rotation, Screw, Step, Translation
+from fcdm_opt.motion.motions import PITCHES, AxisWord, Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
@@ -34,7 +34,6 @@ from fcdm_opt.problem.schema import (
     Pair,
     Point,
     Positive,
-    closest,
     declared,
     one_of,
     refusal,
@@ -42,7 +41,6 @@ from fcdm_opt.problem.schema import (
 
 Axis = AxisWord | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
-_PITCHES: dict[str, float | Literal["free"]] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
 # ---------------------------------------------------------------------------------------------------------- bodies
 
@@ -245,6 +243,11 @@ class KeepOutEntry(BodyEntry, title="Keep-outs"):
         return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
 
 
+def plain_keep_out(keep_out: KeepOut) -> dict[str, Any]:
+    """Return a keep-out as plain data, which its entry reads."""
+    return {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
+
+
 # ----------------------------------------------------------------------------------------------------------- sizes
 
 
@@ -437,7 +440,7 @@ class ScrewEntry(Entry, title="Screw", json_schema_extra=one_of(*((key,) for key
         """Return the step of a motion."""
         axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, LineEntry) else self.screw
         if self.pitch is not None:
-            return Screw(axis, pitch=_PITCHES[self.pitch])
+            return Screw(axis, pitch=PITCHES[self.pitch])
         if self.pitch_per_deg is not None:
             return Screw(axis, pitch=math.degrees(self.pitch_per_deg))
         return Screw(axis, pitch=self.pitch_per_rad or 0.0)
@@ -465,22 +468,6 @@ class OwnMotionEntry(Entry, title="Own motion"):
     def step(self) -> Step:
         """Return the step of a motion."""
         return OwnMotion.from_text(self.casadi, self.parameters, self.name)
-
-
-def plain_step(step: Step) -> dict[str, Any]:
-    """Return a step of a motion as plain data, which its entry reads."""
-    if isinstance(step, Translation):
-        return {"translation": plain(step.axis)}
-    if isinstance(step, Rotation):
-        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
-    if isinstance(step, Screw):
-        line = plain(step.axis)
-        names = {value: name for name, value in _PITCHES.items()}
-        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
-        return {"screw": line if isinstance(line, str) else {"point": line[0], "direction": line[1]}, **pitch}
-    if isinstance(step, OwnMotion):
-        return {"casadi": step.text, "parameters": [list(one) for one in step.own_parameters], "name": step.name}
-    return {"free": True}
 
 
 _STEP_KEYS = ("translation", "rotation", "screw", "free", "casadi")
@@ -534,7 +521,7 @@ class PublishedEntry(Entry, title="Reference values"):
         allowed = " and ".join(f"{words[kind]}{f' = [{n} numbers]' if n > 1 else ''}" for kind, n in counts.items())
         shifts, degrees = _listed(self.translation), _listed(self.angle_deg)
         angles = [*map(math.radians, degrees), *_listed(self.angle_rad)]
-        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"] and len(shifts) <= 1
+        fixed_pitch = step.own_pitch is not None and len(shifts) <= 1
         if (
             len(keys) > 1
             or len(angles) != kinds.count("rotation")
@@ -542,8 +529,8 @@ class PublishedEntry(Entry, title="Reference values"):
         ):
             what = f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})"
             raise InputError(what, found=", ".join(given) or "none", allowed=allowed)
-        if isinstance(step, Screw) and fixed_pitch and shifts:
-            _check_pitch(step, shifts[0], angles[0], degrees[0] if degrees else None)
+        if step.own_pitch is not None and shifts:
+            _check_pitch(step.own_pitch, shifts[0], angles[0], degrees[0] if degrees else None)
         values = {"translation": iter(shifts), "rotation": iter(angles)}
         return [next(values[kind]) for kind in kinds]
 
@@ -552,12 +539,11 @@ def _listed(value: float | list[float] | None) -> list[float]:
     return [] if value is None else value if isinstance(value, list) else [value]
 
 
-def _check_pitch(step: Screw, translation: float, angle: float, degrees: float | None) -> None:
+def _check_pitch(pitch: float, translation: float, angle: float, degrees: float | None) -> None:
     """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
-    per_unit = float(step.pitch)
     unit, shown = (1.0, angle) if degrees is None else (math.radians(1.0), degrees)
-    slack = _half_digit(translation) + abs(per_unit) * unit * _half_digit(shown)
-    expected = per_unit * angle
+    slack = _half_digit(translation) + abs(pitch) * unit * _half_digit(shown)
+    expected = pitch * angle
     if abs(translation - expected) > slack:
         what = "translation and angle do not agree with the screw's pitch"
         raise InputError(what, key="translation", found=translation, allowed=f"{expected:.9g}, to the digits given")

@@ -11,6 +11,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.solids import contains
 from fcdm_opt.geometry.units import measured
@@ -29,17 +30,10 @@ fits, and meshes of round faces out of phase."""
 
 
 def drawn_bodies(problem: Problem) -> tuple[Body, Body]:
-    """Return the bodies as drawn, where the problem's are those made at given sizes: the same parts of them."""
-    movable, static = problem.movable, problem.static
+    """Return the bodies as drawn, where the problem's are those made at given sizes."""
     if not problem.made:
-        return movable, static
-    return _same_parts(problem.request["movable"], movable), _same_parts(problem.request["static"], static)
-
-
-def _same_parts(drawn: Body, made: Body) -> Body:
-    """Return a body as drawn with those parts alone that are modelled of it as made; as it is if these are others."""
-    alike = made.whole is not None and len(made.whole.parts) == len(drawn.parts) > len(made.parts)
-    return drawn.only(made.rows) if alike else drawn
+        return problem.movable, problem.static
+    return problem.request["movable"], problem.request["static"]
 
 
 def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
@@ -126,14 +120,14 @@ def _enclose(normals: Array) -> bool:
 class Misfit(NamedTuple):
     """Two widths of the parts made that do not go together.
 
-    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `walls` are
-    the faces of the other one that limit it, in words.
+    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `faces` are
+    those between which they are, of the movable and of the static part as drawn; None where only a cut made one.
     """
 
     inside: int
     inner: float
     outer: float
-    walls: tuple[str, ...] = ()
+    faces: tuple[tuple[Element | None, ...], tuple[Element | None, ...]] = ((), ())
 
 
 @lru_cache(maxsize=4)
@@ -169,18 +163,19 @@ def misfit(problem: Problem) -> Misfit | None:
         if not width[inside] > -width[1 - inside]:
             continue  # walls that are a little aslant, seen from far away
         least = float(gaps[k] + gaps[j])
-        outer = 1 - inside
-        drawn, side = drawn_bodies(problem)[outer], (1.0, -1.0)[outer]
-        walls = (_wall(drawn, drawn.parts[places[each, outer]], side * normals[each]) for each in (k, j))
-        found = Misfit(inside, float(width[inside]), float(-width[outer]), tuple(dict.fromkeys(filter(None, walls))))
+        one, two = (
+            tuple(_wall(drawn.parts[places[each, body]], side * normals[each]) for each in (k, j))
+            for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
+        )
+        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two))
     return found
 
 
-def _wall(body: Body, part: ConvexPart, normal: Array) -> str:
-    """Return the face of a part that looks along a direction, in words; "" for one that only a cut made."""
+def _wall(part: ConvexPart, normal: Array) -> Element | None:
+    """Return the face of a part that looks along a direction; None where it has none."""
     towards = part.normals @ normal
     best = int(towards.argmax())
-    return told_element(body, part.elements["F"][best]) if towards[best] >= 1.0 - DEFAULT.side else ""
+    return part.elements["F"][best] if towards[best] >= 1.0 - DEFAULT.side else None
 
 
 def verdict(problem: Problem) -> str:
@@ -197,6 +192,7 @@ def verdict(problem: Problem) -> str:
     if lack < NEARLY * found.outer:  # digits that differ where nobody reads them
         room = measured(f"{found.outer:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
-    walls = " and ".join(found.walls)
-    between = f", between its {walls}" if len(found.walls) == 2 else f", across its {walls}" if walls else ""
+    other = drawn_bodies(problem)[1 - found.inside]
+    faces = dict.fromkeys(told_element(other, own) for own in found.faces[1 - found.inside] if own is not None)
+    between = f", {'between' if len(faces) == 2 else 'across'} its {' and '.join(faces)}" if faces else ""
     return f"does not fit: {fit}{between}"

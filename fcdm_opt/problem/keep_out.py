@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.problem import arguments
 
@@ -41,6 +41,7 @@ class KeepOut:
     clearance: float
     name: str
 
+    @known_arguments
     def __init__(self, body: Body, scale: Any = 1.0, *, clearance: float = 0.0, name: str | None = None) -> None:
         if not isinstance(body, Body):
             raise InputError("wrong kind of argument", key="KeepOut.body", found=type(body).__name__, allowed="a Body")

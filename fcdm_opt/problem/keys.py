@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapVa
 
 from fcdm_opt import beside, pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, same_unit
@@ -40,7 +40,6 @@ from fcdm_opt.problem.schema import (
     ScaleRange,
     Scales,
     checked,
-    closest,
     declared,
     must,
     read_entry,

@@ -18,6 +18,7 @@ from fcdm_opt.curve.tight import TightLine, choices, parallel, tight_lines
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.problem.active_parts import Indices
 from fcdm_opt.tolerances import DEFAULT
 
 TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
@@ -37,6 +38,7 @@ class NominalContact:
 
     movable: Body
     static: Body
+    active: tuple[Body, Body]
     nominal: int | Literal["drawn"] | tuple[float, float]
     box: Box
     snap: float
@@ -53,6 +55,16 @@ class NominalContact:
         return max(self.movable.size, self.static.size)
 
     @property
+    def partial(self) -> bool:
+        """Whether only some of the parts of large bodies are looked at, see `active`."""
+        return self.active[0] is not self.movable
+
+    @property
+    def active_indices(self) -> Indices | None:
+        """The numbers, from 0, of the parts of either body that are looked at; None where all are."""
+        return (np.array(self.active[0].part_indices), np.array(self.active[1].part_indices)) if self.partial else None
+
+    @property
     def contact_slack(self) -> float:
         """Gap up to which a pair touches, length units.
 
@@ -64,7 +76,7 @@ class NominalContact:
     @cached_property
     def curve(self) -> DecisionCurve:
         """Decision curve of the bodies as drawn, in the box; problems about the same bodies share it."""
-        return drawn_curve(self.movable, self.static, self.box)
+        return drawn_curve(*self.active, self.box)
 
     @cached_property
     def nominal_contact(self) -> Segment | SwitchingPoint | None:
@@ -136,7 +148,7 @@ class NominalContact:
         """Every contact of the nominal position, each feature once; none where the bodies do not touch there."""
         if not self._touches:
             return ()
-        return joints(self.movable, self.static, self.nominal_pair, DEFAULT.snap * self.size)
+        return joints(*self.active, self.nominal_pair, DEFAULT.snap * self.size)
 
     def chosen_contacts(self, asked: Any) -> tuple[Feature, ...]:
         """Return the nominal contacts of these labels, in their order; all for "all", none for None.

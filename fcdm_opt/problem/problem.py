@@ -20,18 +20,19 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
-from fcdm_opt.motion.motions import Motion, Screw
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
-from fcdm_opt.problem.entries import plain_body, plain_step
+from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
@@ -47,8 +48,7 @@ from fcdm_opt.problem.keys import (
     SizeKeys,
     checked_arguments,
 )
-from fcdm_opt.problem.nominal import TRACKING, NominalContact
-from fcdm_opt.problem.reach import AROUND, Rows, modelled_parts
+from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -162,6 +162,7 @@ class Problem(NominalContact, Shown):
     tolerance: Any
     requirement: Requirement | None
     target: Array
+    active: tuple[Body, Body] = field(repr=False)
     box: Box
     motion: Motion
     goal: Goal
@@ -279,13 +280,13 @@ class Problem(NominalContact, Shown):
         """Return the decision curve after a motion; of large bodies about a scale pair, to tell what touches there."""
         low, high = rho * (1.0 - AROUND), rho * (1.0 + AROUND)
         about = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
-        box = self.box if self.movable.whole is None else about
-        return decision_curve(self.movable, self.static, box=box, transform=transform)
+        box = about if self.partial else self.box
+        return decision_curve(*self.active, box=box, transform=transform)
 
-    def with_parts(self, rows: Rows) -> Problem:
-        """Return the same question with other parts of large bodies modelled, by number; see `problem.reach`."""
+    def with_active_parts(self, indices: Indices) -> Problem:
+        """Return the same question with other parts of large bodies looked at; see `problem.active_parts`."""
         other = object.__new__(Problem)
-        other.__dict__.update(_resolved(self.request, rows, self))
+        other.__dict__.update(_resolved(self.request, indices, self))
         other._check_goal()
         return other
 
@@ -306,7 +307,7 @@ class Problem(NominalContact, Shown):
         asked, kinds = self.request, dict(self.motion.parameters)
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]
         case = {key: plain(asked[key]) for key in keys}
-        case["motion"] = [plain_step(step) for step in self.motion.steps]
+        case["motion"] = [step.own_plain() for step in self.motion.steps]
         if isinstance(asked["amount"], OwnAmount):
             case["amount"] = {"casadi": asked["amount"].text}
         for key in BY_PARAMETER.keys() & case.keys():
@@ -314,10 +315,7 @@ class Problem(NominalContact, Shown):
             case[key] = {name + suffix * (kinds[name] == "rotation"): value for name, value in case[key].items()}
         if asked["published"] is not None:
             case["published"] = _published(self.motion, asked["published"])
-        others = [
-            {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
-            for keep_out in self.keep_out
-        ]
+        others = [plain_keep_out(keep_out) for keep_out in self.keep_out]
         unit = {"unit": self.unit} if self.unit else {}
         bodies = {role: {**plain_body(asked[role]), **unit} for role in ("movable", "static")}
         more = {"keep_out": others, "size": [size.to_dict() for size in self.sizes]}
@@ -353,6 +351,7 @@ def _without_path(data: Any) -> Any:
     }
 
 
+@known_arguments
 def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
     """Return the problems of a file, one for each case.
 
@@ -383,10 +382,12 @@ def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any
 # -------------------------------------------------------------------------------------------------- from asked to meant
 
 
-def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Problem | None = None) -> dict[str, Any]:
+def _resolved(
+    given: Mapping[str, Any], indices: Indices | None = None, before: Problem | None = None
+) -> dict[str, Any]:
     """Return what arguments of a problem mean: its attributes, see `Problem`.
 
-    `before` is the same question with the first of the parts of `rows` alone: its nominal contact stays.
+    `before` is the same question with the first of the parts of `indices` alone: its nominal contact stays.
     """
     if given.get("made") and given.get("nominal", "drawn") == "drawn" and given.get("goal") in ("at", "seat"):
         # the curve of the parts made has no contact where they are: those drawn are to be restored
@@ -402,17 +403,20 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
         **_matched(asked.movable, asked.static, others, asked.motion),
     }
     request |= {role: fit_for_sizes(request[role], own) for role, own in _sizes_of(asked.sizes).items()}
-    parts = _parts_made(request)
-    if parts and asked.contacts is not None:
-        parts |= _contacts_made(request, parts)
-    whole = {**request, **parts}
-    parts |= modelled_parts(request, whole["movable"], whole["static"], rows)
+    if before is None:
+        parts = _parts_made(request)
+    else:
+        parts = {"movable": before.movable, "static": before.static, "made": before.made}
+    bodies = parts.get("movable", request["movable"]), parts.get("static", request["static"])
+    if before is None and parts and asked.contacts is not None:
+        contacts, indices = _contacts_made(request, parts)
+        parts |= contacts
+    parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
         parts |= {name: getattr(before, name) for name in names_known}
         if before.contacts:
-            bodies = parts["movable"], parts["static"]
-            parts["nominal_joints"] = tuple(joint.carried_by(*bodies) for joint in before.nominal_joints)
+            parts["nominal_joints"] = tuple(joint.carried_by(*parts["active"]) for joint in before.nominal_joints)
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:
@@ -427,7 +431,7 @@ def _resolved(given: Mapping[str, Any], rows: Rows | None = None, before: Proble
     features = contact.named(asked.features)
     everywhere = contact.goal in ("at", "seat") and contact.nominal_contact is None  # at all sizes, if at all
     several = contact.chosen_contacts("all" if everywhere and asked.contacts is None else asked.contacts)
-    if contact.goal == "seat" and contact.movable.whole is not None and not _no_room(asked):
+    if contact.goal == "seat" and contact.partial and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
         what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
@@ -518,29 +522,35 @@ def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
     return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
 
 
-def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored."""
+def _contacts_made(
+    request: Mapping[str, Any], parts: Mapping[str, Any]
+) -> tuple[dict[str, Any], Indices | None]:
+    """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored; and active parts."""
     if isinstance(request["nominal"], int):
         what = "with sizes the contacts to restore are those of the parts as drawn"
         raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
-    drawn = NominalContact(**{**request, "goal": request["goal"] or "at"})
-    values = _by_role(request["sizes"], parts["made"])
-    over = CarriedOver(
-        (drawn.movable, drawn.static), (parts["movable"], parts["static"]), (values["movable"], values["static"])
-    )
-    known = {name: getattr(drawn, name) for name in _NOMINAL}
-    return {
-        **known,
+    active, box = active_bodies(request["movable"], request["static"], request["nominal"], request["box"])
+    drawn = NominalContact(**{**request, "goal": request["goal"] or "at", "active": active, "box": box})
+    values, made, indices = _by_role(request["sizes"], parts["made"]), [], drawn.active_indices
+    for role, body in zip(("movable", "static"), active, strict=True):
+        if indices is not None and len(parts[role].parts) == len(request[role].parts):
+            made.append(parts[role].subset(body.part_indices))
+        else:
+            made.append(parts[role])
+    over = CarriedOver(active, (made[0], made[1]), (values["movable"], values["static"]))
+    contacts = {
+        **{name: getattr(drawn, name) for name in _NOMINAL},
         "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
         "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
     }
+    return contacts, indices
 
 
 def _check_motion(asked: Arguments) -> None:
     """Refuse a motion that does not move, or whose axis is not there."""
     if not asked.motion.parameters:
         raise InputError("the motion has no parameters", key="motion", found=asked.motion)
-    if not any(isinstance(step, Screw) and step.axis == "seeds" for step in asked.motion.steps):
+    if not asked.motion.along_seeds.any():
         return
     away = float(np.linalg.norm(asked.static.seed - asked.movable.seed))
     if away <= DEFAULT.seeds * max(asked.movable.size, asked.static.size):
@@ -572,8 +582,7 @@ def _check_agreement(asked: Arguments) -> None:
 def _no_room(asked: Arguments) -> list[tuple[str, Any, str]]:
     """Return what contacts that are restored together leave no room for: key, what is asked, what is allowed."""
     usual = (
-        ("amount", "weighted", '"weighted" with contacts'),
-        ("resolution", None, "none with contacts: in whole steps they would not all touch"),
+        *((("amount", "weighted", '"weighted" with goal "fit"'),) if asked.goal == FIT else ()),
         ("features", None, "either features, two that are tracked, or contacts"),
     )
     return [(key, getattr(asked, key), allowed) for key, value, allowed in usual if getattr(asked, key) != value]

@@ -7,7 +7,6 @@ such as `case[2] 'B'.motion[1].centre` counts from 1, as the vertex labels in a 
 
 from __future__ import annotations
 
-import difflib
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,7 +29,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path
+from fcdm_opt.errors import InputError, checked_path, closest
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import mistake, parsed
@@ -49,31 +48,12 @@ Bound = Annotated[
     BeforeValidator(lambda end: float(end) if end in ("inf", "-inf") else end),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf"], "type": "string"}]}),
 ]
-_OTHER_WORDS = {
-    **dict.fromkeys(("inch", "inches"), "in"),
-    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
-    **dict.fromkeys(("centimetre", "centimeter", "centimetres", "centimeters"), "cm"),
-    **dict.fromkeys(("micrometre", "micrometer", "micron", "microns", "\N{MICRO SIGN}m".casefold()), "um"),
-    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
-    **dict.fromkeys(("foot", "feet"), "ft"),
-}
-"""Names of units that are spelled otherwise in files."""
 
 
 def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[Any, ...] = ()) -> PydanticCustomError:
     """Return the error that every model raises; `inside` continues the place of the model or field."""
     context = {"what": what, "found": found, "allowed": allowed, "inside": inside}
     return PydanticCustomError(REFUSED, "{what}", context)
-
-
-def closest(key: str, allowed: Iterable[str]) -> str:
-    """Return a hint at the allowed key that is spelled most alike, "" where none is near."""
-    words = {word.casefold(): word for word in allowed}
-    asked = key.casefold()
-    near = difflib.get_close_matches(asked, list(words), 1)
-    meant = _OTHER_WORDS.get(asked, "")
-    found = meant if meant in words else words[near[0]] if near else ""
-    return f", did you mean '{found}'?" if found else ""
 
 
 def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:

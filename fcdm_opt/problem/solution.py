@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -16,11 +16,10 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
@@ -34,6 +33,10 @@ LOOSE = 0.1
 
 SURE = 0.01
 """Share of an amount that its mesh may leave open for it to be called the smallest possible."""
+
+
+UNLOOKED = 'effort "quick", a time that is over and contacts that share motions leave no look at it'
+"""Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
 
 
 class Status(Enum):
@@ -217,34 +220,43 @@ class Sensitivity(Plain):
         return super().from_dict({**unknown, **data})
 
 
-class Bounded(Plain):
-    """An answer: a status, an amount with a bound that is proved, and the judge's word."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bounded(Plain, Shown):
+    """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
 
     status: Status
-    amount: float
-    lower_bound: float
-    amount_low: float
-    amount_high: float
-    certificate: Certificate | None
+    amount: float = float("nan")
+    lower_bound: float = 0.0
+    amount_low: float = float("nan")
+    amount_high: float = float("nan")
+    active: tuple[str, ...] = ()
+    stopped: str = ""
+    certificate: Certificate | None = field(default=None, repr=False)
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def left_by_mesh(self) -> str:
-        """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it."""
+    def question(self) -> Any:
+        """The question that this answers."""
         raise NotImplementedError
 
-    def _meshed(self, advice: str) -> str:
-        """Return advice with what facets leave open of a refusal: then it is proved of the meshes alone."""
-        left = self.left_by_mesh
-        if self.usable or not left:
-            return advice
-        return f"{advice.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
+    @property
+    def amount_unit(self) -> str:
+        """Unit of the amount, "" where none is known."""
+        return str(self.question.unit)
 
-    def _mesh_bracket_text(self, bodies: Sequence[Body], unit: str) -> str:
-        low, high = self.amount_low, self.amount_high
-        if self.status.found and not (self.usable or self.status in IMPOSSIBLE):
+    @cached_property
+    def left_by_mesh(self) -> str:
+        """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it.
+
+        As "between .32 and 2.85 mm: the mesh leaves that open".
+        """
+        low, high, unit, found = self.amount_low, self.amount_high, self.amount_unit, self.status.found
+        if found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
-            return "what the mesh leaves open is not known" if known_to(bodies[0], bodies[1:], unit) else ""
+            first, *others = self.question.bodies
+            known = not known_to(first, others, unit)
+            return "" if known else f"what the mesh leaves open is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
             return f"but the mesh leaves open whether they fit: {needed}" if low < math.inf else ""
@@ -254,6 +266,44 @@ class Bounded(Plain):
             least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
             return f"{least}: the mesh leaves that open"
         return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
+
+    @property
+    def _why_unknown(self) -> str:
+        """Why it is not known what a mesh leaves open, where that is because of what is asked."""
+        return ""
+
+    @cached_property
+    def advice(self) -> str:
+        """What to do, in words: the status's advice, and why there is no answer where more is known of that."""
+        told = self.status.value
+        if not self._limited:
+            told = UNLIMITED.get(self.status, told)
+        if self.stopped and self.status is Status.NOT_FOUND:
+            told = UNTIMED
+        if self.certificate and any(check.name == IN_TIME for check in self.certificate.checks):
+            told = UNJUDGED
+        if self.stopped:
+            told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
+        if self.usable or self.status is Status.NOT_VERIFIED:
+            return told
+        if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
+            told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
+        return f"{why}. {told}" if (why := self._why_not) else told
+
+    @property
+    def _limited(self) -> bool:
+        """Whether limits are set, which could be widened."""
+        raise NotImplementedError
+
+    @property
+    def _why_not(self) -> str:
+        """Why there is no answer that is of use, as far as the question tells."""
+        raise NotImplementedError
+
+    def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Self:
+        """Return the solution with the judge's verdict, the status it implies, and the times."""
+        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
+        return replace(self, certificate=certificate, status=status, seconds=seconds)
 
     @property
     def verified(self) -> bool:
@@ -281,7 +331,7 @@ class Bounded(Plain):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solution(Bounded, Shown):
+class Solution(Bounded):
     """Answer to a `Problem`.
 
     Attributes
@@ -324,7 +374,7 @@ class Solution(Bounded, Shown):
         Which stage of the solver settled it, and why.
     stopped : str
         What the time limit ended, in words; empty where the search was through. The bound holds all the same.
-    evidence : Evidence or None
+    evidence : Evidence, Multipliers or None
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
     unique_within : float
@@ -345,33 +395,23 @@ class Solution(Bounded, Shown):
     )  # fmt: skip
 
     problem: Problem
-    status: Status
     parameters: Mapping[str, float] = field(default_factory=dict)
     transform: Array | None = None
-    amount: float = float("nan")
-    lower_bound: float = 0.0
-    amount_low: float = float("nan")
-    amount_high: float = float("nan")
     rho: Array | None = None
     features: tuple[Feature, ...] = ()
     pair: Array
     pair_gap: float = float("nan")
     pair_state: MadeState = "unknown"
-    active: tuple[str, ...] = ()
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
-    stopped: str = ""
-    evidence: Evidence | None = None
-    certificate: Certificate | None = None
+    evidence: ProofData | None = None
     unique_within: float = 0.0
-    seconds: Mapping[str, float] = field(default_factory=dict)
     derivatives: Sensitivity | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
         motion = upper("show.texts:motion_text")(self) if self.parameters else "no motion"
-        amount = measured(f"{self.amount:.4g}", self.problem.amount_unit)
-        proved = measured(f"{self.lower_bound:.4g}", self.problem.amount_unit)
+        amount, proved = (measured(f"{x:.4g}", self.amount_unit) for x in (self.amount, self.lower_bound))
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)
         found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
         return f"Solution({self.problem.name!r}: {self.status.name}, {found})"
@@ -381,28 +421,36 @@ class Solution(Bounded, Shown):
         text: str = upper("show.verdict:answer_text")(self)
         return text
 
-    @cached_property
-    def left_by_mesh(self) -> str:
-        """As in `Bounded`: "between .32 and 2.85 mm: the mesh leaves that open"."""
-        return self._mesh_bracket_text(self.problem.bodies, self.problem.amount_unit)
+    @property
+    def question(self) -> Problem:
+        """`problem`."""
+        return self.problem
 
-    @cached_property
-    def advice(self) -> str:
-        """What to do, in words: the status's advice, and which widths do not go together where there is no answer."""
-        told = self.status.value
-        if not np.isfinite(self.problem.limits).any():
-            told = UNLIMITED.get(self.status, told)
-        if self.stopped and self.status is Status.NOT_FOUND:
-            told = UNTIMED
-        if self.certificate and any(check.name == IN_TIME for check in self.certificate.checks):
-            told = UNJUDGED
-        if self.stopped:
-            told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
-        if self.usable or self.status is Status.NOT_VERIFIED:
-            return told
-        told = self._meshed(told)
+    @property
+    def _why_unknown(self) -> str:
+        problem = self.problem
+        if problem.goal not in ("touch", "clear"):
+            return f'goal "{problem.goal}" follows one contact, and that is of round faces'
+        if (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):
+            return "larger parts touch sooner, and keep less clear"
+        if problem.goal == "touch" and not (problem.resolution is None and isinstance(problem.amount, str)):
+            return "larger parts touch sooner, which steps of a resolution and amounts of one's own need not follow"
+        return ""
+
+    @property
+    def amount_unit(self) -> str:
+        """As of the problem."""
+        return self.problem.amount_unit
+
+    @property
+    def _limited(self) -> bool:
+        return bool(np.isfinite(self.problem.limits).any())
+
+    @property
+    def _why_not(self) -> str:
+        """Which widths do not go together."""
         words = verdict(self.problem)
-        return f"{words[:1].upper()}{words[1:]}. {told}" if words else told
+        return words[:1].upper() + words[1:]
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
@@ -429,7 +477,7 @@ class Solution(Bounded, Shown):
             return {}
         joints = problem.chosen_joints or problem.nominal_joints
         pose = relative_pose(problem.movable, problem.static, self.transform)
-        return {joint.feature.label: joint.gap(problem.movable, problem.static, pose, self.pair) for joint in joints}
+        return {joint.feature.label: joint.gap(*problem.active, pose, self.pair) for joint in joints}
 
     @property
     def open_contacts(self) -> tuple[str, ...]:
@@ -437,23 +485,19 @@ class Solution(Bounded, Shown):
         limit = self.problem.contact_slack
         return tuple(label for label, gap in self.contact_gaps.items() if gap > limit)
 
-    def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Solution:
-        """Return the solution with the judge's verdict, the status it implies, and the times."""
-        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
-        return replace(self, certificate=certificate, status=status, seconds=seconds)
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self, *, problem: bool = True) -> dict[str, Any]:
         """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.
 
-        As JSON has no such numbers, nan becomes None and infinity "inf".
+        As JSON has no such numbers, nan becomes None and infinity "inf". Without its `problem` where that is known.
         """
-        problem, values = self.problem, list(self.parameters.values())
+        values = list(self.parameters.values())
         made = {
-            "motion": problem.motion.describe(values, unit=problem.unit) if values else None,
-            "snapped": problem.snapped,
+            "motion": self.problem.motion.describe(values, unit=self.problem.unit) if values else None,
+            "snapped": self.problem.snapped,
             "sensitivity": vars(self).get("sensitivity", self.derivatives),
         }
-        return {name: plain(made[name] if name in made else getattr(self, name)) for name in self.plain_names}
+        names = self.plain_names[not problem :]
+        return {name: plain(made[name] if name in made else getattr(self, name)) for name in names}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

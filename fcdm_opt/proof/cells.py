@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, step
+from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -198,6 +198,7 @@ def _set_crossing(lines, determinant, excess):
         _add_product(excess[1], sign, lines[k, 0], lines[1 - k, 3])
 
 
+@light
 @kernel
 def goal_cells(T, features, target, signs, margin, codes, witness):
     """Tell where the tracked contact cannot be where the goal wants it.
@@ -243,6 +244,7 @@ def _opposed(x, y, sign, margin):
     return (_low(x) > margin and _high(y) < -margin) or (_high(x) < -margin and _low(y) > margin)
 
 
+@light
 @kernel
 def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
     """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
@@ -284,6 +286,7 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
                 break
 
 
+@light
 @kernel
 def left_cells(T, features, target, first, second, margin, codes, witness):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
@@ -662,6 +665,7 @@ def _stay_apart(T, movable, opponents, pair, margin, site, n, height):
     return False
 
 
+@light
 @kernel
 def pair_cells(T, movable, opponents, partners, asked, near, margin, tries, codes, witness):
     """Tell where a part overlaps an opponent or is too near, and where all pairs that ought to touch stay apart.

@@ -23,7 +23,6 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import besides, held, seat_of
-from fcdm_opt.motion.motions import Rotation, Step, Translation
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
@@ -104,10 +103,15 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     return ""
 
 
+def searched_limits(problem: Problem) -> Array:
+    """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
+    return _Examiner(problem, None).limits
+
+
 # ---------------------------------------------------------------------------------------------------------------- cover
 
 
-def _left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
+def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
     """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do.
 
     The indicator of a box is a sum over its corners, with alternating signs, of indicators of quadrants; those are
@@ -158,8 +162,10 @@ class TrackedCrossing:
 class _Examiner:
     """What a problem asks of a motion, and why the cells of a proof are said not to do it."""
 
-    def __init__(self, problem: Problem, evidence: Evidence) -> None:
-        self.problem, self.evidence = problem, evidence
+    def __init__(self, problem: Problem, evidence: Evidence | None) -> None:
+        self.problem = problem
+        if evidence is not None:
+            self.evidence = evidence
         self.kinematics = PosesOfPieces(problem)
         self.target = problem.target.tolist()
 
@@ -169,14 +175,14 @@ class _Examiner:
     def features(self) -> tuple[tuple[FeaturePoints, ...], int]:
         """The features whose lines the goal speaks of, and how many of them are tracked."""
         problem = self.problem
-        if problem.goal not in TRACKING:
+        if problem.goal not in TRACKING or problem.contacts:
             return (), 0
         lines: Any = problem.tracked_lines
         seats = problem.nominal_seats if problem.goal == "seat" else ()
         if seats:
             lines = tuple(seat_of(line, seats) or line for line in lines)
         others = besides(seats, lines, problem.target)
-        bodies = problem.movable, problem.static
+        bodies = problem.active
         made = (feature_points(*bodies, own.site, own.parts, own.normal, np.eye(3)) for own in (*lines, *others))
         return tuple(made), len(lines)
 
@@ -192,7 +198,7 @@ class _Examiner:
             return None
         given = [Interval(x) for x in self.target]
         one, two = features[:2]
-        bodies = self.problem.movable, self.problem.static
+        bodies = self.problem.active
         for own in (0, 1) if one.parts == two.parts else ():  # the body of the edge
             parts = [body.parts[k] for body, k in zip(bodies, one.parts, strict=True)]
             shared = [sorted(_corners(one, k, parts[k]) & _corners(two, k, parts[k])) for k in (0, 1)]
@@ -240,26 +246,23 @@ class _Examiner:
             limits[still & around] = 0.0
         if self.features[1]:
             return limits
-        steps = problem.motion.owners
-        half, reach = np.pi * (1.0 + FLOATS), self._reach(steps)
-        for k, step in enumerate(steps):
+        directions = problem.motion.shift_directions
+        half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
+        for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
             low, high = limits[k]
             if step.closed and around[k]:
                 limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
-            elif isinstance(step, Translation):
+            elif direction is not None:
                 limits[k] = max(low, -reach), min(high, reach)
         return limits
 
-    def _reach(self, steps: Sequence[Step]) -> float:
+    def _reach(self, shifts: Sequence[Array]) -> float:
         """Return a translation beyond which nothing touches; infinite if that is not known or not asked."""
-        shifts = [step.direction for step in steps if isinstance(step, Translation)]
-        turns = [step for step in steps if not isinstance(step, Translation)]
-        seeded = all(isinstance(step, Rotation) and step.centre == "seed" for step in turns)
-        if not (self.must_touch and seeded and 0 < len(shifts) <= 3):
+        if not (self.must_touch and self.problem.motion.about_seed and 0 < len(shifts) <= 3):
             return np.inf
         least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1]) - DEFAULT.nominal
         parts = [_norm(own).max() for own in self.movable]
-        others = [_norm(own.vertices).max() for own in self.obstacles[: len(self.problem.static.parts)]]
+        others = [_norm(own.vertices).max() for own in self.obstacles[: len(self.problem.active[1].parts)]]
         away = _norm(Interval(self.problem.static.seed) - self.problem.movable.seed)
         return float((away + max(parts) + max(others)) * (1.0 + FLOATS) / least) if least > 0 else np.inf
 
@@ -271,7 +274,7 @@ class _Examiner:
     @cached_property
     def movable(self) -> list[Interval]:
         """Vertices of the parts of body 1 at the scale made, about the moved seed in its own axes."""
-        own = self.problem.movable
+        own = self.problem.active[0]
         return [(Interval(part.vertices) - own.seed) * self.target[0] for part in own.parts]
 
     @cached_property
@@ -282,7 +285,7 @@ class _Examiner:
         # a contact that ends at the target pair is none where parts overlap at it
         apart = self.must_touch or problem.goal in ("at", "seat")
         need = problem.clearance if clear else 0.0 if apart else -np.inf
-        placed = [(part, self.target[1], need) for part in problem.static.parts]
+        placed = [(part, self.target[1], need) for part in problem.active[1].parts]
         placed += [(part, scale, own.clearance) for own in problem.keep_out for part, scale in own.obstacles]
         return [
             Obstacle(part, Interval(part.seed) - seed + (Interval(part.vertices) - part.seed) * scale, need)
@@ -306,7 +309,7 @@ class _Examiner:
         own, count = self.evidence, len(self.problem.weights)
         faces = np.arange(2 * count)
         cube = np.ones((2 * count, count - 1))
-        wrong = _left_over(
+        wrong = left_over(
             np.concatenate([own.column_faces, faces]),
             np.concatenate([own.column_boxes[:, 0], -cube]),
             np.concatenate([own.column_boxes[:, 1], cube]),
@@ -328,7 +331,7 @@ class _Examiner:
         fronts = np.where(np.isnan(fronts), 0.0, fronts)
         low = np.concatenate([own.stretches[:, 0], np.zeros(len(fronts))])
         high = np.concatenate([own.stretches[:, 1], fronts])
-        wrong = _left_over(
+        wrong = left_over(
             np.concatenate([own.faces, own.column_faces]),
             np.column_stack([low, np.concatenate([own.boxes[:, 0], own.column_boxes[:, 0]])]),
             np.column_stack([high, np.concatenate([own.boxes[:, 1], own.column_boxes[:, 1]])]),
@@ -461,7 +464,7 @@ class _Examiner:
         features, tracked = self.features
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
-        bodies = self.problem.movable, self.problem.static
+        bodies = self.problem.active
         for k, body in product(range(tracked), (0, 1)):
             feature = features[k]
             part = bodies[body].parts[feature.parts[body]]
@@ -480,7 +483,7 @@ class _Examiner:
         """Return by how much a direction keeps the tracked parts apart at the tracked pair."""
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
-        movable, static = self.problem.movable, self.problem.static
+        movable, static = self.problem.active
         if self.crossing is None or len(movable.parts) != 1 or len(static.parts) != 1:
             return margin  # parts of unions may be left for one another
         kinds, given = self.crossing.kinds, self.crossing.given
@@ -501,7 +504,7 @@ class _Examiner:
 
     def apart(self, poses: Poses) -> Array:
         """Return by how much a direction for each part pair keeps it apart at the target pair."""
-        count, others = len(poses.pieces.rows), len(self.problem.static.parts)
+        count, others = len(poses.pieces.rows), len(self.problem.active[1].parts)
         if not self.must_touch:
             return np.full(count, -np.inf)
         first = self.evidence.first

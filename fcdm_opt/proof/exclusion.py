@@ -15,7 +15,6 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.instructions import interpreted
-from fcdm_opt.motion.motions import Rotation, Screw, Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Reason
 from fcdm_opt.proof import cells as tests
@@ -247,21 +246,20 @@ class Exclusion:
             limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
         if task.tracked:
             return limits
-        steps = task.motion.owners
-        for k, step in enumerate(steps):
+        directions = task.motion.shift_directions
+        for k, step in enumerate(task.motion.owners):
             if step.closed and not isinstance(task.amount_kind, OwnAmount):
                 low, high = limits[k]
                 limits[k] = max(low, min(-np.pi, high - 2.0 * np.pi)), min(high, max(np.pi, low + 2.0 * np.pi))
-        seeded = all(isinstance(step, Translation) or getattr(step, "centre", "") == "seed" for step in steps)
-        shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
-        if seeded and task.must_touch and len(shifts):
+        shifts = np.array([own for own in directions if own is not None])
+        if task.motion.about_seed and task.must_touch and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
             partners = self.movable, self.opponents[: len(task.static.parts)]
             away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in partners)
             if least > DEFAULT.nominal:
                 reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
-                for k, step in enumerate(steps):
-                    if isinstance(step, Translation):
+                for k, direction in enumerate(directions):
+                    if direction is not None:
                         limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
         return limits
 
@@ -275,12 +273,12 @@ class Exclusion:
         task, upper = self.task, self.upper
         steps, count = task.motion.steps, len(task.weights)
         points, far = task.made_vertices, np.full(count, np.inf)
-        shifts = [step.direction for step in steps if isinstance(step, Translation)]
-        if len(shifts) == len(steps):
+        shifts = [own for own in task.motion.shift_directions if own is not None]
+        if len(shifts) == count:
             least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1])
             return np.full(count, upper / least) if count <= 3 and least > DEFAULT.nominal else far
-        if len(steps) == 1 and isinstance(steps[0], Screw) and not isinstance(steps[0].pitch, str):
-            return np.array([upper / abs(steps[0].pitch) if 0.0 < abs(steps[0].pitch) < np.inf else np.inf])
+        if count == 1 and steps[0].own_pitch is not None:
+            return np.array([upper / abs(steps[0].own_pitch) if steps[0].own_pitch else np.inf])
         line = self._turned_about()
         if line is None:
             return far
@@ -298,15 +296,15 @@ class Exclusion:
 
     def _turned_about(self) -> tuple[Array, Array] | None:
         """Return a point and the direction of the line about which a motion of one turn and one shift turns."""
-        steps, (one, two) = self.task.motion.steps, (self.task.movable.seed, self.task.static.seed)
-        if len(steps) == 1 and isinstance(steps[0], Screw):
-            point, axis = (one, two - one) if isinstance(steps[0].axis, str) else np.array(steps[0].axis)
-            return point, axis / np.linalg.norm(axis)
-        turns = [step for step in steps if isinstance(step, Rotation)]
-        if len(turns) != 1 or len(steps) > 2 or not all(isinstance(step, Rotation | Translation) for step in steps):
+        motion, (one, two) = self.task.motion, (self.task.movable.seed, self.task.static.seed)
+        turning = [step for step, turns in zip(motion.owners, motion.turning, strict=True) if turns]
+        if len(turning) != 1 or len(motion.names) > 2 or (len(motion.steps) > 1 and turning[0].own_pitch is not None):
             return None
-        centre = {"seed": one, "origin": np.zeros(3)}.get(turns[0].centre) if isinstance(turns[0].centre, str) else None
-        return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
+        others = zip(motion.owners, motion.shift_directions, strict=True)
+        line = turning[0].own_line(tuple(one), tuple(two))
+        if line is None or any(own is None and step is not turning[0] for step, own in others):
+            return None
+        return np.array(line[1]), np.array(line[0])
 
     def amounts(self, cells: Cells, T: Array) -> Array:
         """Return a lower bound of the amount over each cell, (n,)."""

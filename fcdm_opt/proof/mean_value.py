@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
@@ -273,14 +273,10 @@ def _together(numbers: Sequence[Interval], count: int) -> Interval:
 
 def _origin(motion: Motion, seed: Array) -> Array:
     """Return where to see a motion from: the seed, if its fixed points can be written so without rounding, else 0."""
-    points = []
-    for step in motion.steps:
-        if isinstance(step, Rotation) and step.centre != "seed":
-            points.append((0.0, 0.0, 0.0) if isinstance(step.centre, str) else step.centre)
-        elif isinstance(step, Screw) and not isinstance(step.axis, str):
-            points.append(step.axis[0])
-        elif not isinstance(step, Translation | Rotation | Screw | Free):
-            return np.zeros(3)
+    fixed = [step.own_fixed_points for step in motion.steps]
+    if None in fixed:
+        return np.zeros(3)
+    points = [point for own in fixed for point in own or ()]
     numbers = [(float(x), float(s)) for point in points for x, s in zip(point, seed, strict=True)]
     exact = all(Fraction(x) - Fraction(s) == Fraction(x - s) for x, s in numbers)
     return np.array(seed) if exact else np.zeros(3)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
@@ -23,6 +24,7 @@ from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS, SHRINKS = 60, 0.99  # in which a ball is made smaller, and by what at least
+MOST_BOXES = 4000  # in which equations are shown to disagree
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
 Equation = tuple[str, list[Interval]]
@@ -146,6 +148,50 @@ def least_about(problems: Problems, q: Array) -> float:
     return max(bound, 0.0)
 
 
+@np.errstate(all="ignore")
+def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
+    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
+
+    Parameters
+    ----------
+    low, high : (k,) arrays
+        Ends of weighted parameters.
+
+    Returns
+    -------
+    boxes, motions : (n, 2, k), (n, k) arrays, or None
+        None where `MOST_BOXES` do not do.
+    """
+    if not (np.isfinite(low) & np.isfinite(high)).all():
+        return None
+    equations, left, shown, count = _Equations((problem,)), np.array([[low, high]]), list[Array](), 0
+    while len(left):
+        count += len(left)
+        if count > MOST_BOXES:
+            return None
+        pacing.check()
+        boxes = _boxes(left[:, 0], left[:, 1])
+        values, slopes = equations.centred(boxes), equations.slopes(boxes)
+        half = np.where(boxes.half > 0.0, boxes.half, 1.0)
+        rates = slopes.middle / half[:, None]
+        middle = values.middle[:, :, None]
+        off = middle - rates @ (np.linalg.pinv(rates, DEFAULT.nominal) @ middle)  # what no motion changes
+        none = np.zeros(len(left), np.bool_)
+        for way in (off, middle):
+            fixed = Interval(np.swapaxes(way, 1, 2), np.zeros_like(np.swapaxes(way, 1, 2)))
+            level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
+            none |= level - fixed.contracted(slopes).size[:, 0].sum(axis=1) * (1.0 + 2.0**-40) > 0.0
+        shown.append(left[none])
+        left = left[~none]
+        axis = (left[:, 1] - left[:, 0]).argmax(axis=1)
+        rows = np.arange(len(left))
+        one, two = left.copy(), left.copy()
+        one[rows, 1, axis] = two[rows, 0, axis] = left[rows, :, axis].mean(axis=1)
+        left = np.concatenate([one, two])
+    found = np.concatenate(shown)
+    return found, 0.5 * found[:, 0] + 0.5 * found[:, 1]
+
+
 def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
 
@@ -181,6 +227,19 @@ class _Equations:
             centre = motion.poses(_boxes(y[None], y[None])).centre
             found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
         return found
+
+    def centred(self, boxes: Boxes) -> Interval:
+        """Return their values at the centres of boxes, (n, equations)."""
+        found = []
+        for motion, equations in self._own:
+            centre = motion.poses(boxes).centre
+            found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
+        shape = (len(boxes.rows), 1)
+        sides = (
+            np.concatenate([np.broadcast_to(getattr(own, side), shape) for own in found], axis=1)
+            for side in ("middle", "radius")
+        )
+        return Interval(*sides)
 
     def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
         """Return derivatives of all, or of those chosen, over boxes times their half widths, (n, equations, k)."""

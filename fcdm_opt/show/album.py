@@ -12,8 +12,10 @@ from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.show import Figure, save
+from fcdm_opt.show.assemblies import assembly_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.scene import ScenePieces, ShownPair, contacts_of, scene_figure, scene_pieces, view_of
 from fcdm_opt.show.sensitivities import sensitivities_figure
@@ -64,8 +66,16 @@ class Album:
         drawn = ShownPair.of(curve.movable, curve.static)
         self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption="as drawn"))
 
-    def add_solution(self, stem: str, title: str, solution: Solution) -> None:
-        """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
+    def add_solution(self, stem: str, title: str, solution: Bounded) -> None:
+        """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on.
+
+        Of an assembly the parts after their motions.
+        """
+        if isinstance(solution, AssemblySolution):
+            name = solution.assembly.name
+            self.add(f"{stem}-{name}", assembly_figure(solution, title=f"{title}: case {name}"), ending="-scene")
+            return
+        assert isinstance(solution, Solution)
         problem, found = solution.problem, solution.status.found
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"

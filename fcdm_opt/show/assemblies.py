@@ -12,17 +12,23 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import parts_figure
-from fcdm_opt.show.tables import verdict_cell
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.tables import UNPROVED, print_solutions, verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
 
 
-def print_assemblies(rows: Sequence[AssemblySolution]) -> None:
-    """Print one table for the cases of a file, a row a moving part, and what is to be said of each."""
-    print_rows([cells for solution in rows for cells in _cells(solution)], numbers=NUMBERS, optional=("weight",))
-    for solution in rows:
-        name = solution.assembly.name
+def print_answers(rows: Sequence[SolvedCase]) -> None:
+    """Print one table for the cases of a file: of assemblies a row a moving part, and what is to be said of each."""
+    if not isinstance(rows[0].solution, AssemblySolution):  # a file is of one kind
+        return print_solutions(rows)
+    lines = [cells for row in rows for cells in _cells(row.solution)]
+    print_rows(lines, numbers=NUMBERS, optional=("weight",))
+    for row in rows:
+        solution, name = row.solution, row.solution.assembly.name
+        if row.unproved:
+            print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
         if solution.status.name != "SOLVED":
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
@@ -99,6 +105,8 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
         made = body.scaled(assembly.scales[part])
         pose: Any = solution.transforms.get(part)
         bodies.append(made if pose is None else made.moved(pose))
+    bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
+    names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
     found = f"amount {amount_text(solution.amount, assembly.unit)}" if solution.status.found else "no motions found"
     return parts_figure(bodies, names, unit=assembly.unit, title=title, caption=found)

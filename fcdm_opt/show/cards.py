@@ -20,11 +20,13 @@ from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, pixels
+from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.scene import body_figure
 from fcdm_opt.show.texts import (
+    amount_text,
     counted,
     in_unit,
     number,
@@ -49,8 +51,9 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.whatif import WhatIf
     from fcdm_opt.doors import Shown
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Certificate, Solution
+    from fcdm_opt.problem.solution import Bounded, Certificate, Solution
 
 Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
 Rows = tuple[Sequence[str], Sequence[Sequence[object]]]
@@ -220,8 +223,9 @@ def solution_card(solution: Solution) -> Card:
 def cases_card(cases: SolvedCases) -> Card:
     """Return the card of several answers: a line for each case."""
     lines = [
-        (name, solution.status.name, number(solution.amount), solution.problem.amount_unit or "length",
-         _bound(solution, "")[0], solution.pair_state, verdict_text(solution))
+        (name, solution.status.name, number(solution.amount), solution.amount_unit or "length",
+         _bound(solution, "")[0], getattr(solution, "pair_state", "-"),
+         str(solution).splitlines()[0].removeprefix(f"{solution.question.name}: "))
         for name, solution in cases.items()
     ]  # fmt: skip
     usable = sum(solution.usable for solution in cases.values())
@@ -234,7 +238,34 @@ def cases_card(cases: SolvedCases) -> Card:
     )
 
 
-def mood_of(solution: Solution) -> str:
+def assembly_card(solution: AssemblySolution) -> Card:
+    """Return the card of an answer about several parts: what moves how far, how small that is, and the parts then."""
+    assembly, unit = solution.assembly, solution.amount_unit or "length"
+    facts = [
+        ("amount", number(solution.amount), f"{unit}, {solution.doubt}" if solution.doubt else unit),
+        ("proved at least", *_bound(solution, unit)),
+        ("verified", _verdict(solution)),
+        ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
+    ]
+    lines = [
+        (part, assembly.follows[part], told, amount_text(solution.amounts.get(part)))
+        for part, told in motion_texts(solution).items()
+    ]
+    told = assembly_verdict(solution)
+    return Card(
+        f"Solution: {assembly.name}" if assembly.name else "Solution",
+        said=f"{told[:1].upper()}{told[1:]}",
+        facts=facts,
+        tables=[(("part", "follows", "motion", "amount"), lines)],
+        lists={"settled by": solution.stages},
+        state=solution.status.name,
+        mood=mood_of(solution),
+        picture=assembly_figure(solution),
+        told="the parts after their motions",
+    )
+
+
+def mood_of(solution: Bounded) -> str:
     """Return the mood of a card about an answer."""
     return "bad" if not solution.usable else "mind" if solution.status.name == "PAIR_OVERLAPS" else "good"
 
@@ -243,7 +274,7 @@ def _title(what: str, problem: Problem) -> str:
     return f"{what}: {problem.name}" if problem.name else what
 
 
-def _bound(solution: Solution, unit: str) -> tuple[str, str]:
+def _bound(solution: Bounded, unit: str) -> tuple[str, str]:
     """Return the lower bound and how far below the amount it is."""
     if not solution.lower_bound > 0.0:
         return "0", "(nothing is proved)" if solution.amount else unit
@@ -254,7 +285,7 @@ def _bound(solution: Solution, unit: str) -> tuple[str, str]:
     return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 
-def _verdict(solution: Solution) -> str:
+def _verdict(solution: Bounded) -> str:
     certificate = solution.certificate
     if certificate is None or not solution.status.found:
         return "" if certificate is None else "no motion to verify"
@@ -449,6 +480,7 @@ CARDS: dict[str, Callable[[Any], Card]] = {
     "DecisionCurve": curve_card,
     "Problem": problem_card,
     "Solution": solution_card,
+    "AssemblySolution": assembly_card,
     "SolvedCases": cases_card,
     "Certificate": certificate_card,
     "CoherentRange": range_card,

@@ -10,8 +10,10 @@ import numpy as np
 
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.moved_files import to_csv, write
+from fcdm_opt.design.question import ROLES
 from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
@@ -30,7 +32,7 @@ class Grid(NamedTuple):
     name, unit : str
     rows, columns : sequence of str
         Sizes of the movable and of the static part: lengths that can be measured, without a unit per cent off the
-        nominal ones; of sizes by name deviations.
+        nominal ones; of sizes by name what they measure, with the deviation from drawn, or that alone.
     cells : sequence of sequence of str
         A row for each size of the movable part; a dash where there is no motion, a question mark where
         that is not known.
@@ -52,13 +54,13 @@ def grids(found: CompensationMap, problem: Problem, *, lines: int = LINES) -> li
     points = found.at(sizes[0][:, None], sizes[1][None])
     motion, unknown = points.parameters, points.undecided.tolist()
     heads = [
-        [measured(f"{off:+.4g}", unit) if off else "as drawn" for off in np.round(values, 9)]
+        [_size_text(off, length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
         else [f"{longest * value:.6g} {found.unit}" for value in values]
         if found.unit
         else [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
-        for values, nominal, unit, (longest, _) in zip(
-            sizes, found.nominal, units_over(found), _longest(problem), strict=True
+        for values, nominal, unit, (longest, _), length in zip(
+            sizes, found.nominal, units_over(found), _longest(problem), _drawn(found, problem), strict=True
         )
     ]
     made = []
@@ -72,6 +74,19 @@ def grids(found: CompensationMap, problem: Problem, *, lines: int = LINES) -> li
         ]
         made.append(Grid(name, "deg" if turned else found.unit, heads[0], heads[1], cells))
     return made
+
+
+def _drawn(found: CompensationMap, problem: Problem) -> list[float]:
+    """Return what the sizes that a map is over measure as drawn; nan where that is not one length."""
+    bodies, own = dict(zip(ROLES, drawn_bodies(problem), strict=True)), {size.name: size for size in problem.sizes}
+    return [own[name].drawn(bodies[own[name].body]) if name in own else np.nan for name in found.over]
+
+
+def _size_text(off: float, length: float, unit: str, whole: str) -> str:
+    """Return a size by its deviation from drawn, in a unit or as a share: "9.964 mm (-0.036)", "-0.036 mm"."""
+    made = length + off if unit else length * (1.0 + off)
+    told = "as drawn" if not off else f"{off:+.4g}" if unit else f"{100.0 * off:+.4g} %"
+    return (measured(told, unit) if off else told) if np.isnan(made) else f"{measured(f'{made:.6g}', whole)} ({told})"
 
 
 def units_over(found: CompensationMap) -> list[str]:
@@ -92,7 +107,7 @@ def write_grids(found: CompensationMap, problem: Problem, base: Path, *, title: 
     bodies = zip((problem.movable, problem.static), ("movable", "static"), _longest(problem), strict=True)
     parts = [(body.name or f"the {role} part", axis) for body, role, (_, axis) in bodies]
     moved, names = parts[0][0], list(found.over)
-    off = "off drawn"
+    off = "off drawn" if np.isnan(_drawn(found, problem)).any() else "in brackets how far off drawn"
     if tuple(found.over) == SCALES:
         names = [f"{name}, length along {axis}" if found.unit else name for name, axis in parts]
         off = "" if found.unit else "off nominal"

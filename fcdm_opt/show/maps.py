@@ -15,10 +15,12 @@ from fcdm_opt.show.grids import units_over
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
 from fcdm_opt.show.texts import share_text
+from fcdm_opt.show.verdict import labels_in_words
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.problem.problem import Problem
 
 FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
 """Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
@@ -32,7 +34,7 @@ INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"
 
 
 @styled
-def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") -> Figure:
+def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
     Boundaries at which the motion jumps are double lines; where there is no motion, or none is known, the plane is
@@ -42,6 +44,8 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
     Parameters
     ----------
     sizes : CompensationMap
+    problem : Problem, optional
+        What the map is of: then contacts are told by names of faces, not by labels.
     title, caption : str
         Text above and below the picture.
     """
@@ -70,7 +74,7 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {measured(f'{largest:.4g}', sizes.unit)}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
-        lines.append(f"     {region}")
+        lines.append(f"     {region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
     error = measured(f"{sizes.reached:.2g}", sizes.unit)

@@ -81,7 +81,7 @@ def before_after_figure(
     before, after = problem.curve, None
     pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
     if pose is not None:
-        after = decision_curve(problem.movable, problem.static, box=problem.box, transform=pose)
+        after = decision_curve(*problem.active, box=problem.box, transform=pose)
     sheet = Sheet.of(PAGE, 3.6, title=title, caption=caption)
     whole, zoom = (sheet.axes(left, 0.75, 2.62, 2.62) for left in (0.48, 3.88))
     limits = window(problem, solution)

@@ -11,15 +11,18 @@ import re
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, number, numbers
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers
+from fcdm_opt.show.verdict import name_of
 from fcdm_opt.tolerances import DEFAULT
 
 NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
@@ -47,8 +50,9 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    told += [*told_solids(problem.bodies), *known_gaps(problem)]
     low, high = solution.amount_low, solution.amount_high
+    settled = low == high and not (solution.usable and solution.pair_state != "touching")  # no gap is told either
+    told += [*told_solids(problem.bodies), *(() if settled else known_gaps(problem))]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the mesh leaves the amount open between {low:.6g} and {end}")
@@ -122,10 +126,15 @@ def _leaves_freedom(problem: Problem) -> bool:
 
 
 def _large(solution: Solution) -> list[str]:
-    """Return a warning where a motion is so large that it may have gone through the other body."""
+    """Return a warning where a motion goes through other bodies, or is so large that it may have."""
     if not solution.status.found or solution.transform is None or solution.status.name == "OUTSIDE_FIT":
         return []
-    problem = solution.problem
+    problem, parameters = solution.problem, tuple(solution.parameters.values())
+    through = [
+        name_of(problem, 1) if other is None else f"keep-out {other.name}"
+        for other in (None, *problem.keep_out)
+        if any(parameters) and pacing.in_time(goes_through, problem, parameters, other, late=False)
+    ]
     poses = (np.eye(4), np.eye(4), solution.transform)
     bodies, scales = (problem.movable, problem.static, problem.movable), solution.pair[[0, 1, 0]]
     rest, other, end = (own.placed_vertices(*at) for own, *at in zip(bodies, scales, poses, strict=True))
@@ -134,16 +143,17 @@ def _large(solution: Solution) -> list[str]:
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
     open_way = problem.curve.gap(solution.pair) * (1.0 + DEFAULT.touch)  # none can be met sooner
-    if moved <= max(LARGE * side, GROWTH * float(change), open_way):
+    if moved <= max(LARGE * side, GROWTH * float(change), open_way) and not through:
         return []
     way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
     limited = zip(problem.motion.names, problem.limits, strict=True)
     free = [name for name, limits in limited if not np.isfinite(limits).all()]
     cure = f"; limits keep it near, for instance of {', '.join(free)}" if free else ""
-    return [
-        f"a large motion: a corner moves by {way}, the thinner part measures {long}. It may end on another "
-        f"side of the other part; the way there is not looked at{cure}"
-    ]
+    if through:
+        what = f"straight there it goes through {listed(through)}, and no other way is looked for"
+    else:
+        what = "it may end on another side of the other part; the way there is not looked at"
+    return [f"a large motion: a corner moves by {way}, the thinner part measures {long}; {what}{cure}"]
 
 
 def left_out(solution: Solution) -> list[str]:

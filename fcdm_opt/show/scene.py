@@ -603,7 +603,7 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
 
 def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once."""
-    met = [] if pacing.over() else [(contact.feature, own) for contact, own in curve.touching(rho)]
+    met = [(contact.feature, own) for contact, own in pacing.in_time(curve.touching, rho, late=())]
     near = 1e-6 * max(body.size for body in shown.bodies)
     whole = {feature: _shared_by_faces(feature, shown.bodies) for feature, _ in met}
     made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]

@@ -12,10 +12,13 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, VERMILLION
-from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.show.lettering import Sheet, clipped
 
 INSET = 1.55
 """Inches across of an inset."""
+
+CORNER = 0.8
+"""Of half an inset: the bar of known length, and its label, are at most so long."""
 
 STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
 """Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
@@ -132,10 +135,12 @@ def draw_section(
     axes.plot(*ends.T, color=GREEN, linewidth=3.0, alpha=0.8)
     axes.plot([0.0], [0.0], "o", color=GREEN, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
-    power = 10.0 ** np.floor(np.log10(half))
-    bar = power * max(k for k in (1, 2, 5) if k * power <= half)
-    axes.plot([-0.92 * half, -0.92 * half + bar], [-0.88 * half] * 2, color=DARK, linewidth=1.6)
-    axes.text(-0.92 * half, -0.84 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
+    longest = CORNER * half
+    power = 10.0 ** np.floor(np.log10(longest))
+    bar = power * max(k for k in (1, 2, 5) if k * power <= longest)
+    left, foot = free_corner(half, ends)
+    axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
+    axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
     which = "contact" if number is None else f"contact {number}"
     axes.set_title(f"{which}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
@@ -146,6 +151,16 @@ def draw_section(
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
     return facing
+
+
+def free_corner(half: float, line: Array) -> tuple[float, float]:
+    """Return where a bar of known length begins in a square about 0: in the first corner that a line keeps clear of."""
+    wide, high = CORNER * half, 0.35 * half  # with its label
+    corners = [(x, y) for x in (-0.92 * half, 0.92 * half - wide) for y in (-0.88 * half, 0.68 * half)]
+    for x, y in corners:
+        if not clipped(line[None], [[x, x + wide], [y - 0.1 * half, y + high]])[1].any():
+            return x, y
+    return corners[0]
 
 
 def _section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:

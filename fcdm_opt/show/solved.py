@@ -6,6 +6,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +14,14 @@ from fcdm_opt import pacing
 from fcdm_opt.design.whatif.fitting import fits_up_to
 from fcdm_opt.judge.certificate import verify, without_evidence
 from fcdm_opt.model.task import Task
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 
-FITTED = 3.0
-"""Seconds that the tolerance at which parts fit is sought for, beside an answer; of large meshes it takes longer."""
+FITTED = 6000
+"""Looks at the time while the tolerance at which parts fit is sought for; of large meshes it takes longer."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class SolvedCase:
 
     Attributes
     ----------
-    solution : Solution
+    solution : Solution or AssemblySolution
     published_amount : float or None
         Amount of the reference motion that the file gives.
     touch_amount : float or None
@@ -41,15 +43,21 @@ class SolvedCase:
         Why a bound that was to be certified carries no evidence, in words; "" where it does, or was not to be.
     """
 
-    solution: Solution
-    published_amount: float | None
-    touch_amount: float | None
+    solution: Any
+    published_amount: float | None = None
+    touch_amount: float | None = None
     fits_up_to: float | None = None
     unproved: str = ""
 
+    @property
+    def beside(self) -> dict[str, float | None]:
+        """What is set beside the solution of a problem; nothing beside that of an assembly."""
+        names = ("published_amount", "touch_amount", "fits_up_to")
+        return {name: getattr(self, name) for name in names if isinstance(self.solution, Solution)}
+
 
 def solved_case(
-    problem: Problem, *, certify: bool, effort: Effort = "proved", seconds: float | None = None
+    problem: Problem | Assembly, *, certify: bool, effort: Effort = "proved", seconds: float | None = None
 ) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
@@ -61,12 +69,15 @@ def solved_case(
         As `solve` does.
     """
     solution = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
-    if solution.evidence is not None and not pacing.over():
+    unproved = without_evidence(solution) if certify and solution.status.found else ""
+    if certify and solution.status.found and solution.amount > 0.0 and not unproved and not pacing.over():
         pacing.at(f"checking the proof for {problem.name}")
         start = perf_counter()
         with suppress(pacing.TimeOverError), pacing.judging():
             certificate = verify(solution, proof=True)
             solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
+    if isinstance(problem, Assembly):
+        return SolvedCase(solution, unproved=unproved)
     published = None
     if problem.published is not None:
         published = Task.of(problem).amount(np.array(problem.published))
@@ -76,11 +87,10 @@ def solved_case(
             answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
             touch = answer.amount if answer.usable else None
     fits = None
-    with suppress(pacing.TimeOverError), pacing.within(FITTED, share=1.0):
+    with suppress(pacing.TimeOverError), pacing.looking(FITTED):
         pacing.check()
-        if problem.movable.whole is None and (
+        if not problem.partial and (
             solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
         ):
             fits = fits_up_to(problem)
-    unproved = without_evidence(solution) if certify and solution.status.found else ""
     return SolvedCase(solution, published, touch, fits, unproved)

@@ -98,7 +98,7 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
     """Return axis and centre of the round face that a facet is of, in words: the centre is halfway along the axis."""
     found: dict[Label, tuple[str, str]] = {}
     for own in round_faces(body):
-        corners = (body.whole or body).vertices[np.unique([v - 1 for face in own.faces for v in face])]
+        corners = body.vertices[np.unique([v - 1 for face in own.faces for v in face])]
         origin, axis = own.surface.origin, own.surface.axis
         axis = axis if axis[np.abs(axis).argmax()] > 0.0 else -axis
         along = (corners - origin) @ axis

@@ -22,7 +22,7 @@ from fcdm_opt.show.texts import (
     steps_text,
     units_text,
 )
-from fcdm_opt.show.verdict import fit_text, range_texts, verdict_text
+from fcdm_opt.show.verdict import fit_text, labels_in_words, range_texts, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -106,6 +106,8 @@ def _label(feature: Any, bodies: Any) -> str:
 def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
+UNPROVED = "the bound is the solver's word, no evidence of it is kept"
+
 
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
@@ -119,7 +121,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         solution = row.solution
         notes = remarks(solution)
         if row.unproved:
-            notes = [*notes, f"the bound is the solver's word, no evidence of it is kept: {row.unproved}"]
+            notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
@@ -300,12 +302,13 @@ def print_judged(certificate: Certificate) -> None:
     print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
 
 
-def print_clearances(clearances: Clearances, *, where: str = "") -> None:
+def print_clearances(clearances: Clearances, problem: Problem, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text, "between": end.feature}
+        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text,
+         "between": labels_in_words(end.feature, problem)}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))

@@ -11,9 +11,8 @@ from fcdm_opt.geometry.units import floored, measured
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.solution import Bounded, Solution
     from fcdm_opt.show.solved import SolvedCase
 
 DIGITS = 4
@@ -160,14 +159,14 @@ def amount_text(amount: float | None, unit: str = "") -> str:
     return "-" if amount is None or not math.isfinite(amount) else measured(number(amount), unit)
 
 
-def proved_least(solution: Solution | AssemblySolution) -> bool:
+def proved_least(solution: Bounded) -> bool:
     """Tell whether nothing smaller than the amount does, but for rounding: by less than what counts as touching."""
-    problem: Problem | None = getattr(solution, "problem", None)  # an assembly has none
-    room = problem.contact_slack if problem is not None and problem.amount == "weighted" else 0.0
+    asked = solution.question
+    room = asked.contact_slack if getattr(asked, "amount", "") == "weighted" else 0.0  # an assembly has none
     return abs(solution.gap) < CLOSED or 0.0 < solution.amount - solution.lower_bound <= room
 
 
-def bound_text(solution: Solution | AssemblySolution) -> str:
+def bound_text(solution: Bounded) -> str:
     """Return the lower bound, rounded down, and below it how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
         return "impossible"
@@ -181,11 +180,10 @@ def bound_text(solution: Solution | AssemblySolution) -> str:
     return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
 
 
-def bound_line(solution: Solution | AssemblySolution) -> str:
+def bound_line(solution: Bounded) -> str:
     """Return the lower bound with its unit, and how near it is, on one line."""
     bound, *near = bound_text(solution).split("\n")
-    unit = solution.problem.amount_unit if hasattr(solution, "problem") else solution.assembly.unit
-    return ", ".join([measured(bound, unit) if bound[0].isdigit() else bound, *near])
+    return ", ".join([measured(bound, solution.amount_unit) if bound[0].isdigit() else bound, *near])
 
 
 def outcome_text(solution: Solution) -> str:

@@ -197,6 +197,15 @@ def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
     return f"{words} of {name_of(problem, 1)}{more}"
 
 
+def labels_in_words(text: str, problem: Problem) -> str:
+    """Return a text with the labels of contacts in it as names of faces, edges and corners of a problem's bodies."""
+    from fcdm_opt.curve.features import Feature
+    from fcdm_opt.problem.fit import drawn_bodies
+
+    keep_outs = {own.name: own.body for own in problem.keep_out}
+    return Feature.all_in_words(text, *drawn_bodies(problem), keep_outs)
+
+
 def _the(element: str) -> str:
     """Return an element with an article, but where a number names it."""
     return element if element.startswith(("corner", "face ")) else f"the {element}"
@@ -208,7 +217,7 @@ def fit_text(problem: Problem) -> str:
     Gaps are looked at where every part has an end of its tolerance; none of large bodies, whose curve is one of a few
     parts.
     """
-    if problem.tolerance is None or problem.movable.whole is not None:
+    if problem.tolerance is None or problem.partial:
         return ""
     nominal = problem.nominal_pair
     ends = nominal[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])

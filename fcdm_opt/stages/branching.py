@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Answer, Task
-from fcdm_opt.motion.motions import XYZ, Free, Translation
+from fcdm_opt.motion.motions import XYZ, Translation
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
@@ -206,8 +206,7 @@ def _unturned(task: Task) -> list[Array]:
     if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
         return []
     still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
-    steps = [own for step in task.motion.steps for own in (AXES if isinstance(step, Free) else (step,))]
-    shifts = [step for step in steps if isinstance(step, Translation)]
+    shifts = [Translation(tuple(own.tolist())) for own in task.motion.shift_directions if own is not None]
     if len(shifts) == (~turning).sum() > 1:  # exact
         motion = reduce(operator.rshift, shifts)
         least = translations(replace(task, motion=motion, weights=task.weights[~turning], limits=task.limits[~turning]))
@@ -281,7 +280,7 @@ def bounded(
     share : float
         Of the efforts, and of `CELLS`.
     until : float
-        `perf_counter` at which to stop in place of an effort.
+        `perf_counter` at which to stop in place of the last effort.
     checked : bool
         As of `prove`.
     """
@@ -303,10 +302,10 @@ def bounded(
         return found.q
 
     try:
-        timed = np.isfinite(until)
-        cells = [(gap, sys.maxsize if timed else _most(task, effort, share, not checked)) for gap, effort in aims]
-        aimed = cells[-1:] if timed else cells
-        proof = prove(task, upper, aims=aimed, until=until, search=search, checked=checked)
+        cells = [(gap, _most(task, effort, share, not checked)) for gap, effort in aims]
+        if np.isfinite(until):  # that ends the last of them
+            cells[-1] = aims[-1][0], sys.maxsize
+        proof = prove(task, upper, aims=cells, until=until, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)

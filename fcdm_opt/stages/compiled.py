@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
+from fcdm_opt.compiling import kernel, light
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -70,6 +70,7 @@ _TINY = 1e-300
 # ------------------------------------------------------------------------------------------------------- the motion
 
 
+@light
 @kernel
 def worst_group(normals, levels, alternatives, groups, kept, y):
     """Return the group of conditions normals . y >= levels that y misses by most, and by how much; see `Choices`.
@@ -363,6 +364,7 @@ def evaluate(scene, rows, count, only, z, g, G):
 # ------------------------------------------------------------------------------------------------------- active set
 
 
+@light
 @kernel
 def least_distance(G, h, walls, levels):
     """Return for each wall the least x with G x >= h and wall . x <= level, (n, k); nan where there is none."""
@@ -506,6 +508,7 @@ def _blend(H, share):
         H[m, m] += 1.0 - share
 
 
+@light
 @kernel
 def descend(scene, rows, count, steepest, z, duals, enough):
     """Move z to the least vector that keeps the rows, from where it is; return how it ended.
@@ -735,6 +738,7 @@ def _others(scene, lines, flat, x, y, s, faults, count):
 # ------------------------------------------------------------------------------------------------- touch and clear
 
 
+@light
 @kernel
 def ways(scene, z, p1, p2):
     """Return the sites of a part pair at z, edges' orientations, normals, separations, and slopes by z."""
@@ -789,6 +793,7 @@ def _foremost(parts1, parts2, p1, p2, flat, x, y, n):
     return v, w, _dot(n, _entry(flat, 9)) - x * first - y * second
 
 
+@light
 @kernel
 def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins):
     """Add rows for what z violates; return (how it went on, rows, chosen sites).

@@ -24,7 +24,6 @@ from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
@@ -128,7 +127,7 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
         along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
         if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):
             return False
-    between = any(isinstance(step, Screw) and step.axis == "seeds" and moving[k] for k, step in enumerate(steps))
+    between = (task.motion.along_seeds & moving).any()
     return not between or moving.sum() == 1  # its axis follows what the others do
 
 

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.motion.motions import Free, Step, Translation
+from fcdm_opt.motion.motions import Step
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
@@ -207,9 +207,9 @@ def is_steady(task: Task, direction: Array) -> bool:
     """Tell whether body 1 moves steadily along a ray: by one parameter, or by shifts alone."""
     if len(direction) == 1:
         return task.bounded
-    moving = [own for own, slope in zip(_stepped(task), direction.tolist(), strict=True) if slope != 0]
-    shifts = all(isinstance(step, Translation | Free) and kind == "translation" for step, kind in moving)
-    return shifts or (len(moving) == 1 and moving[0][0].bounded)
+    each = zip(task.motion.owners, task.motion.shift_directions, direction.tolist(), strict=True)
+    moving = [(step, own) for step, own, slope in each if slope != 0]
+    return all(own is not None for _, own in moving) or (len(moving) == 1 and moving[0][0].bounded)
 
 
 def _stepped(task: Task) -> list[tuple[Step, str]]:

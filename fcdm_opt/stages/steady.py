@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, step
+from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.kernels import E1E2, V1F2, _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
 from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, placed, set_nearest
 
@@ -228,6 +228,7 @@ def _soonest(pairs, partner, until):
     return least
 
 
+@light
 @kernel
 def first(
     way, ones, twos, offset, needs, pairs, partner, touch, limit, floor, finest, most, fine, slack, work, until, now,

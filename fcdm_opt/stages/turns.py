@@ -18,7 +18,6 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.instructions import pose_instructions
-from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import rays, turned_cells
 from fcdm_opt.tolerances import DEFAULT
@@ -98,20 +97,12 @@ def _steps(task: Task) -> Steps | None:
     """Return the motion taken apart; None for other motions and goals."""
     if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
         return None
-    moves: list[tuple[int, Array]] = []
-    spins: list[int] = []
-    place, vector = 0, False
-    for step in task.motion.steps:
-        if isinstance(step, Translation):
-            moves.append((place, np.array(step.direction)))
-        elif isinstance(step, Rotation) and step.centre == "seed":
-            spins.append(place)
-        elif isinstance(step, Free) and len(task.motion.steps) == 1:
-            vector = True
-            moves, spins = list(enumerate(np.eye(3))), [3, 4, 5]
-        else:
-            return None
-        place += len(step.parameters)
+    motion = task.motion
+    moves = [(k, own) for k, own in enumerate(motion.shift_directions) if own is not None]
+    spins = np.flatnonzero(motion.turning).tolist()
+    vector = any(len(step.own_parameters) > 1 for step in motion.steps)
+    if not motion.about_seed or (vector and len(motion.steps) > 1):
+        return None
     if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
         return None
     directions = np.array([axis for _, axis in moves]).T
@@ -223,6 +214,9 @@ class _TurnSearch:
         ends = np.full(3, most)
         if not np.isfinite(limits).any():
             ends = np.minimum(ends, np.pi * self.weights)
+        else:  # a whole turn further on is as good
+            nearest = np.maximum(np.maximum(limits[:, 0], -limits[:, 1]), 0.0)
+            ends[:count] = np.minimum(ends[:count], (2.0 * np.pi + nearest) * self.weights[:count])
         low, high = np.zeros((2, 3))
         low[:count] = np.maximum(limits[:, 0] * self.weights[:count], -ends[:count])
         high[:count] = np.minimum(limits[:, 1] * self.weights[:count], ends[:count])

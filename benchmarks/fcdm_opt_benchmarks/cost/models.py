@@ -61,7 +61,7 @@ def cost(problem: Problem, model: str) -> Row:
     """
     start = perf_counter()
     try:
-        solution = solve(problem, model=model)  # type: ignore[arg-type]
+        solution = solve(problem, model=model)  # type: ignore[call-overload]
     except InputError as reason:
         if model not in STAGES:
             raise

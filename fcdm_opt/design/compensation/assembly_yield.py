@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.sizes import SCALES, drawn_pairs, proportion_interval, sources
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
 from fcdm_opt.plain import Plain
@@ -179,6 +179,7 @@ class AssemblyYield(Plain, Shown):
         return ", ".join((*words, *self.known_to))
 
 
+@known_arguments
 def assembly_yield(
     sizes_map: Any,
     *,

@@ -21,7 +21,7 @@ from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
@@ -164,7 +164,7 @@ class CompensationMap(Plain, Shown):
         return (
             f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
             f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
-            f"error {reached} (asked for {self.error:.3g}), "
+            f"error {reached} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
         )
@@ -201,6 +201,7 @@ class CompensationMap(Plain, Shown):
         to_csv(path.with_name(f"{path.stem}-regions.csv"), [columns, *rows])
 
 
+@known_arguments
 def compensation_map(
     problem: Problem,
     *,

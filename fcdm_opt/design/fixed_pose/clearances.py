@@ -12,12 +12,13 @@ from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales,
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.active_parts import need_all_parts
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -140,6 +141,7 @@ class Clearances(Shown):
         return {**told, "count": len(self.gaps), **shares, "histogram": histogram}
 
 
+@known_arguments
 def clearances(
     problem: Problem, *, sizes: Any = None, box: Any = None, pose: Any = None, count: int = 100_000, seed: int = 1
 ) -> Clearances:
@@ -179,6 +181,7 @@ def clearances(
     else:
         whole = box_of(problem, sizes, box)
         pairs, source = drawn_pairs(sizes, whole, count, seed)
+        need_all_parts(problem, "a pose for all sizes")
         scene = Scales(problem.movable, problem.static, Sizes(whole))
     at = scene.rows(scene.pose(transform))
     extremes = scene.extremes(at)

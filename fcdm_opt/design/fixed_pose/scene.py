@@ -26,7 +26,6 @@ from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.problem.reach import need_all_parts
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
@@ -130,7 +129,6 @@ class Scales(SizedBodies):
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
         super().__init__(movable, static, sizes)
-        need_all_parts(movable, static, "a pose for all sizes")
         self.packed = (*movable.packed, *static.packed)
         bodies = movable, static
         self.vertices = [np.concatenate([part.vertices - body.seed for part in body.parts]) for body in bodies]

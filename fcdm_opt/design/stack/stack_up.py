@@ -14,7 +14,7 @@ from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
 from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
 from fcdm_opt.doors import upper
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
@@ -380,6 +380,7 @@ class StackUp:
         return told
 
 
+@known_arguments
 def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: Any = None) -> StackUp:
     """Return how the gap of a problem's bodies depends on its sizes, at a pose.
 

@@ -16,9 +16,8 @@ from keyword import iskeyword
 from typing import Any, NoReturn
 
 from fcdm_opt.design.places import Place, written
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.problem.arguments import LARGEST, is_real
-from fcdm_opt.problem.schema import closest
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     name: getattr(math, name)

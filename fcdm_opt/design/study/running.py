@@ -20,7 +20,7 @@ from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
 from fcdm_opt.doors import extra
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.version import __version__
 
 Engine = Literal["joblib", "dask"]
@@ -40,6 +40,7 @@ Answers = Callable[[Iterable[Asked]], Generator[Row]]
 BACKLOG = 1000  # points met that are kept in memory before they are written
 
 
+@known_arguments
 def run_study(
     study: Study | str | os.PathLike[str],
     out: str | os.PathLike[str],

@@ -18,11 +18,11 @@ from fcdm_opt.design.question import Question, canonical, digest, excluded, loca
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
-from fcdm_opt.errors import InputError, checked_path, placed
+from fcdm_opt.errors import InputError, checked_path, closest, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import checked, closest, read_entry
+from fcdm_opt.problem.schema import checked, read_entry
 from fcdm_opt.problem.solution import Effort
 from fcdm_opt.version import __version__
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.design.sizes import by_name, tolerance_boxes
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.units import measured
@@ -201,6 +201,7 @@ class Budgets(Mapping[str, Budget]):
         return "\n".join(str(one) for one in self.each.values())
 
 
+@known_arguments
 def budget(
     problem: Problem,
     limit: float | None,
@@ -223,7 +224,8 @@ def budget(
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
-        "low" and "high" (all at their least, their largest); default "worst" and "loosest".
+        "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
+        scales that turn faces, whose least gap is not known beforehand, "low" and "high".
     largest : float, optional
         Tolerance up to which is looked; default 0.2, of sizes four times their own or as far as no face vanishes.
     accuracy : float
@@ -248,16 +250,17 @@ def budget(
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     arguments.truth(scale, "scale")
     known = CORNERS if own else tuple(SIGNS)
-    given: Any = requirements
-    if given is None or given in known:
-        given = (CORNERS[:2] if own else known) if given is None else (given,)
+    if own:
+        shape, most, usual = _shape_of_sizes(problem, scale)
+    else:
+        shape, most, usual = _shape(problem) if scale else np.ones((2, 2)), LARGEST, known
+    given: Any = usual if requirements is None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
         arguments.choice(letter, "requirements", known)
     if not letters:
         allowed = ", ".join(known)
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)
-    shape, most = _shape_of_sizes(problem, scale) if own else (_shape(problem) if scale else np.ones((2, 2)), LARGEST)
     if largest is None:
         largest = most
     elif own:
@@ -276,18 +279,23 @@ def _shape(problem: Problem) -> Array:
     return table / float(table.max())
 
 
-def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float]:
-    """Return deviations of a problem's sizes, (k, 2), of lengths up to 1, and times what is looked at most."""
+def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float, tuple[str, ...]]:
+    """Return deviations of sizes, (k, 2), of lengths up to 1, times what is looked at most, and at which corners."""
     box, lengths = tolerance_boxes(problem.sizes), np.array([size.is_length for size in problem.sizes])
     unit = float(np.abs(box[lengths] if lengths.any() else box).max())
     if not unit > 0.0:
         raise InputError("all sizes are as drawn", key="sizes.tolerance", found=box.tolist(), allowed="tolerances > 0")
     shape, most = box / unit if scale else np.tile([-1.0, 1.0], (len(box), 1)), WIDENED * unit
+    usual: tuple[str, ...] = CORNERS[:2]
     for role in ("movable", "static"):
-        rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
-        moving = Resizing.of(problem.request[role], [problem.sizes[k] for k in rows])
-        most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
-    return shape, most
+        body, rows = problem.request[role], [k for k, size in enumerate(problem.sizes) if size.body == role]
+        if body.hollow and rows:
+            usual = CORNERS[2:]
+        elif rows:
+            moving = Resizing.of(body, [problem.sizes[k] for k in rows])
+            most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
+            usual = CORNERS[2:] if moving.inclined() else usual
+    return shape, most, usual
 
 
 class _Point(NamedTuple):

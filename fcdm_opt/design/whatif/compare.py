@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fcdm_opt.design.whatif.constraints import PlainMotion
-from fcdm_opt.errors import InputError, expected
+from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import truth
@@ -138,6 +138,7 @@ class Comparison:
         return f"cheapest of {len(self.table)} families: {best.name}, amount {best.amount:.6g}{ties}"
 
 
+@known_arguments
 def compare(
     problem: Problem,
     motions: Mapping[str, Motion] | Iterable[Motion] | None = None,

@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 
@@ -55,7 +56,7 @@ class Conflicts(Plain):
     seconds: float
 
     def __str__(self) -> str:
-        lines = []
+        lines = list(filter(None, (verdict(self.problem),)))  # what `solve` says of it
         for clash in self.clashes:
             what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
             outside = clash.status is Status.OUTSIDE_FIT
@@ -74,6 +75,7 @@ class Conflicts(Plain):
         return {**super().to_dict(), "constraints": [one.name for one in self.constraints]}
 
 
+@known_arguments
 def conflicts(
     problem: Problem | Solution, *, certify: bool = False, relax: bool = True, deviation: bool = True
 ) -> Conflicts:

@@ -146,18 +146,25 @@ def _clearance(
     )
 
 
-def _contact(problem: Problem, feature: Feature) -> Constraint:
-    """Return one of several contacts that are restored together; without it, it may stay open."""
+def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
+    """Return one of several contacts that are restored together, from 1; without it, it may stay open."""
 
     def changed(problem: Problem, by: float) -> Problem:
         left = [own.label for own in problem.contacts if own != feature]
         return problem.changed(contacts=left) if left else problem.changed(contacts=None, goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
-        gap = replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf)
-        return abs(gap) if problem.goal != FIT else max(-gap, 0.0)
+        if problem.goal == FIT:
+            return max(-replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf), 0.0)
+        # by these very faces: the parts may touch elsewhere
+        return next((one.value for one in certificate.checks if one.name == f"contact {k}"), math.inf)
 
-    return Constraint(name=f"contact {feature.label}", changed=changed, excess=excess, slack=problem.contact_slack)
+    def rate(sensitivity: Sensitivity) -> float:
+        known = sensitivity.multipliers if sensitivity.exists else {}
+        return abs(known.get(f"contact {feature.label}", math.nan))
+
+    name = f"contact {k}, {feature.in_words(problem.movable, problem.static)}"
+    return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack, rate=rate)
 
 
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
@@ -198,7 +205,7 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         if kept.clearance > 0:
             listed.append(_clearance(problem, kept_clear(kept.name), kept.clearance, label, kept))
     if len(problem.contacts) > 1:
-        listed += [_contact(problem, feature) for feature in problem.contacts]
+        listed += [_contact(problem, *own) for own in enumerate(problem.contacts, 1)]
     state = "" if problem.contacts or problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
     if problem.pair == "touch" and state:
         listed.append(_passed(state, "pair touches", {"pair": "any"}))
@@ -273,6 +280,7 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         Name -> amount in the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is
         not and there is no amount.
     """
-    certificate = verify(replace(solution, problem=problem))
+    features = problem.contacts if problem.contacts and problem.goal != FIT else solution.features
+    certificate = verify(replace(solution, problem=problem, features=features))
     passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(problem)}
     return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}

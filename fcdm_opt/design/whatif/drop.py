@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, problem_of, without
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -108,6 +108,7 @@ class Costs(Plain):
         return "\n".join([*lines, *(f"with {row}" for row in self.goals)])
 
 
+@known_arguments
 def drop(problem: Problem | Solution) -> Costs:
     """Find out which constraint of a problem costs how much.
 

@@ -136,7 +136,6 @@ def order(problem: Problem) -> tuple[Order, str]:
 
 def _is_star(body: Body) -> bool:
     """Tell whether every part holds the seed, so that smaller scales of the body lie within larger ones."""
-    body = body.whole or body  # not those modelled alone
     return all(
         bool((((part.vertices[[loop[0] for loop in part.loops]] - body.seed) * part.normals).sum(axis=1) >= 0).all())
         for part in body.parts

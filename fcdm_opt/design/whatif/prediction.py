@@ -174,8 +174,7 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
 
 def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
-    name, large = key.strip(), old.whole is not None or new.whole is not None
-    old, new = old.whole or old, new.whole or new  # which of its parts are modelled is no change
+    name = key.strip()
     if old is new:
         return
     if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
@@ -186,9 +185,6 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
         yield _told(f"{name} seed", rates.seeds[name], seed)
     moves = new.vertices - old.vertices
     if not moves.any():
-        return
-    if large:
-        yield f"{name} vertices", NAN, f"no derivative by vertices of {name}, of which only some parts are modelled"
         return
     change, by = by_moves(key, old, moves, rates.faces, rates.vertices)
     reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"

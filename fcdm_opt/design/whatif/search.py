@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
 from fcdm_opt.design.whatif.fitting import deviating, narrowed
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
@@ -109,10 +110,15 @@ class LeastRelaxation(PlainMotion):
         if not self.cures:
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
         shown = math.degrees if self.unit == "radian" else float
-        unit = {"radian": " deg", "halvings": " halvings"}.get(self.unit, "")
-        done = "drop it" if math.isinf(self.by) else f"by {shown(self.by):.9g}{unit}"
-        done += "" if math.isnan(self.value) else f" to {shown(self.value):.9g}{unit}"
-        return f"{self.name}: {done}, amount {self.amount:.6g}" + (f" ({self.note})" if self.note else "")
+        problem = None if self.solution is None else self.solution.problem
+        lengths = problem.unit if problem else ""
+        unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(self.unit, "")
+        done = "drop it" if math.isinf(self.by) else f"by {measured(f'{shown(self.by):.9g}', unit)}"
+        done += "" if math.isnan(self.value) else f" to {measured(f'{shown(self.value):.9g}', unit)}"
+        amount = measured(f"{self.amount:.6g}", problem.amount_unit if problem else "")
+        out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
+        notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
+        return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,8 +138,8 @@ class Trial(PlainMotion):
     solution: Solution
 
     def __str__(self) -> str:
-        how = f"amount {self.solution.amount:.6g}" if self.solution.usable else self.solution.status.name
-        return f"{self.change}: {how}"
+        amount = measured(f"{self.solution.amount:.6g}", self.solution.problem.amount_unit)
+        return f"{self.change}: {f'amount {amount}' if self.solution.usable else self.solution.status.name}"
 
 
 class ClashSearch:

@@ -15,7 +15,7 @@ from fcdm_opt.design.question import excluded
 from fcdm_opt.design.whatif.constraints import problem_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.keys import ARGUMENTS
@@ -115,7 +115,8 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
     asked = problem_of(problem)
     for name in changes:
         if name not in ARGUMENTS:
-            raise InputError("a problem has no such argument", key=name, allowed=", ".join(ARGUMENTS))
+            what = f"a problem has no such argument{closest(name, ARGUMENTS)}"
+            raise InputError(what, key=name, allowed=", ".join(ARGUMENTS))
     if other is None:
         other = asked.changed(**{**_dropped(changes), **changes})
     elif changes or not isinstance(other, Problem):

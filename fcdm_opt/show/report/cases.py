@@ -15,6 +15,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
+from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import inline_svg
@@ -109,7 +110,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
             {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
-        "configurations": _configurations(solution),
+        "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
 
@@ -143,7 +144,7 @@ def _stack(problem: Problem) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, of a problem whose sizes have tolerances; None where there is none."""
     from fcdm_opt.design.stack.stack_up import stack_up
 
-    if problem.movable.whole is not None or not any(size.tolerance for size in problem.sizes):
+    if problem.partial or not any(size.tolerance for size in problem.sizes):
         return None
     try:
         with pacing.within(STACKED, share=1.0):
@@ -168,9 +169,9 @@ def _configurations(solution: Solution) -> list[str]:
     """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
     problem = solution.problem
     contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None and not pacing.over():
+    if solution.transform is not None and solution.rho is not None:
         curve = problem.curve_after(solution.transform, solution.rho)
-        if problem.movable.whole is not None:
+        if problem.partial:
             return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
         contact = curve.locate(solution.rho)
     if contact is None:
@@ -215,20 +216,19 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
-    text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
-    beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
-    return {"bound": finite(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
+    beside = not solution.status.found and np.isfinite(bound)  # a closed form says more: that nothing does
+    checked = all(proof) if proof and not beside else None
+    return {"bound": finite(bound), "text": evidence.told, "checked": checked}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not solution.status.found:
         return None
-    if solution.problem.movable.whole is not None:
+    if solution.problem.partial:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
         return {"bars": [], "text": text}
     derivatives = solution.sensitivity
-    if solution.problem.contacts:
-        return {"bars": [], "text": "; ".join(derivatives.reasons)}
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)
@@ -267,8 +267,8 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
 
 def _with_parts_of(solution: Solution, problem: Problem) -> Problem:
     """Return the question with the parts of large bodies that its answer took: other sizes take most of them too."""
-    movable, static = solution.problem.movable, solution.problem.static
-    return problem if movable.whole is None else problem.with_parts((np.array(movable.rows), np.array(static.rows)))
+    indices = solution.problem.active_indices
+    return problem if indices is None else problem.with_active_parts(indices)
 
 
 def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:

@@ -28,9 +28,9 @@ SHARES = tuple(k / 20 for k in range(31))
 
 AS_ASKED = 1.0
 
-SLOW = 1.0
-"""Seconds after which the search for a frame is given up, and with it larger tolerances: what is asked may have no
-answer there."""
+LOOKS, LEAST_LOOKS = 2000, 400
+"""Looks at the time after which the search for a frame is given up, and with it larger tolerances: what is asked may
+have no answer there. Of small bodies, some seconds; fewer of bodies with many corners, but for so many."""
 
 LEAST, CORNERS, CASES = 3, 160, 4
 """Frames that a family has at least; corners of both bodies, and cases of a report, up to which it has all of them."""
@@ -38,7 +38,7 @@ LEAST, CORNERS, CASES = 3, 160, 4
 
 def frames_of(problem: Problem, cases: int) -> float:
     """Return the share of its frames that a family has: fewer of bodies with many corners, and of many cases."""
-    if problem.movable.whole is not None:
+    if problem.partial:
         return 0.0
     corners = len(problem.movable.corners) + len(problem.static.corners)
     return min(1.0, CORNERS / corners) * min(1.0, CASES / cases)
@@ -62,11 +62,10 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, share
         else:
             changes = {"target": tuple(target_at(problem, factor).tolist())}
         try:
-            answer = solve(problem.changed(**changes), effort="quick", time=SLOW)
+            with pacing.looking(max(LEAST_LOOKS, int(LOOKS * frames_of(problem, 1)))):
+                answer = solve(problem.changed(**changes), effort="quick")
         except InputError:
             return None
-        if answer.stopped:
-            raise pacing.TimeOverError
         return frames.solved(answer)
 
     def shown(factor: float) -> str:
@@ -135,7 +134,7 @@ def _family(
     count = max(LEAST, int(share * len(values))) if share >= 0.0 else 1
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
-    end = np.inf  # from which value on no answer is found in time
+    end = np.inf  # from which value on no answer is found soon
     chosen = list(islice(_coarse_to_fine(values), count))
     for value in chosen:
         if value >= end:
@@ -151,7 +150,7 @@ def _family(
             frames[value] = made
     found = sorted(frames)
     fewer = [f"{count} of {len(values)} values: the parts are large, or the cases many"] if count < len(values) else []
-    late = [f"from {shown(end)} on left out: no answer within a second"] if end < np.inf else []
+    late = [f"from {shown(end)} on left out: the search for an answer there is too long"] if end < np.inf else []
     return {
         **names,
         "values": found,

@@ -123,12 +123,13 @@ class Frames:
         if gap is None or not math.isfinite(gap):
             gap = float(curve.gap(sizes, settled=False))
         state = self._state(gap)
-        contacts = self._contacts(curve, sizes) if state == "touching" and not pacing.over() else {}
+        nothing = dict[Feature, list[Array]]()
+        contacts = pacing.in_time(self._contacts, curve, sizes, late=nothing) if state == "touching" else nothing
         return {
             "sizes": drawn(sizes),
             "transform": None if transform is None else drawn(np.asarray(transform).ravel()),
-            "curve": self._segments(curve),
-            "switching": self._switching(curve),
+            "curve": pacing.in_time(self._segments, curve, late=[]),
+            "switching": pacing.in_time(self._switching, curve, late=[]),
             "contacts": drawn(list(map(_place, contacts.values()))),
             "areas": [drawn(share) for shares in contacts.values() for share in shares if len(share) > 1],
             "contact": self.shapes_of(contacts),
@@ -147,13 +148,13 @@ class Frames:
             return self._rest
         last, curve = self._moved
         if last is None or not (transform == last).all():
-            curve = decision_curve(self._problem.movable, self._problem.static, box=self.box, transform=transform)
+            curve = decision_curve(*self._problem.active, box=self.box, transform=transform)
             self._moved = transform, curve
         return curve
 
     def _segments(self, curve: DecisionCurve) -> list[list[float]]:
         """Return both ends of each segment, the place of its feature in `labels`, and whether it is snug."""
-        return [] if pacing.over() else [
+        return [
             [*drawn((*each.start, *each.end)), self._labels.setdefault(each.feature, len(self._labels)), int(each.snug)]
             for each in curve.segments
         ]
@@ -163,9 +164,7 @@ class Frames:
 
         Of large bodies none has: their curve is one of a few parts, whose numbers say nothing of the whole.
         """
-        if pacing.over():
-            return []
-        large = self._problem.movable.whole is not None
+        large = self._problem.partial
         if large or curve.box == self._problem.box:
             names = ("" if large else f"SW{point.index}" for point in curve.switching_points)
             return [[*drawn(point.rho), name] for point, name in zip(curve.switching_points, names, strict=True)]
@@ -197,7 +196,7 @@ class Frames:
             return ""
         if not (np.isfinite(rho).all() and min(rho) > 0):
             return "the tracked features meet at no pair of scales here"
-        state = self._state(float(curve.gap(rho, settled=False)))
+        state = self._state(curve.near_gap(rho, self._problem.contact_slack))
         if state == "touching":
             return ""
         return f"the tracked features are not the contact here: at their scales the bodies are {state}"

@@ -11,10 +11,12 @@ from typing import Any
 
 from fcdm_opt import beside, pacing
 from fcdm_opt.errors import InputError
+from fcdm_opt.model.mesh_error import facets_known
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.report.families import frames_of
+from fcdm_opt.show.scene import view_of
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
@@ -27,6 +29,7 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
+DRAWN = 0.6  # share of what is left then for what may be left out; the rest is for what is drawn in any case
 PROOFS, PROOF = 4.0, 1.5
 """Seconds that the proofs of all cases, and that of one, may take: a page is wanted while one waits."""
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
@@ -34,7 +37,7 @@ BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
 
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
-"""What every case needs: loaded once, before processes copy this one."""
+"""What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
 
 
 def gather(
@@ -70,16 +73,20 @@ def gather(
         problem, part = asked[number], min(1.0, together / (len(asked) - number))
         with pacing.working_on(f"case {problem.name}"), pacing.sharing(part):
             with pacing.sharing(SOLVED):
-                proved = certify and problem.movable.whole is None  # of large meshes the checker takes long
+                proved = certify and not problem.partial  # of large meshes the checker takes long
                 solved = solved_case(problem, certify=proved, seconds=min(PROOFS / len(asked), PROOF))
             pacing.at("drawing")
             share = frames_of(problem, len(asked)) if frames is None else frames
             share = share if pacing.left() > AMPLE else -1.0
-            with pacing.telling():
+            with pacing.sharing(DRAWN), pacing.telling():
                 return case_report(problem, solved, name=f"case-{number}", frames=share)
 
     for name in LOADED:
         import_module(name)
+    for problem in asked:
+        facets_known(problem)
+        with pacing.telling():
+            view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     answers = beside.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):

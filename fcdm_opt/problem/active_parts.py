@@ -2,21 +2,22 @@
 
 A body of thousands of parts meets another with a few of them. A question about such bodies is put with the parts that
 are near each other as drawn. Where its answer lets others overlap, or where a smaller motion may bring others into
-contact, these are modelled too and it is put again: parts that overlap nowhere on the way to an answer take nothing
+contact, these are looked at too and it is put again: parts that overlap nowhere on the way to an answer take nothing
 from it. That those left out are apart is judged on the whole surfaces, see `fcdm_opt.judge.whole`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.segments import Box
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -34,55 +35,58 @@ AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the 
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
 DISTANCES = 1e-3 * 2.0 ** np.arange(9)  # of the size: how near parts are taken up where those modelled never touch
+WIDEST = 1.0 / 64  # of the size: how far parts may move on a stretch of a way on which all near ones are taken up
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
-Rows = tuple[Ints, Ints]
+Indices = tuple[Ints, Ints]
 Reason = tuple[Ints, Array]  # pairs of parts that matter, -1 for a keep-out, and how far apart they are
 _FIRST: WeakKeyDictionary[Body, dict[tuple[Any, ...], tuple[Body, Body]]] = WeakKeyDictionary()
 
 
-def modelled_parts(request: Mapping[str, Any], movable: Body, static: Body, rows: Rows | None) -> dict[str, Any]:
-    """Return the attributes of a problem that say which parts are modelled: none where all are.
+def active_bodies(
+    movable: Body,
+    static: Body,
+    nominal: int | Literal["drawn"] | tuple[float, float],
+    box: Box,
+    indices: Indices | None = None,
+) -> tuple[tuple[Body, Body], Box]:
+    """Return both bodies with only the parts that are looked at, and the box of their curve; as given where all are.
 
     Parameters
     ----------
-    request : mapping
-        The arguments of the problem.
     movable, static : Body
         At the sizes made.
-    rows : pair of int arrays, optional
+    nominal, box
+        See `Problem`.
+    indices : pair of int arrays, optional
         Parts of either body that are; by default those near each other as drawn.
     """
     few = len(movable.parts) * len(static.parts) <= FEW and not (movable.hollow or static.hollow)
-    if isinstance(request["nominal"], int) or few:
-        return {}
-    nominal = np.array((1.0, 1.0) if request["nominal"] == "drawn" else request["nominal"])
-    box = [
+    if isinstance(nominal, int) or few:
+        return (movable, static), box
+    scales = np.array((1.0, 1.0) if nominal == "drawn" else nominal)
+    (a, b), (c, d) = (
         (max(low, scale * (1.0 - AROUND)), min(high, scale * (1.0 + AROUND)))
-        for (low, high), scale in zip(request["box"], nominal.tolist(), strict=True)
-    ]
-    if rows is not None:
-        return {"movable": movable.only(rows[0].tolist()), "static": static.only(rows[1].tolist()), "box": tuple(box)}
-    known, key = _FIRST.setdefault(movable, {}), (id(static), *nominal.tolist())
+        for (low, high), scale in zip(box, scales.tolist(), strict=True)
+    )
+    if indices is not None:
+        return (movable.subset(indices[0].tolist()), static.subset(indices[1].tolist())), ((a, b), (c, d))
+    known, key = _FIRST.setdefault(movable, {}), (id(static), *scales.tolist())
     if key not in known:
-        near = _nearest(movable, static, nominal)
+        near = _nearest(movable, static, scales)
         order = _of_all_kinds(near)[:MOST_TOUCHING]
         own, others = (np.unique(near.parts[order, k]).tolist() or [0] for k in (0, 1))
-        known[key] = movable.only(own), static.only(others)
-    one, two = known[key]
-    return {"movable": one, "static": two, "box": tuple(box)}
+        known[key] = movable.subset(own), static.subset(others)
+    return known[key], ((a, b), (c, d))
 
 
-def need_all_parts(movable: Body, static: Body, what: str, keep_out: Sequence[KeepOut] = ()) -> None:
-    """Refuse a question that takes all parts about bodies of which only some are modelled, or the surface alone."""
-    if movable.whole is not None and static.whole is not None:
-        found = f"{len(movable.whole.parts)} and {len(static.whole.parts)}"
-        wrong = f"{what} looks at all parts of the bodies, and of these only some are modelled"
+def need_all_parts(problem: Problem, what: str) -> None:
+    """Refuse a question that takes all parts about bodies of which only some are looked at."""
+    if problem.partial:
+        found = f"{len(problem.movable.parts)} and {len(problem.static.parts)}"
+        wrong = f"{what} looks at all parts of the bodies, and of these only some are looked at"
         allowed = f"solve and verify, or solids cut into at most {FEW} pairs of parts"
         raise InputError(wrong, key="bodies", found=found, allowed=allowed)
-    if hollow := [own.name for own in keep_out if own.body.hollow]:
-        wrong = f"{what} looks at solids, and of this keep-out only the surface is modelled"
-        raise InputError(wrong, key="keep_out", found=hollow[0], allowed="solve and verify, or a solid cut into parts")
 
 
 def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:
@@ -117,7 +121,52 @@ def _near(
     )
 
 
-def more_parts(problem: Problem, transform: Array | None, amount: float, most: int = AT_ONCE) -> Problem | None:
+def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array | None = None) -> Problem:
+    """Return the problem with all parts active, too, whose surfaces come as near to the other body's as a length.
+
+    Parameters
+    ----------
+    problem : Problem
+    transform : (4, 4) array
+        Pose change of body 1.
+    band : float
+    rho : (2,) array, optional
+        Scale pair; by default the target pair.
+    """
+    known = problem.active_indices
+    if known is None:
+        return problem
+    near = _near(problem.movable, problem.static, problem.target if rho is None else rho, transform, band)
+    more = [np.setdiff1d(own, rows) for rows, own in zip(known, near.parts.T, strict=True)]
+    if not any(map(len, more)):
+        return problem
+    return problem.with_active_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+
+
+def with_parts_on_the_way(problem: Problem, along: Array, rho: Array, low: float, high: float) -> Problem:
+    """Return the problem with all parts active that may touch after some motion q = x * along, low <= x <= high.
+
+    At a scale pair. Stretches are halved until nothing moves far on them.
+    """
+    fastest = float(_rates(problem) @ np.abs(along))
+    if not (problem.partial and math.isfinite(fastest)):
+        return problem
+    stretches = [(low, high)]
+    while stretches:
+        pacing.check()
+        low, high = stretches.pop()
+        middle, band = (low + high) / 2.0, fastest * (high - low) / 2.0
+        if band > WIDEST * problem.size:
+            stretches += [(low, middle), (middle, high)]
+            continue
+        pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
+        problem = with_near_parts(problem, pose, band, rho)
+    return problem
+
+
+def expand_active_parts(
+    problem: Problem, transform: Array | None, amount: float, most: int = AT_ONCE
+) -> Problem | None:
     """Return the problem with further parts that an answer shows to matter; None where no others do.
 
     Parameters
@@ -131,10 +180,10 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     most : int
         Pairs of parts that are taken up for one reason, the worst first.
     """
-    movable, static = problem.movable.whole, problem.static.whole
-    if movable is None or static is None:
+    known = problem.active_indices
+    if known is None:
         return None
-    known, pose = (problem.movable.rows, problem.static.rows), np.eye(4) if transform is None else transform
+    movable, static, pose = problem.movable, problem.static, np.eye(4) if transform is None else transform
     kept = [np.isin(np.arange(len(own.parts)), rows) for own, rows in zip((movable, static), known, strict=True)]
     reasons = [_overlapping(problem, movable, static, pose), *_beside_keep_outs(problem, movable, pose)]
     found = [_new(*reason, kept, most) for reason in reasons]
@@ -144,9 +193,9 @@ def more_parts(problem: Problem, transform: Array | None, amount: float, most: i
     new = np.concatenate(found)
     if not len(new):
         return None
-    # those known keep their numbers, see `Problem.with_parts`
+    # those known keep their numbers, see `Problem.with_active_parts`
     more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
-    return problem.with_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+    return problem.with_active_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
 
 
 def with_insides(problem: Problem, transform: Array) -> Problem | None:
@@ -157,7 +206,7 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
     """
     partner = (KeepOut(problem.static, float(problem.target[1])),)
     others = (*(partner if {"clear", "touch"} & {problem.goal, problem.pair} else ()), *problem.keep_out)
-    movable, rho = problem.movable.whole or problem.movable, problem.target[0]
+    movable, rho = problem.movable, problem.target[0]
     found, parts = list[KeepOut](), list[ConvexPart]()
     for other in others:
         for end in dict.fromkeys(other.ends) if kept_as_surface(movable, other.body) else ():
@@ -167,7 +216,7 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
                 inside = convex_inside(other.body, other.body.seed + point / end)
                 name = f"{inside.name} {len(problem.keep_out) + len(found) + 1}"
                 found.append(KeepOut(inside, other.scale, clearance=other.clearance, name=name))
-            elif held is not None and problem.movable.whole is not None:
+            elif held is not None and problem.partial:
                 own = (held + other.body.seed - transform[:3, 3]) @ transform[:3, :3]  # where it is on body 1 as made
                 parts += convex_inside(movable, movable.seed + (own - movable.seed) / rho).parts
             if point is not None or held is not None:
@@ -177,9 +226,10 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
     if not parts:
         return problem.changed(keep_out=(*problem.keep_out, *found))
     more = replace(movable, parts=(*movable.parts, *parts))
-    rows = np.append(problem.movable.rows, np.arange(len(movable.parts), len(more.parts)))
+    assert problem.active_indices is not None
+    one, two = problem.active_indices
     fuller = problem.changed(movable=more, keep_out=(*problem.keep_out, *found))
-    return fuller.with_parts((rows, np.array(problem.static.rows)))
+    return fuller.with_active_parts((np.append(one, np.arange(len(movable.parts), len(more.parts))), two))
 
 
 def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> Reason:
@@ -240,6 +290,6 @@ def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
 
 def _rates(problem: Problem) -> Array:
     """Return the most that a vertex of body 1 as made can be displaced per unit of each parameter, (k,)."""
-    whole = problem.movable.whole or problem.movable
-    points = whole.seed + problem.target[0] * (whole.vertices - whole.seed)
-    return problem.motion.reaches(points, whole.seed)
+    body = problem.movable
+    points = body.seed + problem.target[0] * (body.vertices - body.seed)
+    return problem.motion.reaches(points, body.seed)
