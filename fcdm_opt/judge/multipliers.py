@@ -138,9 +138,9 @@ class _Contacts:
         slack = DEFAULT.active * self._problem.size
         held, opened = np.flatnonzero(values <= slack), np.flatnonzero(values >= most - slack)
         shares, _ = nnls(np.vstack([J[held], -J[opened]])[:, free].T, y[free])
-        balanced = np.bincount(held, shares[: len(held)], len(values)) - np.bincount(
-            opened, shares[len(held) :], len(values)
-        )
+        balanced = np.zeros(len(values))
+        balanced[held] += shares[: len(held)]
+        balanced[opened] -= shares[len(held) :]
         if self._fit:
             return (balanced,)
         values[self._listed :], J[self._listed :] = 0.0, 0.0
