@@ -203,6 +203,14 @@ def test_a_loop_that_may_turn_is_bounded() -> None:
     assert solution.lower_bound >= 0.9 * solution.amount
 
 
+def test_a_loop_of_parts_that_may_all_turn_was_bounded_by_half() -> None:
+    """Six parameters a part: the bound was that of the beam on one of its posts alone."""
+    free = {"left": fo.Free(), "right": fo.Free()}
+    solution = fo.solve(bridge({"left": 1.02, "right": 0.98}, fo.Free(), motions=free))
+    assert solution.usable
+    assert solution.lower_bound >= 0.9 * solution.amount
+
+
 def tip(x: float, high: float) -> Array:
     return np.array([[x, 0, high], [x - 1, -1, 0], [x + 1, -1, 0], [x + 1, 1, 0], [x - 1, 1, 0]], dtype=float)
 
