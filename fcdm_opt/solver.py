@@ -15,6 +15,7 @@ from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
 from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
+from fcdm_opt.judge.multipliers import shows
 from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
@@ -23,14 +24,14 @@ from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_ins
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, StageName, left, settled
 from fcdm_opt.stages.rounding import in_steps
-from fcdm_opt.stages.together import alone
+from fcdm_opt.stages.together import alone, proof_of
 
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
@@ -229,6 +230,8 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     with pacing.telling():
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
     watch.lap("prove")
+    if isinstance(shown := solution.evidence, Multipliers) and not shows(solution, shown):
+        solution = replace(solution, evidence=None)  # more is known by other means
     solution, certificate = judged(solution)
     watch.lap("verify")
     return solution.with_certificate(certificate, watch.seconds)
@@ -246,7 +249,7 @@ def _least_motion(task: Task, model: str) -> Answer:
         return left(task)
 
 
-def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     pacing.at("proving that nothing smaller does")
     with suppress(pacing.TimeOverError):
@@ -254,10 +257,11 @@ def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[An
     return answer, None
 
 
-def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the same, where the time does for it."""
     if task.joints:
-        return alone(problem, task, answer) if how.effort == "proved" else answer, None
+        answer = alone(problem, task, answer) if how.effort == "proved" else answer
+        return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":

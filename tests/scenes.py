@@ -81,6 +81,8 @@ class Scene:
         Along that, where the parts made touch.
     free : (float, float) or None
         Along that, what is free of collision about rest.
+    open : float
+        How far the contacts are that are left open.
     worst : float
         The least that the largest |gap| can be of all sizes within the tolerances.
     motion_by_pose : float
@@ -95,6 +97,7 @@ class Scene:
     range: tuple[float, float] = (-1.25, inf)  # of the probe: until its scale, 1 + .8 x, is 0
     touches: tuple[float, ...] = (-3.015, 0.015)  # from below and from above
     free: tuple[float, float] | None = None
+    open: float = 0.0
     worst: float = 0.015
     motion_by_pose: float = -1.0
 
@@ -191,6 +194,7 @@ SCENES = {
         ask=_pair(CUBE, CORNER, goal="at", contacts="all", motion=X >> Y >> Z),
         amount=lambda d, e: sqrt(2) * (0.5 * d + e),
         direction="TX",
+        range=(0.0, 0.0),  # along one wall the other opens, whatever the sizes
         touches=(-10.085, 9.105),
     ),
     "fit": Scene(  # the key stays in the middle of the slot, whose middle is where the slot's seed is
@@ -198,6 +202,8 @@ SCENES = {
         amount=lambda d, e: -0.25 * d,
         signs=(-1, 1),
         direction="TX",
+        range=(-inf, 0.25),  # line to line in the slot, of the size 1 - 4 x
+        open=0.01,
         touches=(-2.0075, -0.0075, 0.0125, 2.0125),
         free=(-0.0075, 0.0125),
     ),
@@ -206,12 +212,14 @@ SCENES = {
         amount=lambda d, e: np.hypot(0.5 * d, 0.5 * (d + e)),
         range=(-6 / 7, inf),
         touches=(-2.01, 0.01),
+        worst=0.01,
     ),
     "keep-outs, large mesh": Scene(
         ask=_pair(CUBE, TABLE, goal="touch", motion=X >> Z, keep_out=(hollow(POST),)),
         amount=lambda d, e: np.hypot(0.5 * d, 0.5 * (d + e)),
         range=(-6 / 7, inf),
         touches=(-2.01, 0.01),
+        worst=0.01,
     ),
     "displacement": Scene(ask=_pair(PROBE, TABLE, goal="touch", amount="displacement"), amount=_tip),
     "own amount": Scene(
@@ -250,14 +258,30 @@ SCENES = {
         worst=1.64 * WIDE,
     ),
     "large mesh": Scene(ask=_pair(PROBE, hollow(TABLE), goal="touch"), amount=_tip),
-    "large mesh, sizes": Scene(ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all")),
-    "chain": Scene(ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2)),
-    "loop": Scene(ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5)),
-    "chain, large meshes": Scene(ask=_chain(hollow), amount=lambda d, _: d * sqrt(2)),
-    "loop, large meshes": Scene(ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5)),
+    "large mesh, sizes": Scene(
+        ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
+        touches=(-3.0, 0.01),
+        worst=WIDE,
+    ),
+    # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
+    "chain": Scene(
+        ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), direction="lower.TZ", touches=(-3.01, -2.01, -0.99, 0.01)
+    ),
+    "loop": Scene(
+        ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ", touches=(-2.01, -1.01, 0.01, 1.01)
+    ),
+    # to the first contacts of each pair
+    "chain, large meshes": Scene(
+        ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), direction="lower.TZ", touches=(-2.01, -0.99, 0.01)
+    ),
+    "loop, large meshes": Scene(
+        ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ", touches=(-1.01, 0.01, 1.01)
+    ),
     "chain, sizes": Scene(
         ask=_chain(as_drawn, sizes=[_size("thick", "lower", faces="+z"), _size("deep", "upper", faces="-z")]),
         amount=lambda d, e: d + e,
         sizes=("thick", "deep"),
+        direction="lower.TZ",
+        touches=(-3.0, -2.01, -1.0, 0.0),
     ),
 }

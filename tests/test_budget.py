@@ -14,6 +14,7 @@ from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
 from fcdm_opt.design.whatif.fitting import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -244,3 +245,25 @@ def test_bad_input_is_named(arguments: dict[str, Any], said: str) -> None:
     given = {"problem": apart(0.1), "limit": 0.1, **arguments}
     with pytest.raises(InputError, match=said):
         budget(given.pop("problem"), given.pop("limit"), **given)
+
+
+# -------------------------------------------------------------------------------------------------------------- sizes
+
+
+@pytest.mark.parametrize(
+    ("goal", "corner", "rate"), [("touch", "worst", 1.5), ("touch", "loosest", 1.0), ("clear", "worst", 1.5)]
+)
+def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: float) -> None:
+    """A cube on a table: its foot is off by up to tau, the table's top by 0 to tau / 2; their sum is taken back."""
+    cube, table = box((-1, -1, 0), (1, 1, 2), "cube"), box((-3, -3, -1), (3, 3, 0), "table")
+    foot = Size("foot", "movable", faces="-z", tolerance=(-0.05, 0.05))
+    top = Size("top", "static", faces="+z", tolerance=(0.0, 0.025))
+    problem = Problem(cube, table, sizes=[foot, top], motion=Translation("z"), goal=goal, unit="mm")
+    found = budget(problem, 0.06, requirements=corner)[corner]
+    tau = 0.06 / rate
+    assert found.tolerance == pytest.approx(tau, rel=NEAR)
+    assert found.sizes == ("foot", "top")
+    np.testing.assert_allclose(found.table, [[-tau, tau], [0.0, tau / 2]], rtol=1e-8)
+    assert found.amount == pytest.approx(0.06, abs=1e-8)
+    assert str(found).startswith(f"{corner}: up to {tau:.6g} mm (sampled: foot -{tau:.6g} to +{tau:.6g}, top +0 to ")
+    assert found.to_dict()["sizes"] == ["foot", "top"]

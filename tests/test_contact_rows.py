@@ -134,3 +134,41 @@ def test_several_features_are_to_be_named():
         rows.contacts[0](q=np.zeros(6), plane=np.zeros(4))
     with pytest.raises(fo.InputError, match="missing"):
         rows.clearances[0](q=np.zeros(6))
+
+
+WALLS = ((-9, 0), (-9, 9)), ((0, 9), (-9, 0))
+CORNER = fo.Body.from_parts([[(x, y, z) for x in xs for y in ys for z in (0, 1)] for xs, ys in WALLS], seed=(-1, -1, 0))
+
+
+@pytest.mark.parametrize(
+    ("more", "count", "aligned"),
+    [
+        ({}, 2, 0),
+        ({"motion": fo.Translation("x") >> fo.Translation("y") >> fo.Rotation("z")}, 2, 1),
+        ({"goal": "fit", "motion": fo.Translation((1.0, 2.0, 0.0))}, 2, 0),
+    ],
+)
+def test_a_program_made_of_the_rows_of_several_contacts_finds_the_motion_of_the_solver(more, count, aligned):
+    """They were refused. A cube in a corner: .015 along both walls, and sqrt(5) times that along (1, 2)."""
+    shifts = {"motion": fo.Translation("x") >> fo.Translation("y"), "goal": "at"}
+    given = {"tolerance": 0.01, "requirement": "A", "contacts": "all", **shifts, **more}
+    problem = fo.Problem(fo.Body.convex([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]), CORNER, **given)
+    rows = fo.contact_rows(problem)
+    assert (len(rows.contacts), len(rows.alignments)) == (count, aligned)
+    opti = casadi.Opti()
+    q = opti.variable(len(rows.parameters))
+    gaps = casadi.vertcat(*(row(q=q)["gap"] for row in rows.contacts))
+    for row in rows.alignments:
+        opti.subject_to(row(q=q)["aligned"] == 0)
+    if problem.goal == "fit":
+        t = opti.variable()
+        opti.subject_to(opti.bounded(0, gaps, t))
+        opti.minimize(t)
+    else:
+        opti.subject_to(gaps == 0)
+        opti.minimize(casadi.sumsqr(casadi.DM(rows.weights) * q))
+    opti.solver("ipopt", SILENT | {"ipopt.tol": 1e-12})
+    found = np.ravel(opti.solve().value(q))
+    expected = [0.015 * np.sqrt(5.0)] if problem.goal == "fit" else [0.015, 0.015, *[0.0] * aligned]
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    np.testing.assert_allclose(list(fo.solve(problem).parameters.values()), expected, atol=1e-9)

@@ -13,7 +13,7 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.cli import common
-from fcdm_opt.judge import certificate
+from fcdm_opt.judge import certificate, multipliers
 from fcdm_opt.problem.evidence import Reason
 from fcdm_opt.problem.solution import Status, kept_clear
 from fcdm_opt.proof import checker
@@ -88,7 +88,7 @@ def _listed() -> set[str]:
 
 
 def test_every_check_is_explained_and_none_that_there_is_not() -> None:
-    emitted = _emitted(certificate) | _emitted(checker)
+    emitted = _emitted(certificate) | _emitted(checker) | _emitted(multipliers)
     assert len(emitted) > 30  # the source was read
     assert _listed() == emitted
 

@@ -20,7 +20,7 @@ from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.fixed_pose.clearances import clearances
 from fcdm_opt.design.fixed_pose.local_search import Found, least_moved
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.scene import Scales
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import worst_sizes
 from fcdm_opt.errors import InputError
@@ -328,10 +328,9 @@ def test_a_wedge_does_not_slide_along_its_groove(weight):
 
 def test_a_pose_far_along_the_groove_is_brought_back():
     asked = wedge_in_a_groove(XYZ >> fo.Rotation("z"), limits={"RZ": (-0.1, 0.1)})
-    worst = Worst(asked, Scene(asked.movable, asked.static, worst_sizes(asked, None, None)))
-    limits = np.array(asked.limits)
+    worst = Worst(asked, Scales(asked.movable, asked.static, worst_sizes(asked, None, None)))
     far, start = (Found(q, worst.off(q), worst.amount(q)) for q in np.array([(0, -4, -0.05, 0), (0, 0, 0, 0)]))
-    found = least_moved(worst, limits, far, start)
+    found = least_moved(worst, far, start)
     assert found.off.value <= far.off.value + 2e-11 * asked.size
     assert np.abs(found.q) == pytest.approx([0.025, 0, 0.025, 0], abs=1e-7)
     assert found.amount == pytest.approx(0.05 / np.sqrt(2), abs=1e-8)
@@ -347,6 +346,51 @@ def test_a_block_on_a_table_is_lifted_and_nothing_else():
         assert found.worst_gap == pytest.approx(0.2, rel=1e-9)
         assert list(found.parameters.values()) == pytest.approx([0, 0, -0.3, 0], abs=1e-9)
         assert found.passed
+
+
+# A cube on a table, beside a post that it touches as drawn: its gaps are z - .5 d - .5 e, and -x - .5 d to the post.
+
+
+def beside_a_post(**more) -> fo.Problem:
+    cube, table = fo.Body.convex(box((0, 0, 0), (1, 1, 1))), fo.Body.convex(box((-3, -3, -1), (3, 3, 0)))
+    post = fo.Body.convex(box((1, 0, -0.5), (2, 1, 1)), name="post")
+    given = {"tolerance": 0.01, "requirement": "A", "goal": "touch", **more}
+    motion, how = fo.Translation("x") >> fo.Translation("z"), given.pop("post", {})
+    return fo.Problem(cube, table, keep_out=(fo.KeepOut(post, **how),), motion=motion, **given)
+
+
+def sized_beside_a_post() -> fo.Problem:
+    sides = (("side", "+x", 0.02), ("foot", "-z", 0.01))
+    sizes = [fo.Size(name, "movable", faces=face, tolerance=own) for name, face, own in sides]
+    near = {"TX": (-1.0, 1.0), "TZ": (-0.5, 0.5)}  # else it does better beside the table
+    return beside_a_post(sizes=sizes, tolerance=None, requirement=None, limits=near)
+
+
+@pytest.mark.parametrize(
+    ("asked", "window", "status", "least", "x", "z"),
+    [
+        (beside_a_post(), None, "least worst gap", 0.01, -0.005, 0.0),
+        (beside_a_post(post={"clearance": 0.1}), None, "least worst gap", 0.01, -0.105, 0.0),
+        (beside_a_post(post={"scale": (0.9, 1.1)}), None, "least worst gap", 0.01, -0.055, 0.0),
+        (beside_a_post(), (0.02, 1.0), "inside the window", 0.04, -0.005, 0.03),
+        (beside_a_post(limits={"TX": (-0.004, 0.0), "TZ": (-0.5, 0.5)}), (0.02, 1.0), "no pose", None, -0.004, None),
+        (sized_beside_a_post(), None, "least worst gap", 0.01, -0.02, 0.0),
+        (sized_beside_a_post(), (0.0, 1.0), "inside the window", 0.02, -0.02, 0.01),
+    ],
+)
+def test_keep_outs_are_kept_clear_of_at_all_sizes(asked, window, status, least, x, z):
+    found = best_pose(asked, clearance=window)
+    assert found.status == status
+    assert found.certified
+    assert found.parameters["TX"] == pytest.approx(x, abs=1e-7)
+    assert found.passed, [check for check in found.checks if not check.passed]
+    if status != "no pose":
+        assert found.worst_gap == pytest.approx(least, abs=1e-7)
+        assert found.parameters["TZ"] == pytest.approx(z, abs=1e-7)
+        moved = {**found.parameters, "TX": x + 0.01}
+        pose = asked.motion.transform([*moved.values()], (0, 0, 0), (0, 0, 0))
+        forged = replace(found, parameters=moved, transform=pose)
+        assert "keep-out 'post'" in {check.name for check in forged.claims().checks() if not check.passed}
 
 
 def test_a_proof_that_was_tampered_with_is_rejected():
@@ -425,7 +469,6 @@ def test_questions_without_an_answer_are_refused():
         (lambda: best_pose(asked, clearance=(-np.inf, np.inf)), "clearance"),
         (lambda: best_pose(asked, accuracy=0.0), "accuracy"),
         (lambda: best_pose(asked, clearance=(0.06, np.inf)), "limits.TX"),
-        (lambda: best_pose(asked.changed(keep_out=(asked.static,))), "keep_out"),
     ):
         with pytest.raises(InputError) as caught:
             bad()

@@ -132,6 +132,16 @@ def test_an_edge_that_crosses_an_edge_slides_to_its_end():
 # ---------------------------------------------------------------------------------------------- flush contacts, unions
 
 
+def test_a_face_that_slides_on_a_wall_without_a_play_beside_it_was_said_to_end_at_once():
+    """Conditions that say nothing along a ray, as of sides that it does not move across, were taken for grazes."""
+    wall = fo.Body.convex([(x, y, z) for x in (0, 3) for y in (-9, 9) for z in (-1, 2)])
+    cube = fo.Body.convex([(x, y, z) for x in (3, 4) for y in (0, 1) for z in (0, 1)])
+    motion = fo.Translation("x") >> fo.Translation("z")
+    found = fo.coherent_range(fo.Problem(cube, wall, target=(1.0, 1.0), motion=motion, goal="seat"), {"TZ": 1.0})
+    assert (found.low, found.high) == pytest.approx((-2.0, 2.0), abs=1e-12)
+    assert found.proved
+
+
 def test_a_flush_contact_slides_until_it_shares_nothing_and_any_tilt_ends_it():
     lying = problem(CUBE.body(), CUBE.shifted((4, 0, 0)).body(), fo.Translation("y") >> fo.Rotation("z"), (2.0, 2.0))
     found = fo.coherent_range(lying, {"TY": 1.0})

@@ -194,8 +194,7 @@ def test_a_problem_with_contacts_is_plain_data(ball, corner) -> None:
         ({"contacts": []}, "contacts"),
         ({"contacts": ["V1F2(P1V1; P2V1,V2,V3)"]}, "contacts[1]"),
         ({"contacts": "all", "pair": "clear"}, "pair"),
-        ({"contacts": "all", "amount": "displacement"}, "amount"),
-        ({"contacts": "all", "resolution": 0.01}, "resolution"),
+        ({"contacts": "all", "goal": "fit", "amount": "displacement"}, "amount"),
     ],
 )
 def test_what_does_not_go_with_contacts_is_refused(ball, corner, arguments, key) -> None:
@@ -204,21 +203,120 @@ def test_what_does_not_go_with_contacts_is_refused(ball, corner, arguments, key)
     assert refused.value.key == key
 
 
+def test_contacts_go_with_amounts_of_ones_own(pocket) -> None:
+    """They were refused. The block leaves three walls by (.04, .03, .02), of which one is listed."""
+    import casadi
+
+    moved = fo.solve(pocket.changed(amount="displacement"))
+    assert moved.usable
+    assert moved.amount == pytest.approx(np.linalg.norm([0.04, 0.03, 0.02]), rel=1e-9)
+    x, y, z = (casadi.SX.sym(name) for name in ("TX", "TY", "TZ"))
+    floor = next(own for own in pocket.contacts if own.one.vertices == (1, 3, 5, 7))  # z = 0
+    asked = pocket.changed(contacts=[floor.label], amount=(x - 2 * y) ** 2 + x**2 + z**2)
+    own = fo.solve(asked)  # y >= .03, x >= .04 with z = .02: least at x = .04, y = .03
+    assert own.usable
+    assert list(own.parameters.values()) == pytest.approx([0.04, 0.03, 0.02], abs=1e-6)
+
+
+@pytest.mark.parametrize(("goal", "motion"), [("at", SHIFTS), ("fit", SHIFTS)])
+def test_contacts_go_with_whole_steps_and_none_overlaps(pocket, goal, motion) -> None:
+    """They were refused: of steps of .012 the nearest that leave the walls, each open by less than what steps leave."""
+    solution = fo.solve(pocket.changed(goal=goal, motion=motion, resolution=0.012))
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx([0.048, 0.036, 0.024], abs=1e-12)
+    assert sorted(solution.contact_gaps.values()) == pytest.approx([0.004, 0.006, 0.008], abs=1e-9)
+    off = pocket.changed(goal=goal, motion=motion, resolution=0.001)
+    assert not fo.verify(replace(solution, problem=off)).passed  # which leaves no such gaps
+
+
 def test_stages_that_know_one_contact_are_refused(ball, corner) -> None:
     problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
     with pytest.raises(InputError):
         fo.solve(problem, model="nlp")
 
 
-def test_what_knows_one_contact_refuses_several(ball, corner) -> None:
-    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
-    for ask in (lambda: fo.coherent_range(problem, {"TX": 1.0}), lambda: fo.contact_rows(problem)):
-        with pytest.raises(InputError) as refused:
-            ask()
-        assert refused.value.key == "contacts"
-    reasons = fo.solve(problem).sensitivity.reasons
-    assert reasons
-    assert "several contacts" in reasons[0]
+def test_a_range_of_several_contacts_lasts_while_they_have_a_scale_pair_in_common(pocket) -> None:
+    """It was refused. A block of 4 x 3 x 2 in its corner: sizes (1 + x, 1) as it goes (2, 1.5, 1) x."""
+    along = fo.coherent_range(pocket, {"TX": 2.0, "TY": 1.5, "TZ": 1.0})
+    assert len(along.features) == 3
+    assert (along.low, along.high) == (pytest.approx(-1.0, abs=1e-12), np.inf)
+    assert along.rho(0.02) == pytest.approx([1.02, 1.0], abs=1e-12)
+    assert along.first.kind == "scale"
+    for aside in ({"TX": 1.0}, {"TX": 2.0, "TY": 1.5}):
+        apart = fo.coherent_range(pocket, aside)
+        assert (apart.low, apart.high, apart.first.kind) == (0.0, 0.0, "opens")
+    two = pocket.changed(contacts=[own.label for own in pocket.contacts if own != pocket.contacts[0]])
+    sliding = fo.coherent_range(two, {"TZ": 1.0})
+    assert (sliding.low, sliding.high) == pytest.approx((0.0, 5.0), abs=1e-12)  # from the floor to the end of the walls
+    assert (sliding.first.kind, sliding.last.kind) == ("overlap", "border")
+
+
+def test_a_range_of_six_locators_ends_where_one_leaves_its_face() -> None:
+    """Block and locators as in problems/locating.toml; along the motion of B, sizes 1 +- .02 x."""
+    problem = fo.load_problems(CASES.parents[1] / "problems" / "locating.toml")[1]
+    found = fo.coherent_range(problem, {"TX": 0.02, "TZ": -0.02})
+    assert found.rho(1.0) == pytest.approx(problem.target, abs=1e-12)
+    # the third locator, 5.5 from its seed, is on the edge of the block where -2 + 5.5 (1 - .02 x) = 2 + 2 (1 + .02 x)
+    assert found.low == pytest.approx(-0.5 / 0.15, rel=1e-12)
+    assert found.first.kind == "border"
+
+
+# --------------------------------------------------------------------------------------------------------- derivatives
+
+
+@pytest.fixture(scope="module")
+def located() -> fo.Problem:
+    """The block of problems/locating.toml on six points, by sizes; as drawn."""
+    sizes = (
+        fo.Size("bottom", "movable", faces=["-z"], tolerance=0.05),
+        fo.Size("side", "movable", faces=["-x"], tolerance=0.02),
+        fo.Size("first point", "static", faces=["F1", "F2", "F3", "F4"], along="z", tolerance=0.03),
+    )
+    given = {"requirement": None, "tolerance": None, "published": None, "sizes": sizes, "made": "middle"}
+    return fo.load_problems(CASES.parents[1] / "problems" / "locating.toml")[0].changed(**given)
+
+
+def test_derivatives_of_contacts_in_closed_form_were_refused(located) -> None:
+    """How a point that is too high tilts a block: the plane through (1, 1, h), (5, 1, 0) and (3, 3.5, 0)."""
+    found = fo.solve(located).sensitivity.motion_by_size
+    ry, rx = 1.0 / 4.0, -0.5 / 2.5
+    # the seed (3, 2, 1) rises by what the plane does below it; the points behind, 1 and 1.1 high, turn it about z
+    tz, rz = 1.0 - 2.0 * ry + rx, (0.1 / 3.6) * rx
+    ty = rx * (1.05 - 1.0)
+    assert found["bottom"] == pytest.approx([0, 0, 1, 0, 0, 0], abs=1e-12)
+    assert found["side"] == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-12)
+    assert found["first point"][2:] == pytest.approx([tz, rx, ry, rz], abs=1e-12)
+    assert found["first point"][1] == pytest.approx(ty, abs=1e-12)
+
+
+MADE = {"bottom": 0.02, "side": 0.01, "first point": 0.03}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"goal": "fit", "motion": fo.Translation("x") >> fo.Translation("z") >> fo.Rotation("y")}], ids=str
+)
+def test_derivatives_of_contacts_are_differences_of_solve(located, changes) -> None:
+    problem, step = located.changed(made=MADE, **changes), 1e-5
+    found = fo.solve(problem).sensitivity
+    for name, x in list(MADE.items())[::2]:
+        low, high = (fo.solve(problem.changed(made={**MADE, name: x + side * step})) for side in (-1, 1))
+        moved = np.subtract(list(high.parameters.values()), list(low.parameters.values())) / (2 * step)
+        assert found.motion_by_size[name] == pytest.approx(moved, abs=1e-6)
+        assert found.sizes[name] == pytest.approx((high.amount - low.amount) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("goal", ["at", "fit"])
+def test_what_scales_do_to_contacts_is_foretold_and_by_its_multiplier_what_one_costs(pocket, goal) -> None:
+    before = fo.solve(pocket.changed(goal=goal))
+    found = before.sensitivity
+    assert found.target == pytest.approx(np.linalg.norm([2, 1.5, 1]) * np.eye(2)[0], abs=1e-9)  # of .02 (2, 1.5, 1)
+    assert found.motion_by_pose[:, :3] == pytest.approx(-np.eye(3), abs=1e-9)
+    assert np.isnan(found.motion_by_pose[:, 3:]).all()  # what is drawn aslant does not lie flush
+    told = fo.whatif(before, tolerance=0.021)
+    assert told.predicted_amount == pytest.approx(told.after.amount, rel=1e-9)
+    labels = [f"contact {feature.label}" for feature in pocket.contacts]
+    rates = {name: abs(found.multipliers[name]) for name in labels}
+    assert sorted(rates.values()) == pytest.approx(np.array([1, 1.5, 2]) / np.linalg.norm([2, 1.5, 1]), abs=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------------- 3-2-1 fixture

@@ -74,7 +74,9 @@ class CoherentRange(Plain, Shown):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
-    the nominal pair.
+    the nominal pair. Of contacts that are restored together all are, at the scale pair that they have in common: where
+    two lines meet, or the point of the one line that all share nearest to the nominal pair. Along a ray on which they
+    have none the range is 0 both ways.
 
     Attributes
     ----------
@@ -164,9 +166,6 @@ def coherent_range(
     expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
     need_all_parts(problem, "a range of tracked contacts")
-    if problem.contacts:
-        what = "a range tells how far one tracked contact lasts"
-        raise InputError(what, key="contacts", found="several", allowed="none, or another question of each contact")
     tracked = followed(problem)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest = min(end.x for end in ends.values())

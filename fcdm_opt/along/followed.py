@@ -28,6 +28,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]
 Site = tuple[int, int, int]
+UNTRACKED = 1000  # added to the number of a contact that gives none of the lines of the scale pair
 OPENS = "the flush contact opens"
 KINDS = {
     "border": "the contact point reaches the end of its feature",
@@ -58,7 +59,7 @@ class Rest(NamedTuple):
     """A part pair on which a tracked feature rests, with the conditions that make it real there."""
 
     parts: Parts
-    line: Array  # (13,), see `TrackedPair`
+    line: Array | None  # (13,), see `TrackedPair`; None of a contact that gives none of the lines of the scale pair
     groups: list[tuple[Conditions, Cause]]  # of the conditions of each one must hold
 
 
@@ -71,13 +72,15 @@ class Followed(NamedTuple):
 
 
 def followed(problem: Problem) -> tuple[Followed, ...]:
-    """Return the features of a problem's nominal contact: two at a switching point, one inside a segment.
+    """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or `contacts`.
 
     Raises
     ------
     InputError
         Where the nominal pair is not on the decision curve.
     """
+    if problem.contacts:
+        return _together(problem)
     contact = problem.nominal_contact
     if contact is None:
         what = "a coherent range follows the nominal contact, but the nominal pair is not on the decision curve"
@@ -88,6 +91,53 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
     )
     seats = problem.nominal_seats if any(_is_flush(piece) for piece in pieces) else ()
     return tuple(_followed(problem, piece, seats, k) for k, piece in enumerate(pieces))
+
+
+def _together(problem: Problem) -> tuple[Followed, ...]:
+    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two.
+
+    Of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair.
+    """
+    seats, found = problem.nominal_seats, list[tuple[Feature, bool, Parts, Flush | None, Site, Array]]()
+    for joint in problem.chosen_joints:
+        own = [seat for seat in seats if joint.feature in (seat.feature, seat.touching)]
+        if own:
+            found += [(joint.feature, True, seat.parts, seat, seat.site, seat.normal) for seat in own]
+        else:
+            every = zip(joint.sites.tolist(), joint.normals, strict=True)
+            found += [(joint.feature, False, joint.parts, None, tuple(there), normal) for there, normal in every]
+    found.sort(key=lambda own: own[4][0] != E1E2)
+    lines = np.array([_scales(problem, parts, normal) for _, _, parts, _, _, normal in found])
+    across = np.abs(lines[0, 0] * lines[:, 1] - lines[0, 1] * lines[:, 0])
+    second = int(across.argmax())
+    tracked = [0, second] if across[second] > DEFAULT.nominal else [0]
+    made = []
+    for k, n in enumerate([*tracked, *(n for n in range(len(found)) if n not in tracked)]):
+        feature, flush, parts, seat, site, normal = found[n]
+        if k >= len(tracked) and site[0] == E1E2:
+            what = "a range follows edges that cross where they give the scale pair, and more such contacts are listed"
+            raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
+        place = k if k < len(tracked) else UNTRACKED + k
+        if seat is not None:
+            hosts = [
+                (_place(problem.movable.parts, one), _place(problem.static.parts, two), own)
+                for one, two, own in seat.hosts
+            ]
+            rests = [_flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in hosts]
+            rests.sort(key=lambda rest: rest.parts != seat.parts)
+        else:
+            sites = [(parts, site), *(own for own in _sites(problem, feature, site[0]) if own != (parts, site))]
+            rests = [_rest(problem, feature, own, there, normal, place) for own, there in sites]
+        made.append(Followed(feature, flush, tuple(rests)))
+    return tuple(made)
+
+
+def _scales(problem: Problem, parts: Parts, normal: Array) -> Array:
+    """Return a and b of a contact line as drawn, of length 1."""
+    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    a, b = ((one.vertices - one.seed) @ normal).max(), ((two.seed - two.vertices) @ normal).max()
+    line = np.array([a, b])
+    return line / max(float(np.linalg.norm(line)), np.finfo(float).tiny)
 
 
 def _is_flush(piece: Piece) -> bool:
@@ -140,34 +190,48 @@ def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: 
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     line, made = _supported(one, two, site, normal, k)
     kind, i, j = site
+    number, k = k % UNTRACKED, k if k < UNTRACKED else 0
     if kind == V1F2:
         for a, b in _sides(two.loops[j]):
             out = _unit(np.cross(Y[b] - Y[a], two.normals[j]))
-            made.append((Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k)))
+            made.append((Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), number)))
     elif kind == F1V2:
         for a, b in _sides(one.loops[i]):
             out = _unit(np.cross(X[b] - X[a], one.normals[i]))
             inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
-            made.append((inside, _border(one, 1, (a, b), k)))
+            made.append((inside, _border(one, 1, (a, b), number)))
     else:
         (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
         e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
         sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
         for v, ahead in ((a, sign), (b, -sign)):
-            made.append((Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k)))
+            ends = Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead)
+            made.append((ends, _border(one, 1, (v,), number)))
         for w, ahead in ((c, sign), (d, -sign)):
             ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
-            made.append((ends, _border(two, 2, (w,), k)))
+            made.append((ends, _border(two, 2, (w,), number)))
     return Rest(parts, line, made)
 
 
 def _supported(
     one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int
-) -> tuple[Array, list[tuple[Conditions, Cause]]]:
-    """Return the line of a site, and that no neighbour is beyond its plane."""
+) -> tuple[Array | None, list[tuple[Conditions, Cause]]]:
+    """Return the line of a site, and that no neighbour is beyond its plane; untracked that its gap stays 0, besides."""
     made: list[tuple[Conditions, Cause]] = []
     kind, i, j = site
     X, Y = one.vertices - one.seed, two.vertices - two.seed
+    if k >= UNTRACKED:
+        k -= UNTRACKED
+        turned = kind == F1V2
+        form, m = (forms.ALONG_TURNED, one.normals[i]) if turned else (forms.ALONG, -two.normals[j])
+        v, w = X[one.loops[i][0] if turned else i], Y[j if turned else two.loops[j][0]]
+        closed = [Conditions.of(form, v=v, w=w, m=m, sign=side) for side in (1.0, -1.0)]
+        made += [(own, Cause("opens", k, "the contacts have no scale pair in common")) for own in closed]
+        for vertex, _ in _neighbours(two, j) if turned else _neighbours(one, i):
+            ends = {"w": Y[vertex]} if turned else {"v": X[vertex]}
+            beyond = Conditions.of(form, **{"v": v, "w": w, **ends}, m=m)
+            made.append((beyond, _neighbour(two if turned else one, 2 if turned else 1, vertex, k)))
+        return None, made
     if kind == V1F2:
         line = np.concatenate([[FIXED, 0, 0, 0], -two.normals[j], X[i], Y[two.loops[j][0]]])
     elif kind == F1V2:
@@ -202,24 +266,28 @@ def _flush_rest(
     line, made = _supported(one, two, site, n, k)
     if has[0] and has[1]:  # the other face must stay aligned too
         for v in one.loops[faces[0]][1:]:
-            aligned = Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
-            made.append((aligned, Cause("opens", k, OPENS)))
+            tracked = k < UNTRACKED
+            aligned = Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0) if tracked else Conditions.of(
+                forms.ALONG, v=X[v], w=Y[other[0]], m=n
+            )
+            made.append((aligned, Cause("opens", k % UNTRACKED, OPENS)))
+    number, k = k % UNTRACKED, k if k < UNTRACKED else 0
     if parallel:  # each edge stays on the other
         beside = Conditions.of(
             forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
         )
-        made.append((beside, Cause("opens", k, OPENS)))
+        made.append((beside, Cause("opens", number, OPENS)))
     corners, others = list(own), list(other)
     for a, b in _sides(own):
         for way in _ways(X[b] - X[a], n, parallel, X[corners] - X[a], len(own)):
             inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
                                    w=Y[others], m=way, sign=-1.0)  # fmt: skip
-            made.append((inside, _shared(one, 1, (a, b), k)))
+            made.append((inside, _shared(one, 1, (a, b), number)))
     for a, b in _sides(other):
         for way in _ways(Y[b] - Y[a], n, parallel, Y[others] - Y[a], len(other)):
             inside = Conditions.of(forms.ALONG, k, v=X[corners],
                                    w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
-            made.append((inside, _shared(two, 2, (a, b), k)))
+            made.append((inside, _shared(two, 2, (a, b), number)))
     return Rest(parts, line, made)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
-from fcdm_opt.curve.contact import Contact, contact_at, contact_set, located, supporting_contact
+from fcdm_opt.curve.contact import Contact, contact_at, contact_set, is_own, located, supporting_contact
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -25,10 +25,12 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
 
 LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # elements of a site
 MOST_CORNERS = 12  # of what two bodies share, looked at one by one
+DECIMALS = 6  # of directions that are the same
 Constraints = tuple[Rate, ...]
 Alternatives = list[Constraints]
 Site = tuple[int, int, int]
@@ -94,16 +96,18 @@ class Holding:
                 yield self.layout.rate("flush contacts stay aligned", row, free=True)
 
     def _goal(self) -> Iterator[Rate]:
-        """Yield what the goal asks of the tracked contact."""
+        """Yield what the goal asks of the tracked contact, or of those that are restored together."""
         task = self.task
-        if not task.tracked:
+        if task.goal != "beyond":
+            asked = (*task.tracked, *task.besides)
+            normals, gaps = task.line_gaps(self.q) if asked else (np.empty((0, 3)), np.empty(0))
+            rates = [
+                self._at_target(self._line(self.end, feature, normal, task.target))
+                for feature, normal in zip(asked, normals, strict=True)
+            ]
+            yield from rates if task.goal != FIT else self._fitted(rates, gaps)
             return
         rho, _, tracked = task.tracked_contact(self.q)
-        if task.goal != "beyond":
-            for feature in (*task.tracked, *task.besides):
-                own = Tracked.at(task.movable, task.static, self.end.pose, feature.parts, feature.site, feature.sign)
-                yield self._at_target(self._line(self.end, feature, own.normal, task.target))
-            return
         lines, pair = self._lines(self.end, tracked, rho)
         for k, sign in enumerate(task.signs):
             if abs(rho[k] - task.target[k]) <= DEFAULT.active * task.target[k]:
@@ -111,6 +115,13 @@ class Holding:
                 rate = rate.along(pair, lines)
                 rate.data[self.layout.target.start + k] -= sign
                 yield rate
+
+    def _fitted(self, rates: Sequence[Rate], gaps: Array) -> Iterator[Rate]:
+        """Yield what holds a motion of which the largest gap is least: which contacts are closed, or as far open."""
+        rows = fit_rows(gaps, np.array([rate.slope for rate in rates]) / self.task.weights, self.slack)
+        for k, other, held in rows:
+            rate = rates[k] if other < 0 else rates[other].plus(rates[k].times(-1.0))
+            yield replace(rate, free=held, name=rates[k].name)
 
     def at_rest(self) -> tuple[Rate, Rate]:
         """Return the rates of both scales of the tracked switching point at rest."""
@@ -135,7 +146,11 @@ class Holding:
         whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == place), None)
         if feature in task.tracked and task.flush:
             whole = task.flush[task.tracked.index(feature)]
-        return self._site(scene, "the tracked contact", feature.parts, feature.site, normal, rho, whole)
+        joint = next((own for own in task.joints if own.parts == feature.parts), None)
+        if joint and joint.feature.is_flush:
+            whole = joint.feature
+        name = f"contact {joint.feature.label}" if joint else "the tracked contact"
+        return self._site(scene, name, feature.parts, feature.site, normal, rho, whole)
 
     def _at_target(self, rate: Rate) -> Rate:
         """Return the rate where its scale pair is the target pair."""
@@ -191,11 +206,12 @@ class Holding:
     def _pair_states(self) -> list[Alternatives]:
         """Return what keeps pairs apart, and the pair that must touch."""
         task = self.task
-        near = task.pair_gaps(self.q) - task.needs <= self.slack
+        near = task.beside_joints(task.pair_gaps(self.q) - task.needs <= self.slack)
         ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
-        ways = {parts: found for parts, found in ways.items() if found}
+        ways = self._each_once({parts: found for parts, found in ways.items() if found})
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
-        touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if task.must_touch else []
+        closes = task.must_touch and not task.joints
+        touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if closes else []
         groups = [own for parts, own in apart.items() if parts not in touching]
         closings: Alternatives = []
         for parts in touching:
@@ -209,14 +225,18 @@ class Holding:
         task, opponent = self.task, self.task.opponents[parts[1]]
         one, two, pose = task.movable.parts[parts[0]], opponent.part, self._pose_to(parts)
         rho = np.array([task.target[0], opponent.scale])
-        _, rows, separations = task.separations(parts, self.end.pose)
+        sites, rows, separations = task.separations(parts, self.end.pose)
         widest = float(separations.max())
+        tight = np.flatnonzero(separations >= widest - self.slack).tolist()
+        body = task.keep_out[opponent.keep_out].body if opponent.keep_out >= 0 else task.static
+        # where only a cut of a solid keeps a pair apart, its next part does not
+        own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
         if opponent.need > 0 and widest > 0:
             normals = [task.way_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            normals, gap = distinct(rows[separations >= widest - self.slack, :3]), widest
+            normals, gap = distinct(rows[own or tight, :3]), widest
         if abs(gap - max(opponent.need, 0.0)) > self.slack:
             return []
         ways = []
@@ -226,6 +246,16 @@ class Holding:
             corners = contact_set(one, two, shifted, contact, rho)
             ways.append(Facing(normal, contact, corners[:MOST_CORNERS], gap))
         return ways
+
+    def _each_once(self, ways: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
+        """Return the part pairs without those that meet by the same elements as another: on a seam of a face."""
+        known, kept = set[Any](), dict[Parts, list[Facing]]()
+        for parts, found in ways.items():
+            own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
+            if (self.task.opponents[parts[1]].keep_out, own) not in known:
+                known.add((self.task.opponents[parts[1]].keep_out, own))
+                kept[parts] = found
+        return kept
 
     def _apart(self, parts: Parts, way: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
@@ -362,6 +392,43 @@ class Holding:
             )
         ]
         return scene.rate(name, terms)
+
+
+def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, bool]]:
+    """Return what holds a motion of which the largest of some gaps >= 0 is least.
+
+    Parameters
+    ----------
+    gaps : (n,) array
+    slopes : (n, k) array
+        Their derivatives.
+    slack : float
+        To which gaps are closed, or the largest.
+
+    Returns
+    -------
+    list of (gap, other, held)
+        `held`: that the gap stays 0 (other -1), or as large as another one, whatever the motion: some multipliers of
+        the least largest gap need it. Else it may grow, or fall below the other.
+    """
+    from scipy.optimize import linprog
+
+    most, closed = float(gaps.max()), np.flatnonzero(gaps <= slack)
+    if most <= slack:
+        return [(k, -1, True) for k in closed.tolist()]
+    widest = np.flatnonzero(gaps >= most - slack)
+    columns = np.vstack([slopes[widest], -slopes[closed]]).T
+    count = columns.shape[1]
+    each = np.eye(count)
+    found = linprog(  # multipliers, and how much of each up to 1: as many as can be are not 0 together
+        np.append(np.zeros(count), -np.ones(count)),
+        A_ub=np.hstack([-each, each]), b_ub=np.zeros(count), A_eq=np.hstack([columns, 0.0 * columns]),
+        b_eq=np.zeros(len(columns)), bounds=[*[(0.0, None)] * count, *[(0.0, 1.0)] * count],
+    )  # fmt: skip
+    held = found.x[count:] > 0.5 if found.status == 0 else np.zeros(count, np.bool_)
+    first = widest[int(held[: len(widest)].argmax())]
+    rows = [(k, int(first), bool(own)) for k, own in zip(widest.tolist(), held, strict=False) if k != first]
+    return rows + [(k, -1, bool(own)) for k, own in zip(closed.tolist(), held[len(widest) :], strict=True)]
 
 
 def _element(part: ConvexPart, kind: str, k: int, point: Array) -> Element:

@@ -78,8 +78,9 @@ class March:
         if self._rests != self._first:
             self._rest_on(self._first)
         if (number := self._opens()) is not None:
-            feature = self._followed[number].feature
-            return Stop(0.0, (Cause("opens", number, f"{feature.label} does not stay flush"),))
+            own = self._followed[number]
+            how = "does not stay flush" if own.flush else "does not stay closed"
+            return Stop(0.0, (Cause("opens", number, f"{own.feature.label} {how}"),))
         stop = self.advanced(0.0)
         while stop is not None and self._taken_over(stop):
             stop = self.advanced(stop.x)
@@ -95,7 +96,8 @@ class March:
 
     def _worked_out(self, rests: list[Rest]) -> tuple[Any, ...]:
         """Return what `_rest_on` takes."""
-        lines, determinant = np.array([rest.line for rest in rests]).reshape(-1, 13), Conditions.of(forms.DETERMINANT)
+        lines = np.array([rest.line for rest in rests if rest.line is not None]).reshape(-1, 13)
+        determinant = Conditions.of(forms.DETERMINANT)
         signless = TrackedPair(lines, np.array(self._pair), 1.0)
         value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
         tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
@@ -118,7 +120,8 @@ class March:
         """Return the number of a flush contact that does not stay aligned."""
         for group in self._groups[self._tied].tolist():
             cause = self._causes[group]
-            if cause.feature >= 0 and self._followed[cause.feature].flush and cause.kind != "border":
+            flush = cause.feature >= 0 and self._followed[cause.feature].flush
+            if cause.kind == "opens" or (flush and cause.kind != "border"):
                 return cause.feature
         return None
 
@@ -148,10 +151,13 @@ class March:
                 span /= SHRINK
                 continue
             steps = safe_steps(expanded, span)
-            held = float(self._reaches(steps).min(initial=span))
+            reaches = self._reaches(steps)
+            held = float(reaches.min(initial=span))
             other = self._others.bound(here, held)
             step = min(held, other.step)
-            grazes = flat(expanded[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
+            last = steps >= reaches[self._groups]  # of a group that which holds furthest: others of it say nothing
+            grazes = flat(expanded[last & (steps <= step)])
+            grazes = grazes or (other.expansion is not None and flat(other.expansion[None]))
             if step <= least < span / SHRINK and not grazes:  # bounds on so long a way may say nothing
                 span /= SHRINK
                 continue
@@ -197,7 +203,7 @@ class March:
     def _parallel(self, x: float) -> list[Cause]:
         """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
         causes = []
-        for k in range(len(self._rests)):
+        for k in range(len(self._tracked.lines)):
             sine_squared = self._stretch(x).expanded(Conditions.of(forms.STEEP, k))[0, 0]
             if sine_squared <= CLOSE * CLOSE:
                 causes.append(Cause("parallel edges", k, KINDS["parallel edges"]))

@@ -16,14 +16,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.along.holding import fit_rows
+from fcdm_opt.curve.contact import is_own
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
+from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
+
+DECIMALS = 12  # of points that are the same
 
 Field = Callable[[int, Array], Array]
 """How a point as drawn, (3,), of body 1 or 2 moves; of body 0 how the seed of body 1 does."""
@@ -33,6 +40,8 @@ Field = Callable[[int, Array], Array]
 def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
     """Return the derivatives of a constraint: the gap of one feature, or scale `row` of the point where two meet.
 
+    With row -1 by how much the gap of one of two features is larger than that of the other.
+
     A CasADi function (q, data) -> (slope (1, k + n), bend (k, k + n)), by q and then the data: seeds, (6,), features,
     13 numbers each, and the scale pair at which it is taken.
     """
@@ -40,8 +49,10 @@ def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
 
     q, data = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("data", 8 + 13 * len(kinds))
     features = [data[6 + 13 * k : 19 + 13 * k] for k in range(len(kinds))]
-    if len(kinds) == 1:
-        value = contact_line(motion, kinds[0])(q, data[:6], *features, data[-2:])[2]
+    if len(kinds) == 1 or row < 0:
+        lines = [contact_line(motion, kind) for kind in kinds]
+        one, *other = (line(q, data[:6], own, data[-2:])[2] for line, own in zip(lines, features, strict=True))
+        value = one - other[0] if other else one
     else:
         value = switching_point(motion, kinds)(q, data[:6], *features)[0][row] - data[-2 + row]
     both = casadi.vertcat(q, data)
@@ -58,6 +69,7 @@ class _Constraint(NamedTuple):
     by_data: Array  # (n,)
     mixed: Array  # (k, n)
     features: tuple[FeaturePoints, ...]
+    keep_out: bool = False  # the features are of body 1 and a keep-out, which stays as it is drawn
     free: bool = False  # pushes both ways
     alone: int = -1  # number of a pair of parts of whose constraints one is to hold
 
@@ -92,7 +104,14 @@ def motion_rates(
     weights = task.weights
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
     if task.weighted:
-        used, multipliers = _multipliers(held, slopes / weights, weights * q)
+        free, columns = [j for j, own in enumerate(held) if own.free] if task.joints else [], slopes / weights
+        kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
+        columns[[j for j in free if j not in kept]] = 0.0
+        used, multipliers = _multipliers(held, columns, weights * q)
+        if kept and (len(used) or not q.any()):
+            shares = dict(zip(used.tolist(), multipliers.tolist(), strict=True))
+            used = np.array(sorted(kept | shares.keys()), np.int64)
+            multipliers = np.array([shares.get(j, 0.0) for j in used.tolist()])
     else:  # where constraints alone say what the motion is
         used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
     count = len(used)
@@ -111,7 +130,10 @@ def motion_rates(
     for field in fields:
         drawn = [own.by_data @ _moves(task, nominal, field, np.zeros(2)) for own in start]
         target = ratio * drawn if drawn else np.zeros(2)
-        moves = [_moves(task, own.features, field, target) if own.features else np.zeros(0) for own in held]
+        moves = [
+            _moves(task, own.features, field, target, still=own.keep_out) if own.features else np.zeros(0)
+            for own in held
+        ]
         changes = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
         mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=True))
         dq = np.linalg.solve(system, np.append(mixed, -changes[used]))[: len(q)]
@@ -155,36 +177,78 @@ def _constraints(task: Task, q: Array) -> Iterator[_Constraint | None]:
         for k, sign in enumerate(task.signs):
             if abs(rho[k] - target[k]) <= DEFAULT.active * target[k]:
                 yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
-    elif task.tracked:
+    elif task.goal == FIT:
+        own = [_constraint(task, q, (feature,), 1.0) for feature in task.besides]
+        gaps, unit = task.line_gaps(q)[1], task.weights
+        for k, other, held in fit_rows(gaps, np.array([one.slope for one in own]) / unit, slack):
+            pair = (task.besides[k],) if other < 0 else (task.besides[other], task.besides[k])
+            yield _constraint(task, q, pair, 1.0, row=-1, free=held)
+    elif task.tracked or task.joints:
         for feature in (*task.tracked, *task.besides):
             yield _constraint(task, q, (feature,), 1.0, free=True)
+    if task.joints:
+        yield from _aligned(task, q)
     if np.isfinite(task.needs).any():
         yield from _pairs(task, q, slack)
 
 
+def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
+    """Yield what keeps faces and edges flush that are restored together: all corners are as far off as their line."""
+    rotation = task.pose(q)[:9].reshape(3, 3)
+    for seat in task.seats:
+        kind, one, two = seat.site
+        line = next(line for line in task.besides if line.parts == seat.parts)
+        corners = seat.contact.one if kind == V1F2 else seat.contact.two
+        for corner in corners:
+            site = (kind, corner, two) if kind == V1F2 else (kind, one, corner)
+            own = feature_points(task.movable, task.static, site, seat.parts, seat.normal, rotation)
+            yield _constraint(task, q, (own, line), 1.0, row=-1, free=True)
+
+
 def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
     """Yield what keeps pairs of parts apart, or brings one together."""
-    closes = task.must_touch and task.gap(task.rest) > 0.0
+    closes = task.must_touch and not task.joints and task.gap(task.rest) > 0.0
     rotation = task.pose(q)[:9].reshape(3, 3)
-    near = np.argwhere(task.pair_gaps(q) - task.needs <= slack).tolist()
-    for number, (i, j) in enumerate(near):
-        opponent = task.opponents[j]
+    near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
+    seen = set[tuple[Any, ...]]()
+    for number, (i, j) in enumerate(np.argwhere(near).tolist()):
+        opponent, one = task.opponents[j], task.movable.parts[i]
+        other, place = (task.static, j) if opponent.keep_out < 0 else _place(task, j)
         sites, rows, separations = task.separations((i, j), task.pose(q))
         widest = float(separations.max())
-        tight = np.flatnonzero(separations >= widest - slack)
-        normals = distinct(rows[tight, :3])
-        if opponent.keep_out >= 0 or len(normals) > 1 or abs(widest - max(opponent.need, 0.0)) > slack:
+        tight = np.flatnonzero(separations >= widest - slack).tolist()
+        own_sites = [k for k in tight if is_own((task.movable, one), (other, opponent.part), sites[k])]
+        normals = distinct(rows[own_sites or tight, :3])
+        swept = opponent.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
+        if swept or len(normals) > 1 or abs(widest - max(opponent.need, 0.0)) > slack:
             yield None
             continue
-        for site in dict.fromkeys(own for k in tight for own in _level(task, q, (i, j), tuple(map(int, sites[k])))):
-            feature = feature_points(task.movable, task.static, site, (i, j), normals[0], rotation)
-            yield _constraint(task, q, (feature,), -1.0 if closes else 1.0, alone=number if closes else -1)
+        closing = closes and other is task.static
+        for site in dict.fromkeys(
+            own for k in own_sites or tight for own in _level(task, q, (i, j), tuple(map(int, sites[k])))
+        ):
+            feature = feature_points(task.movable, other, site, (i, place), normals[0], rotation)
+            scales = np.array([task.target[0], opponent.scale])
+            known = (feature.kind, *np.round(feature.points, DECIMALS).ravel().tolist())
+            if known not in seen:  # of parts that have a corner of the solids in common
+                seen.add(known)
+                yield _constraint(
+                    task, q, (feature,), -1.0 if closing else 1.0, at=(other.seed, scales),
+                    keep_out=other is not task.static, alone=number if closing else -1,
+                )  # fmt: skip
+
+
+def _place(task: Task, j: int) -> tuple[Body, int]:
+    """Return the body of a keep-out that an opponent is of, and the opponent's place among its parts."""
+    keep_out = task.opponents[j].keep_out
+    first = next(k for k, own in enumerate(task.opponents) if own.keep_out == keep_out)
+    return task.keep_out[keep_out].body, j - first
 
 
 def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:
     """Yield a site, and where it is of a face and a vertex those of the other vertices that are level with the face."""
     kind, one, two = site
-    own, other = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+    own, other = task.movable.parts[parts[0]], task.opponents[parts[1]].part
     rotation = task.pose(q)[:9].reshape(3, 3)
     slack = DEFAULT.active * task.size
     if kind == F1V2:
@@ -198,10 +262,18 @@ def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) 
 
 
 def _constraint(
-    task: Task, q: Array, features: Sequence[FeaturePoints], sign: float, row: int = 0, **more: Any
+    task: Task,
+    q: Array,
+    features: Sequence[FeaturePoints],
+    sign: float,
+    row: int = 0,
+    at: tuple[Array, Array] | None = None,
+    **more: Any,
 ) -> _Constraint:
-    seeds = np.append(task.movable.seed, task.static.seed)
-    data = np.concatenate([seeds, *(feature.values for feature in features), task.target])
+    """Return a constraint; `at` is the seed of the other body and the scale pair, by default the static body's."""
+    seed, scales = at or (task.static.seed, task.target)
+    seeds = np.append(task.movable.seed, seed)
+    data = np.concatenate([seeds, *(feature.values for feature in features), scales])
     slope, bend = (
         sign * np.array(own) for own in _expanded(task.motion, tuple(own.kind for own in features), row)(q, data)
     )
@@ -211,10 +283,13 @@ def _constraint(
     )
 
 
-def _moves(task: Task, features: Sequence[FeaturePoints], field: Field, target: Array) -> Array:
-    """Return how the data of a constraint change as points move."""
+def _moves(
+    task: Task, features: Sequence[FeaturePoints], field: Field, target: Array, *, still: bool = False
+) -> Array:
+    """Return how the data of a constraint change as points move; `still`: those of the other body do not."""
     moved = [field(0, task.movable.seed), np.zeros(3)]
     for feature in features:
-        moved += [field(owner, point) for owner, point in zip(OWNERS[feature.kind], feature.points.T, strict=True)]
+        owned = zip(OWNERS[feature.kind], feature.points.T, strict=True)
+        moved += [np.zeros(3) if still and owner == 2 else field(owner, point) for owner, point in owned]
         moved.append(np.zeros(1))
-    return np.concatenate([*moved, target])
+    return np.concatenate([*moved, target * [1.0, not still]])

@@ -29,6 +29,7 @@ from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.stages.order import STAGES
@@ -52,18 +53,18 @@ def sensitivity(solution: Solution) -> Sensitivity:
     if not solution.status.found:
         return _made(problem, task, None, _nothing(layout, np.nan), ["no motion was found"])
     q = np.array(list(solution.parameters.values()))
-    if problem.contacts:
-        what = "several contacts are restored together: derivatives are not worked out for them"
-        return _made(problem, task, q, _nothing(layout, np.nan), [what])
     if not task.amount(q) > 0:
         met = not task.tracked and not task.must_touch and task.misses(q)[0] > DEFAULT.active * task.size
         reasons = [] if met else ["the requirement is only just met without motion: derivatives are one-sided"]
         return _made(problem, task, q, _nothing(layout, 0.0), reasons)
+    if _keeps_its_steps(problem, task, q):
+        return _made(problem, task, q, _nothing(layout, 0.0), [])
     holding = Holding(task, q, layout, problem.limits)
     balances = _balances(task, _pieces(holding), holding.groups())
     best = min(balances, key=lambda balance: balance.residual)
     even = [balance for balance in balances if balance.residual <= DEFAULT.stationary] or [best]
-    reasons = [*holding.reasons, *_ties(task, q)]
+    only = solution.unique_within >= task.amount(q) or task.goal == FIT  # of a fit others have other largest gaps
+    reasons = [*holding.reasons, *(() if only else _ties(task, q))]
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
     if problem.resolution is not None:
@@ -80,6 +81,13 @@ def sensitivity(solution: Solution) -> Sensitivity:
         reasons.append("a tie: either of several constraints holds the motion")
     broken = np.any([balance.broken for balance in even], axis=0)
     return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons)
+
+
+def _keeps_its_steps(problem: Problem, task: Task, q: Array) -> bool:
+    """Tell whether a motion in whole steps of the machine stays what it is: more room is left than is asked for."""
+    if problem.resolution is None or not problem.resolution.all() or task.tracked or task.is_equation:
+        return False
+    return bool((task.pair_gaps(q) - task.needs > DEFAULT.active * task.size).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +301,9 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> dict[str, Any]:
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
     moved = np.full((len(fields), len(task.weights)), np.nan)
-    if q is not None and task.amount(q) > 0 and not problem.contacts and problem.resolution is None:
+    if q is not None and _keeps_its_steps(problem, task, q):
+        moved = np.zeros_like(moved)
+    elif q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         moved = motion_rates(task, q, fields, nominal, problem.target / problem.nominal_pair)
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
@@ -414,7 +424,8 @@ def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Ra
 def _nominal_features(problem: Problem, task: Task) -> tuple[FeaturePoints, ...]:
     """Return the features of the nominal switching point; none where it is a pair of numbers, which stays as given."""
     contact = problem.nominal_contact
-    if not isinstance(contact, SwitchingPoint) or not (isinstance(problem.nominal, int) or task.goal in TRACKING):
+    followed = isinstance(problem.nominal, int) or task.goal in TRACKING
+    if task.joints or not followed or not isinstance(contact, SwitchingPoint):
         return ()
     return tuple(
         feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))

@@ -52,6 +52,13 @@ class Rate:
         """Return the rate of a multiple."""
         return replace(self, slope=factor * self.slope, scales=factor * self.scales, data=factor * self.data)
 
+    def plus(self, other: Rate) -> Rate:
+        """Return the rate of a sum."""
+        return replace(
+            self, slope=self.slope + other.slope, scales=self.scales + other.scales, data=self.data + other.data,
+            broken=self.broken | other.broken,
+        )  # fmt: skip
+
     def along(self, pair: Array, lines: Sequence[Rate]) -> Rate:
         """Return the rate where the scale pair follows two lines: it changes by `pair`, (2, 2), times their changes."""
         shares = self.scales @ pair

@@ -320,16 +320,27 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
         if set(own.one.vertices) <= set(other.feature.one.vertices)
         and set(own.two.vertices) <= set(other.feature.two.vertices)
     ]
-    its = [
-        normal
-        for (kind, *rows), normal in zip(joint.sites.tolist(), joint.normals, strict=True)
-        if all(
-            (element := body.parts[part].elements[letter][row]).kind == letter and body.owns(element)
-            for body, part, letter, row in zip((movable, static), joint.parts, _LETTERS[kind], rows, strict=True)
-            if letter != "V"
-        )
-    ]
+    one, two = (movable, movable.parts[joint.parts[0]]), (static, static.parts[joint.parts[1]])
+    its = [normal for site, normal in zip(joint.sites, joint.normals, strict=True) if is_own(one, two, site)]
     return bool(around) and all(any(n @ other >= 1.0 - DEFAULT.side for other in around) for n in its)
+
+
+def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
+    """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
+
+    Parameters
+    ----------
+    one, two : (Body, ConvexPart)
+        A part of each body.
+    site : (3,) int array
+        See `kernels.facet_rows`.
+    """
+    kind, *rows = site.tolist()
+    return all(
+        (element := part.elements[letter][row]).kind == letter and body.owns(element)
+        for (body, part), letter, row in zip((one, two), _LETTERS[kind], rows, strict=True)
+        if letter != "V"
+    )
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:

@@ -272,7 +272,7 @@ class TouchingSizes:
     @cached_property
     def leasts(self) -> tuple[tuple[float, Array], ...]:
         """The same of each part pair."""
-        return tuple(_least_of(pair.values, self.box) for pair in self.pairs)
+        return tuple(least_of(pair.values, self.box) for pair in self.pairs)
 
     def largest(self) -> tuple[float, Array]:
         """Return the largest gap in the box, exact, and sizes at which it is: the largest play.
@@ -619,7 +619,7 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     seen[heights.argmax(axis=1)] = True
     for k in np.flatnonzero(~seen).tolist():
         others = np.delete(np.arange(len(values)), k)
-        seen[k] = _least_of(values[others] - values[k], box, sign=True)[0] < 0.0
+        seen[k] = least_of(values[others] - values[k], box, sign=True)[0] < 0.0
     kept = np.flatnonzero(seen)
     return PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept.tolist()])
 
@@ -628,11 +628,11 @@ def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
     """Return the largest t such that some p of the box has t <= every row, t <= bound, and that p."""
     if not len(rows):
         return bound, box.mean(axis=1)
-    value, place = _least_of(-rows, box)
+    value, place = least_of(-rows, box)
     return min(-value, bound), place
 
 
-def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:
+def least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:
     """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides.
 
     A game of a few rows and corners: to the mixture of rows the box answers with the corner that makes it least, to the

@@ -518,6 +518,8 @@ class Body(_Sealed, Shown):
 
         True of all where faces were listed by hand, as some may be left out.
         """
+        if self.full_body is not None:
+            return self.full_body.owns(element)
         if len(self.parts) == 1 or not (self.skin or self.outlines == self.faces):
             return True
         labels = set(element.vertices)

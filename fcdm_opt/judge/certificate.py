@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import hypot, inf, isfinite, isnan, nan
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
@@ -148,10 +149,13 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
             shown, why = claimed if restored_at_least((solution.problem,), claimed, q) else shown, RESTORED
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
         return () if claimed == 0.0 else (check,)
+    from fcdm_opt.judge.multipliers import check_multipliers
     from fcdm_opt.proof.checker import check_evidence
 
     try:
-        return check_evidence(solution.problem, solution.evidence, claimed)
+        if isinstance(solution.evidence, Multipliers):
+            return check_multipliers(solution, solution.evidence)
+        return check_evidence(solution.problem, cast("Evidence", solution.evidence), claimed)
     except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
         return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
 
@@ -163,7 +167,7 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     """
     from fcdm_opt.judge.only_motion import none_smaller, only_motion
 
-    if not any(problem.contacts for problem in problems):
+    if not any(problem.contacts for problem in problems) or not isfinite(amount):
         return False
     alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
@@ -487,12 +491,19 @@ class _Judge:
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
         if goal in ("at", "seat") and self._play > self.limit:
-            lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+            claims = self._listed if self._together else self.claims
+            lines = np.array([claim.lines(self.transform[None])[0] for claim in claims])
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         fits = self._fits() if goal == FIT else []
         return [_at_most("requirement", off, slack, "relative distance from the target pair"), *fits]
+
+    @cached_property
+    def _listed(self) -> list[Claim]:
+        """The contacts that are restored together, as claims."""
+        carried = carriers(*self.bodies)
+        return [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in self.problem.contacts]
 
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
@@ -501,9 +512,8 @@ class _Judge:
         """
         from scipy.optimize import linprog
 
-        problem, carried = self.problem, carriers(*self.bodies)
-        claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
-        rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
+        problem = self.problem
+        rows = np.array([claim.rows(self.transform[None])[0] for claim in self._listed])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         if problem.motion.shifts and self._known:
@@ -518,7 +528,7 @@ class _Judge:
             least = float(program.fun) if program.status == 0 else float("nan")
             checks.append(
                 _at_most(
-                    "largest gap least", gaps.max(), least + self.limit, "no shift makes it less, other parts aside"
+                    "largest gap least", gaps.max(), least + self._play, "no shift makes it less, other parts aside"
                 )
             )
         return checks
@@ -537,7 +547,8 @@ class _Judge:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        apart = self.problem.goal in ("clear", FIT) or (self.problem.goal == "touch" and self._play > self.limit)
+        stepped = self._play > self.limit
+        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
@@ -549,12 +560,17 @@ class _Judge:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
             most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
-            known = tracked <= allowed and len(tracked) == most
+            known = tracked <= allowed and (len(tracked) == most or (stepped and self._together))
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.errors(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
+
+    @property
+    def _together(self) -> bool:
+        """Whether several contacts are restored together: in whole steps each to within their play, and open."""
+        return bool(self.problem.contacts)
 
     def _foreign(self) -> int:
         """Return how many claimed elements are no corner, edge or face of their solid."""

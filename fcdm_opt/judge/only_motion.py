@@ -214,6 +214,11 @@ def _independent(slopes: Array) -> list[int]:
     return chosen
 
 
+def equations(problem: Problem, T: Any, origin: Array) -> list[Any]:
+    """Return what is 0 where all contacts are closed by a motion T, in CasADi, seen from an origin."""
+    return [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
+
+
 def _equations(problem: Problem, feature: Feature, T: Any, origin: Array) -> Iterator[Any]:
     """Yield lengths that are 0 where a contact is closed, of corners as made and seen from an origin, some moved."""
     import casadi

@@ -64,6 +64,8 @@ class GapClaims:
         The gaps, (n,), that are told there. Without one only the range is told.
     standing : sequence of (int, int)
         Part pairs that are not counted.
+    keep_out : sequence of (Body, float)
+        Bodies that the movable one keeps clear of at all sizes, and by how much at least.
     share : ShareClaim, optional
     others : sequence of Check
         Of what else is told.
@@ -78,6 +80,7 @@ class GapClaims:
     listed: Array | None = None
     told: Callable[[Array], Array] | None = None
     standing: Sequence[tuple[int, int]] = ()
+    keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
     others: Sequence[Check] = ()
 
@@ -106,7 +109,19 @@ class GapClaims:
             told = self.told(np.array([place for _, place in made])).tolist()
             off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
             checks.append(_at_most("gap at sampled sizes", off, slack, lost))
+        for body, clearance in self.keep_out:
+            short = max(clearance - self._apart(place, body) for place in np.vstack([ends, others]))
+            checks.append(_at_most(f"keep-out '{body.name}'", short, slack, "how much too near, at the same sizes"))
         return (*checks, *([] if self.share is None else [_share(self.share)]), *self.others)
+
+    def _apart(self, place: Array, body: Body) -> float:
+        """Return the signed distance of the movable part, made, from a body that does not change."""
+        try:
+            (movable, _), scales = made_at(self.bodies, self.sizes, place)
+        except InputError:  # a face has vanished
+            return np.inf
+        scales[:, 1] = 1.0
+        return float(scaled_pair(movable, body).signed_distances(scales, self.transform[None])[0])
 
     def _gaps(self, place: Array) -> tuple[float, float] | None:
         """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
+from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
+from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.active_parts import with_near_parts
 from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+SAMPLES = 16  # motions at which rows that are sums of others are told
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +85,19 @@ class ContactRows:
         Parts that have no rows are further apart than this at the motion looked at: as long as no vertex is displaced
         by more from there, none of them touches. Infinite where all have rows.
     motion : ContactRow
-        (q, seeds) -> transform, (4, 4), of body 1.
+        (q, seeds) -> transform, (4, 4), of body 1; of an assembly of the first part that moves.
+    motions : mapping of name to ContactRow
+        That of each part that moves, in the world.
     contacts : tuple of ContactRow
         (q, seeds, feature, rho) -> line, normal, gap: of a pair of features the contact line (a, b, c) and its normal
         from body 1 to body 2, not normalised; and the gap at a scale pair `rho` along the unit normal, 0 where the
         features touch. `feature` is four vertices as drawn and a sign: three of the face and the vertex (F-V), the
         vertex and three of the face (V-F), or both ends of each edge (E-E); the sign points the normal to body 2.
+        Of contacts that are restored together the rows of each one after the other: at corners and edges there are
+        several. Goal "fit" asks 0 <= gap <= t of all of them, for the least t that there is.
+    alignments : tuple of ContactRow
+        (q, seeds, directions) -> aligned: 0 while elements that are to stay flush are parallel; one or two of each such
+        contact, none for motions that turn nothing.
     switching_point : ContactRow or None
         (q, seeds, feature_1, feature_2) -> rho, sine: the scale pair at which two tracked features touch at once, and
         the sine of the angle between their lines, which is 0 where there is no such pair.
@@ -101,24 +113,29 @@ class ContactRows:
     resolution: Array | None
     within: float
     motion: ContactRow
+    motions: Mapping[str, ContactRow]
     contacts: tuple[ContactRow, ...]
+    alignments: tuple[ContactRow, ...]
     switching_point: ContactRow | None
     clearances: tuple[ContactRow, ...]
 
 
 @known_arguments
 def contact_rows(
-    problem: Problem, at: Sequence[float] | Array | None = None, *, within: float | None = None
+    problem: Problem | Assembly, at: Sequence[float] | Array | None = None, *, within: float | None = None
 ) -> ContactRows:
     """Return the contacts, clearances and motion of a problem as CasADi functions.
 
     They are the equations that `solve` itself uses, smooth in the motion parameters, with named inputs and outputs, and
-    with vertices, sizes and seeds as inputs. The features are those that a goal tracks; goals "touch" and "clear" track
-    none: there, for each pair of parts, the features that are furthest apart, or overlap least.
+    with vertices, sizes and seeds as inputs. The features are those that a goal tracks, or those of all contacts that
+    are restored together; goals "touch" and "clear" track none: there, for each pair of parts, the features that are
+    furthest apart, or overlap least.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
+        Of an assembly the rows of its contacts, and of all two parts that they stay apart, in the parameters of all
+        motions: "part.parameter".
     at : (k,) floats, optional
         Motion at which features and first planes are looked for; default no motion.
     within : float, optional
@@ -131,15 +148,14 @@ def contact_rows(
         Where the problem leaves open which two of several features it tracks, for a wrong number of parameters, and for
         keep-outs kept as a surface: rows of the surface alone would not keep a part out of the solid.
     """
+    if isinstance(problem, Assembly):
+        return _of_assembly(problem, at, within)
     expected(problem, Problem, "problem")
     if hollow := [own.name for own in problem.keep_out if own.body.hollow]:
         what = "rows keep parts out of a surface, and not of the solid in it"
         raise InputError(what, key="keep_out", found=hollow[0], allowed="a solid cut into parts")
     if within is not None and not (is_real(within) and within >= 0.0):
         raise InputError("not a distance", key="within", found=within, allowed="a number >= 0, or None")
-    if problem.contacts:
-        allowed = 'one tracked contact, or goal "touch" or "clear"'
-        raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)
     if pairs := problem.feature_pairs:
         found = "; ".join(" and ".join(pair) for pair in pairs)
         raise InputError("several features meet: name two", key="features", found=found)
@@ -154,16 +170,44 @@ def contact_rows(
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
     near = np.argwhere(task.pair_gaps(q) <= (np.inf if within is None else within)).tolist()
     nearest = {(i, j): _nearest(task, (i, j), q) for i, j in near}
+    moved = ContactRow("motion", pose(task.motion), seeds, np.empty(0))
     return ContactRows(
         parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
         resolution=problem.resolution,
         within=np.inf if within is None else within,
-        motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),
+        motion=moved,
+        motions={problem.movable.name: moved},
         contacts=_contacts(task, q, nearest, seeds),
+        alignments=_alignments(task, seeds),
         switching_point=_switching_point(task, seeds),
         clearances=tuple(_clearance(task, parts, q, normal, seeds) for parts, (_, normal) in nearest.items()),
+    )
+
+
+def _of_assembly(assembly: Assembly, at: Sequence[float] | Array | None, within: float | None) -> ContactRows:
+    """Return the rows of every two parts, in the parameters of all motions."""
+    questions = assembly.questions.items()
+    each = {" - ".join(pair): contact_rows(problem, at, within=within) for pair, problem in questions}
+    asked = [*each.values()][: len(assembly.contacts)]
+
+    def named(kind: str, some: Iterable[tuple[str, ContactRows]]) -> tuple[ContactRow, ...]:
+        return tuple(replace(row, name=f"{name}: {row.name}") for name, own in some for row in getattr(own, kind))
+
+    motions = {}
+    for part in assembly.motions:  # as a fixed part sees it
+        problem = assembly.problem(JoinedPair(part, assembly.fixed[0], CLEAR), tuple(assembly.motions))
+        seeds = {"seeds": frozen(np.append(problem.movable.seed, problem.static.seed))}
+        motions[part] = ContactRow(part, pose(problem.motion), seeds, np.empty(0))
+    return replace(
+        asked[0],
+        within=min(own.within for own in each.values()),
+        motion=next(iter(motions.values())),
+        motions=motions,
+        contacts=named("contacts", zip(each, asked, strict=False)),
+        alignments=named("alignments", zip(each, asked, strict=False)),
+        clearances=named("clearances", each.items()),
     )
 
 
@@ -179,7 +223,7 @@ def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], 
 
 
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
-    features = task.tracked
+    features = (*task.tracked, *task.besides)
     if not features:
         rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
         features = tuple(
@@ -195,6 +239,24 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
             np.empty(0),
         )
         for feature in features
+    )
+
+
+def _alignments(task: Task, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
+    """Return what keeps flush elements parallel, without rows that are sums of others whatever the motion."""
+    turns = [(seat, turn) for seat in task.seats for turn in seat.turns]
+    some = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, len(task.weights)))
+    turned = [task.transform(q)[:3, :3] for q in some]
+    values = np.array([[m @ R @ p for R in turned] for _, (m, p) in turns]).reshape(len(turns), SAMPLES)
+    kept = independent(np.where(np.abs(values) > DEFAULT.nominal, values, 0.0))
+    return tuple(
+        ContactRow(
+            task.named(seat.parts),
+            alignment(task.motion),
+            {**seeds, "directions": frozen(np.concatenate(turn))},
+            np.empty(0),
+        )
+        for seat, turn in (turns[k] for k in kept)
     )
 
 

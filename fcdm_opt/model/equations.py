@@ -235,6 +235,21 @@ def pose(motion: Motion) -> Any:
 
 
 @template
+def alignment(motion: Motion) -> Any:
+    """Return what keeps elements that lie flush parallel: a CasADi function (q, seeds, directions) -> aligned.
+
+    `directions` are one of body 2 and one that body 1 carries, as drawn, (6,); `aligned` is their product after the
+    motion, 0 where they are at right angles still.
+    """
+    import casadi
+
+    scene, inputs, names = _symbols(motion)
+    both = casadi.SX.sym("directions", 6)
+    aligned = casadi.dot(both[:3], scene.transform[:3, :3] @ both[3:])
+    return casadi.Function("alignment", [*inputs, both], [aligned], [*names, "directions"], ["aligned"])
+
+
+@template
 def separating_plane(motion: Motion, counts: tuple[int, int]) -> Any:
     """Return the compiled rows that keep two convex parts apart by a plane between them.
 

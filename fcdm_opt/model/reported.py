@@ -10,14 +10,14 @@ from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.model.task import Answer, Task
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import MadeState, Solution, Status
 
 ROUNDING, MUCH = 8 * float(np.finfo(float).eps), 1e3  # of lengths, relative to the size; times that an amount is none
 
 
-def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | None = None) -> Solution:
+def reported(problem: Problem, task: Task, answer: Answer, evidence: ProofData | None = None) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
     noise = ROUNDING * task.size
@@ -35,7 +35,7 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-            "features": problem.tracked_features
+            "features": (() if task.joints and problem.resolution is not None else problem.tracked_features)
             or touching_features(task.movable, task.static, task.pose(q), task.target, slack),
         }
     return Solution(

@@ -20,7 +20,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
@@ -511,6 +511,13 @@ class Task:
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
 
+    def beside_joints(self, pairs: Flags) -> Flags:
+        """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
+        found = pairs.copy()
+        for joint in self.joints:
+            found[tuple(np.transpose(joint.hosts))] = False
+        return found
+
     def spans(self, pairs: Ints, along: Array) -> Array:
         """Return from where to where part pairs, (k, 2), are too near along a shift from rest, see `kernels.spans`."""
         found, pose = np.empty((len(pairs), 4)), self.pose(self.rest)
@@ -709,11 +716,11 @@ class Task:
     @property
     def is_equation(self) -> bool:
         """Whether the requirement is an equation, which motions in whole steps miss."""
-        return self.must_touch or self.goal in ("at", "seat")
+        return self.must_touch or self.goal in ("at", "seat", FIT)
 
     def miss(self, q: Array) -> float:
-        """Return by how much a motion misses an equation, a length."""
-        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat") else 0.0
+        """Return by how much a motion misses an equation, a length; of goal "fit" the largest gap."""
+        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat", FIT) else 0.0
         return max(lines, abs(self.gap(q))) if self.must_touch else lines
 
     def meets_in_steps(self, q: Array) -> bool:
@@ -725,7 +732,7 @@ class Task:
             return self.meets(q, DEFAULT.requirement)
         assert self.resolution is not None
         play = self.motion.play(q, self.resolution, self.made_vertices, self.movable.seed, self.static.seed)
-        if self.miss(q) > play or self.gap(q) < -DEFAULT.touch * self.size:
+        if (self.miss(q) > play and self.goal != FIT) or self.gap(q) < -DEFAULT.touch * self.size:
             return False
         if self.tracked and self.path_faults(q, first=True):
             return False

@@ -81,15 +81,12 @@ def active_bodies(
 
 
 def need_all_parts(problem: Problem, what: str) -> None:
-    """Refuse a question that takes all parts about bodies of which only some are modelled, or the surface alone."""
+    """Refuse a question that takes all parts about bodies of which only some are looked at."""
     if problem.partial:
         found = f"{len(problem.movable.parts)} and {len(problem.static.parts)}"
-        wrong = f"{what} looks at all parts of the bodies, and of these only some are modelled"
+        wrong = f"{what} looks at all parts of the bodies, and of these only some are looked at"
         allowed = f"solve and verify, or solids cut into at most {FEW} pairs of parts"
         raise InputError(wrong, key="bodies", found=found, allowed=allowed)
-    if hollow := [own.name for own in problem.keep_out if own.body.hollow]:
-        wrong = f"{what} looks at solids, and of this keep-out only the surface is modelled"
-        raise InputError(wrong, key="keep_out", found=hollow[0], allowed="solve and verify, or a solid cut into parts")
 
 
 def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:

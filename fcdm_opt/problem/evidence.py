@@ -59,8 +59,54 @@ class Reason(IntEnum):
     NEAR = 8
 
 
+class ProofData:
+    """Base of what a bound rests on: plain data made of arrays, whose `told` says in words what it is."""
+
+    told: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data: every array packed as text, see `from_dict`."""
+        return {name: _packed(value) for name, value in vars(self).items()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Any:
+        """Rebuild from `to_dict`, of either kind; raises `InputError`."""
+        try:
+            kind: Any = (Multipliers if "motions" in data else Evidence) if cls is ProofData else cls
+            return kind(**{item.name: _unpacked(data[item.name]) for item in fields(kind)})
+        except (KeyError, TypeError, ValueError, zlib.error) as reason:
+            raise InputError("not the plain data of a proof", key="evidence", found=str(reason)) from reason
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Evidence:
+class Multipliers(ProofData):
+    """Boxes of motions, each with a motion at which multipliers of contacts' equations bound the amount all over it.
+
+    With F the equations of contacts that are restored together, and l what balances y at a motion, y = J' l: whatever
+    closes the contacts has |y|^2 / 2 = |y|^2 / 2 - l . F(y), which over the box is no less than its derivatives at the
+    motion, and bounds of the second ones, say. What excludes a box are multipliers of equations that disagree there.
+    They are not kept: any do, and the checker finds them anew, see `fcdm_opt.judge.multipliers`.
+
+    Attributes
+    ----------
+    boxes : (n, 2, k) array
+        Lower and upper ends of weighted parameters y; together they fill a box.
+    motions : (n, k) array
+        y at which a box is looked at; it may lie outside.
+    """
+
+    boxes: Array
+    motions: Array
+
+    @property
+    def told(self) -> str:  # type: ignore[override]
+        """What it is made of, in words."""
+        count = len(self.boxes)
+        return f"multipliers of the contacts' equations in {count} box{'es' if count != 1 else ''} of motions"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence(ProofData):
     """Excluded cells and what they leave.
 
     Attributes
@@ -102,17 +148,10 @@ class Evidence:
         least = np.maximum(np.maximum(self.column_boxes[:, 0], -self.column_boxes[:, 1]), 0.0)
         return float((self.fronts * np.sqrt(1.0 + (least * least).sum(axis=1))).min(initial=np.inf))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data: every array packed as text, see `from_dict`."""
-        return {item.name: _packed(getattr(self, item.name)) for item in fields(self)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Evidence:
-        """Rebuild from `to_dict`; raises `InputError`."""
-        try:
-            return cls(**{item.name: _unpacked(data[item.name]) for item in fields(cls)})
-        except (KeyError, TypeError, ValueError, zlib.error) as reason:
-            raise InputError("not the plain data of a proof", key="evidence", found=str(reason)) from reason
+    @property
+    def told(self) -> str:  # type: ignore[override]
+        """What it is made of, in words."""
+        return f"{len(self.reasons)} cells of motions that will not do, in {len(self.fronts)} columns of directions"
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ from fcdm_opt.problem.keys import (
     SizeKeys,
     checked_arguments,
 )
-from fcdm_opt.problem.nominal import TRACKING, NominalContact
+from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -582,8 +582,7 @@ def _check_agreement(asked: Arguments) -> None:
 def _no_room(asked: Arguments) -> list[tuple[str, Any, str]]:
     """Return what contacts that are restored together leave no room for: key, what is asked, what is allowed."""
     usual = (
-        ("amount", "weighted", '"weighted" with contacts'),
-        ("resolution", None, "none with contacts: in whole steps they would not all touch"),
+        *((("amount", "weighted", '"weighted" with goal "fit"'),) if asked.goal == FIT else ()),
         ("features", None, "either features, two that are tracked, or contacts"),
     )
     return [(key, getattr(asked, key), allowed) for key, value, allowed in usual if getattr(asked, key) != value]

@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
-from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
 
@@ -374,7 +374,7 @@ class Solution(Bounded):
         Which stage of the solver settled it, and why.
     stopped : str
         What the time limit ended, in words; empty where the search was through. The bound holds all the same.
-    evidence : Evidence or None
+    evidence : Evidence, Multipliers or None
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
     unique_within : float
@@ -404,7 +404,7 @@ class Solution(Bounded):
     pair_state: MadeState = "unknown"
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
-    evidence: Evidence | None = None
+    evidence: ProofData | None = None
     unique_within: float = 0.0
     derivatives: Sensitivity | None = field(default=None, repr=False)
 

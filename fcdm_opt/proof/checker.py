@@ -103,10 +103,15 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     return ""
 
 
+def searched_limits(problem: Problem) -> Array:
+    """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
+    return _Examiner(problem, None).limits
+
+
 # ---------------------------------------------------------------------------------------------------------------- cover
 
 
-def _left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
+def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
     """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do.
 
     The indicator of a box is a sum over its corners, with alternating signs, of indicators of quadrants; those are
@@ -157,8 +162,10 @@ class TrackedCrossing:
 class _Examiner:
     """What a problem asks of a motion, and why the cells of a proof are said not to do it."""
 
-    def __init__(self, problem: Problem, evidence: Evidence) -> None:
-        self.problem, self.evidence = problem, evidence
+    def __init__(self, problem: Problem, evidence: Evidence | None) -> None:
+        self.problem = problem
+        if evidence is not None:
+            self.evidence = evidence
         self.kinematics = PosesOfPieces(problem)
         self.target = problem.target.tolist()
 
@@ -168,7 +175,7 @@ class _Examiner:
     def features(self) -> tuple[tuple[FeaturePoints, ...], int]:
         """The features whose lines the goal speaks of, and how many of them are tracked."""
         problem = self.problem
-        if problem.goal not in TRACKING:
+        if problem.goal not in TRACKING or problem.contacts:
             return (), 0
         lines: Any = problem.tracked_lines
         seats = problem.nominal_seats if problem.goal == "seat" else ()
@@ -302,7 +309,7 @@ class _Examiner:
         own, count = self.evidence, len(self.problem.weights)
         faces = np.arange(2 * count)
         cube = np.ones((2 * count, count - 1))
-        wrong = _left_over(
+        wrong = left_over(
             np.concatenate([own.column_faces, faces]),
             np.concatenate([own.column_boxes[:, 0], -cube]),
             np.concatenate([own.column_boxes[:, 1], cube]),
@@ -324,7 +331,7 @@ class _Examiner:
         fronts = np.where(np.isnan(fronts), 0.0, fronts)
         low = np.concatenate([own.stretches[:, 0], np.zeros(len(fronts))])
         high = np.concatenate([own.stretches[:, 1], fronts])
-        wrong = _left_over(
+        wrong = left_over(
             np.concatenate([own.faces, own.column_faces]),
             np.column_stack([low, np.concatenate([own.boxes[:, 0], own.column_boxes[:, 0]])]),
             np.column_stack([high, np.concatenate([own.boxes[:, 1], own.column_boxes[:, 1]])]),

@@ -26,6 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 PIECES, NARROWED = 400, 0.7  # that are looked at, and of a longest side, above which a piece is cut in two
 DETERMINED = 0.1  # of a parameter, by the equations, from which on they narrow it by itself
 ROUNDING = 1e-12  # of the size: more than corners as made are off where they ought to be
+MOST_BOXES = 4000  # in which equations are shown to disagree
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
 Equation = tuple[str, list[Interval]]
@@ -109,7 +110,7 @@ def _none_below(problems: Problems, amount: float) -> bool:
         looked_at += len(low)
         boxes = _boxes(low, high)
         centre, half, slopes = boxes.centre, np.where(moving, boxes.half, 1.0), equations.slopes(boxes)
-        values = equations.values(boxes) + Interval(0.0, noise)  # corners as made are off each other
+        values = equations.centred(boxes) + Interval(0.0, noise)  # corners as made are off each other
         J = slopes.middle / half[:, None]
         inverse = np.linalg.pinv(J, rcond=DEFAULT.nominal)
         levels = np.einsum("nmk,nk->nm", J, centre) - values.middle
@@ -149,6 +150,50 @@ def _none_below(problems: Problems, amount: float) -> bool:
     return not len(low)
 
 
+@np.errstate(all="ignore")
+def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
+    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
+
+    Parameters
+    ----------
+    low, high : (k,) arrays
+        Ends of weighted parameters.
+
+    Returns
+    -------
+    boxes, motions : (n, 2, k), (n, k) arrays, or None
+        None where `MOST_BOXES` do not do.
+    """
+    if not (np.isfinite(low) & np.isfinite(high)).all():
+        return None
+    equations, left, shown, count = _Equations((problem,)), np.array([[low, high]]), list[Array](), 0
+    while len(left):
+        count += len(left)
+        if count > MOST_BOXES:
+            return None
+        pacing.check()
+        boxes = _boxes(left[:, 0], left[:, 1])
+        values, slopes = equations.centred(boxes), equations.slopes(boxes)
+        half = np.where(boxes.half > 0.0, boxes.half, 1.0)
+        rates = slopes.middle / half[:, None]
+        middle = values.middle[:, :, None]
+        off = middle - rates @ (np.linalg.pinv(rates, DEFAULT.nominal) @ middle)  # what no motion changes
+        none = np.zeros(len(left), np.bool_)
+        for way in (off, middle):
+            fixed = Interval(np.swapaxes(way, 1, 2), np.zeros_like(np.swapaxes(way, 1, 2)))
+            level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
+            none |= level - fixed.contracted(slopes).size[:, 0].sum(axis=1) * (1.0 + 2.0**-40) > 0.0
+        shown.append(left[none])
+        left = left[~none]
+        axis = (left[:, 1] - left[:, 0]).argmax(axis=1)
+        rows = np.arange(len(left))
+        one, two = left.copy(), left.copy()
+        one[rows, 1, axis] = two[rows, 0, axis] = left[rows, :, axis].mean(axis=1)
+        left = np.concatenate([one, two])
+    found = np.concatenate(shown)
+    return found, 0.5 * found[:, 0] + 0.5 * found[:, 1]
+
+
 def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
 
@@ -156,7 +201,7 @@ def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """
     limits = problems[0].limits
     moving, equations, step = limits[:, 0] < limits[:, 1], _Equations(problems), 1e-9 * _size(problems)
-    values = equations.values(_boxes(y[None], y[None])).middle[0]
+    values = equations.centred(_boxes(y[None], y[None])).middle[0]
     slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
     return values, slopes
 
@@ -177,15 +222,18 @@ class _Equations:
         self._own = [(_motion(problem), list(_equations(problem))) for problem in problems if problem.contacts]
         self.count = sum(len(equations) for _, equations in self._own)
 
-    def values(self, places: Boxes) -> Interval:
+    def centred(self, boxes: Boxes) -> Interval:
         """Return their values at the centres of boxes, (n, equations)."""
-        found = [Interval(np.empty((len(places.rows), 0)), np.empty((len(places.rows), 0)))]
+        found = []
         for motion, equations in self._own:
-            centre = motion.poses(places).centre
+            centre = motion.poses(boxes).centre
             found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
-        sides = ([np.broadcast_to(getattr(x, side), (len(places.rows), x.middle.shape[1])) for x in found]
-                 for side in ("middle", "radius"))  # fmt: skip
-        return Interval(*(np.concatenate(side, axis=1) for side in sides))
+        shape = (len(boxes.rows), 1)
+        sides = (
+            np.concatenate([np.broadcast_to(getattr(own, side), shape) for own in found], axis=1)
+            for side in ("middle", "radius")
+        )
+        return Interval(*sides)
 
     def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
         """Return derivatives of all, or of those chosen, over boxes times their half widths, (n, equations, k)."""

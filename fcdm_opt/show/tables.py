@@ -233,7 +233,7 @@ def print_budgets(budgets: Budgets) -> None:
     rows = [
         {
             "requirement": budget.requirement,
-            "tolerance": f"{100 * budget.tolerance:.{DIGITS}g} %",
+            "tolerance": budget.tolerance_text,
             "amount there": amount_text(budget.amount),
             "above it": budget.end.value,
             "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
@@ -243,7 +243,8 @@ def print_budgets(budgets: Budgets) -> None:
     reasons: dict[str, list[str]] = {}
     for budget in budgets.values():
         reasons.setdefault(budget.reason, []).append(budget.requirement)
-    notes = [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
+    notes = [f"{budget.requirement}: {budget.sizes_text}" for budget in budgets.values() if budget.sizes]
+    notes += [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
 
 

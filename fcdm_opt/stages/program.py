@@ -55,8 +55,8 @@ class Outcome(NamedTuple):
 
 
 def goal_rows(task: Task) -> list[Row]:
-    """Return what the goals "beyond", "at" and "seat" ask of the tracked point."""
-    if task.goal == "seat":
+    """Return what the goals "beyond", "at" and "seat" ask of the tracked point, or of all contacts."""
+    if task.goal == "seat" or task.joints:
         return _seat_rows(task)
     if len(task.tracked) == 1:
         return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]

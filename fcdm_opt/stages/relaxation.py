@@ -126,7 +126,7 @@ class Relaxation:
     _incoherent: bool = False
 
     def __post_init__(self) -> None:
-        if self.task.tracked:
+        if self.task.tracked or self.task.joints:
             self._rows += program.goal_rows(self.task)
 
     def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Answer | None:
@@ -153,7 +153,7 @@ class Relaxation:
             outcome = self._solved([*starts[:KEPT], q], method)
         if outcome is None:
             return None
-        if not task.tracked:
+        if not task.tracked and not task.joints:
             q = rays.shortened(task, q, normals)
         if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
             return None
@@ -192,9 +192,8 @@ class Relaxation:
         added = [self._forbid(*fault) for fault in faults]
         if np.isfinite(task.needs).any():
             short = task.needs - task.pair_gaps(q, normals)
-            for parts in np.ndindex(short.shape):
-                if short[parts] <= DEFAULT.cut * task.unit:
-                    continue
+            for i, j in np.argwhere(task.beside_joints(short > DEFAULT.cut * task.unit)).tolist():
+                parts = i, j
                 if parts in normals:
                     added.append(self._hold_foremost(parts, q, normals[parts]))
                 else:
@@ -342,7 +341,8 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
     apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
     closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
-    low = {parts: _ways_apart(task, parts, q) for parts in everything if gaps[parts] < task.needs[parts[1]]}
+    short = task.beside_joints(gaps < task.needs) if asks else gaps < 0.0
+    low = {parts: _ways_apart(task, parts, q) for parts in everything if short[parts]}
     pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]
     if near:
@@ -351,6 +351,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
         variants += [{**variants[0], parts: k} for parts in low for k in range(1, len(low[parts]))]
     # a pair that must touch besides may do so already where it is only kept from overlapping
     asked: list[Parts | None] = [*([None] if task.tracked or not apart else []), *(pairs[:CHOICES] if closes else [])]
+    asked = [None] if task.joints else asked  # which are all that must close
     for closing in asked:
         for variant in variants[:VARIANTS]:
             relaxation = Relaxation(task, closing)

@@ -22,10 +22,12 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
+from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import equations_at, least_amount, unique, widest_unique
+from fcdm_opt.proof.exclusion import Exclusion
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.ways_apart import Linearised
 from fcdm_opt.tolerances import DEFAULT
@@ -43,6 +45,7 @@ OVERLAID = 2.0  # times the width that flush faces must share, where the least m
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
+MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: contacts among other parts, linear in the motion", "2: several contacts, by Newton's method"
 
@@ -162,8 +165,29 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     farthest = float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
     if farthest <= bound:
         return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
+    if task.limits.shape[0] <= MOST_BOXED and _excluded(problem, task):
+        return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     told = f"below the amount {bound:.4g} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
+
+
+def proof_of(problem: Problem, task: Task, answer: Answer) -> Multipliers | None:
+    """Return what shows the bound of an answer about several contacts: a box about its motion, or boxes without any."""
+    if not answer.lower_bound > 0.0:
+        return None
+    ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
+    if answer.q is not None:
+        return Multipliers(boxes=ends[None], motions=(task.weights * answer.q)[None])
+    if problem.goal == FIT or len(task.weights) > MOST_BOXED:
+        return None
+    found = excluded(problem, *ends) if np.isfinite(answer.lower_bound) else _excluded(problem, task)
+    return None if found is None else Multipliers(boxes=found[0], motions=found[1])
+
+
+def _excluded(problem: Problem, task: Task) -> tuple[Array, Array] | None:
+    """Return boxes in all that motions may be in, and motions at which equations disagree all over them, if they do."""
+    low, high = Exclusion(task).domain.T * task.weights
+    return excluded(problem, low - WIDER * np.abs(low), high + WIDER * np.abs(high))
 
 
 def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
@@ -648,9 +672,9 @@ def _fitted(task: Task) -> Answer:
         return replace(failed, active=("parts overlap besides these contacts",))
     opened = np.maximum(task.line_gaps(q)[1], 0.0)
     most = float(opened.max())
-    at = np.flatnonzero(opened >= most - DEFAULT.line * task.size)
+    at = np.flatnonzero(opened >= most - DEFAULT.touch * task.size)
     closed = most <= DEFAULT.touch * task.size  # rounding
-    active = ("no contact is left open" if closed else f"largest gap {most:.6g}, of contact {_listed(at.tolist())}",)
+    active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
     known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)

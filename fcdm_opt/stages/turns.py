@@ -214,6 +214,9 @@ class _TurnSearch:
         ends = np.full(3, most)
         if not np.isfinite(limits).any():
             ends = np.minimum(ends, np.pi * self.weights)
+        else:  # a whole turn further on is as good
+            nearest = np.maximum(np.maximum(limits[:, 0], -limits[:, 1]), 0.0)
+            ends[:count] = np.minimum(ends[:count], (2.0 * np.pi + nearest) * self.weights[:count])
         low, high = np.zeros((2, 3))
         low[:count] = np.maximum(limits[:, 0] * self.weights[:count], -ends[:count])
         high[:count] = np.minimum(limits[:, 1] * self.weights[:count], ends[:count])

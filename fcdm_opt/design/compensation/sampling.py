@@ -21,6 +21,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -257,11 +258,30 @@ def _nearest(task: Task, q: Array) -> list[str]:
     """Return the features of the part pairs that are just as far apart as they must be."""
     slack = DEFAULT.touch * task.size
     near = task.pair_gaps(q) - task.needs <= slack
-    labels = []
+    found: dict[int, list[tuple[str, Feature]]] = {}
     for i, j in np.argwhere(near).tolist():
-        prefix = "" if task.opponents[j].keep_out < 0 else f"{task.named((i, j))} "
-        labels.append(f"{prefix}{_feature(task, q, (i, j), slack).label}")
+        keep_out = task.opponents[j].keep_out
+        prefix = "" if keep_out < 0 else f"{task.named((i, j))} "
+        found.setdefault(keep_out, []).append((prefix, _feature(task, q, (i, j), slack)))
+    labels = []
+    for keep_out, each in found.items():
+        bodies = task.movable, task.static if keep_out < 0 else task.keep_out[keep_out].body
+        faces = [own for _, own in each if own.kind == "F1F2"]
+        real = [one for one in each if not _is_cut(bodies, one[1], faces)] or each
+        labels += [f"{prefix}{feature.label}" for prefix, feature in real]
     return list(dict.fromkeys(labels))
+
+
+def _is_cut(bodies: tuple[Body, Body], feature: Feature, faces: Sequence[Feature]) -> bool:
+    """Tell whether what touches is of a cut between parts alone, or of faces that lie flush besides."""
+    elements = feature.one, feature.two
+    if not all(body.owns(element) for body, element in zip(bodies, elements, strict=True)):
+        return True
+    return any(
+        set(feature.one.vertices) <= set(face.one.vertices) and set(feature.two.vertices) <= set(face.two.vertices)
+        for face in faces
+        if face != feature
+    )
 
 
 def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:

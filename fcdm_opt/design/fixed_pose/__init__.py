@@ -3,11 +3,10 @@
 clearances    range and distribution of the gap over all sizes, without any re-positioning
 best_pose     the pose whose worst gap is least, or the smallest motion that keeps all gaps in a window, with proof
 
-scene         two bodies at a pose: their contact lines, and the extremes of the gap over all sizes
+scene         two bodies at a pose, scaled or with sizes by name: their rows, and the extremes of the gap over all sizes
 worst         what is made small: how far the worst gap is off
 local_search  a pose that is as good as those about it
 cells         what is known of all poses of a cell, and branch and bound over cells
 proof         the cells as evidence, and their independent checker
-named         the same for sizes by name: shifts by the rows of a stack-up, with proof, turns by a local search
-gaps          compiled: signed distances from contact lines, bounds over cells
+gaps          compiled: signed distances from rows, bounds over cells
 """

@@ -8,13 +8,12 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose import named
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import Scene
-from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.design.fixed_pose.scene import OwnSizes
+from fcdm_opt.design.fixed_pose.worst import Worst, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -31,7 +30,6 @@ from fcdm_opt.tolerances import DEFAULT
 Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 EFFORT = 20_000  # cells: a second or two for two parameters
-DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,14 +51,16 @@ class BestPose(Shown, Plain):
     worst_gap : float
         Largest |gap| over all sizes at this pose.
     violation : float
-        How far the worst gap is off the window, 0 inside; without a window `worst_gap`.
+        How far the worst gap is off the window, 0 inside; without a window `worst_gap`. Of "no pose" how far a
+        keep-out is come too near to, where that is more.
     least, most : EndOfRange
         The ends of the range of the gap at this pose.
     value, lower_bound : float
         What is made small, the violation or, inside the window, the amount; and what it is proved to be no less than,
         to rounding, whatever the pose.
     certified : bool
-        Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`).
+        Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`); where no pose is
+        clear of keep-outs, whether that is proved.
     cells : int
         Cells of poses looked at for the proof.
     checks : tuple of Check
@@ -114,7 +114,10 @@ class BestPose(Shown, Plain):
         ends = self.least.gap, self.most.gap
         violation = max(low - ends[0], ends[1] - high, 0.0)
         amount = float(np.linalg.norm(problem.weights * q))
-        value, inside = amount if self.status == INSIDE else violation, violation <= slack
+        inside, failed = violation <= slack, self.status in (NONE, UNDECIDED)
+        if failed and problem.keep_out:  # it may be off these
+            violation, inside = max(violation, self.violation), False
+        value = amount if self.status == INSIDE else violation
         known = {BEST: self.window == (0.0, 0.0), INSIDE: inside, NONE: not inside, UNDECIDED: not inside}
         errors = {
             "transform of parameters": np.abs(self.transform - end).max(),
@@ -136,6 +139,7 @@ class BestPose(Shown, Plain):
             largest=(ends[1], self.most.rho),
             box=self.sizes.box,
             listed=self.sizes.pairs,
+            keep_out=() if failed else obstacles(problem),
             others=[
                 *(Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()),
                 *(self.check(problem) if proof else ()),
@@ -192,12 +196,12 @@ def best_pose(
     least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
     lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
-    Asked are bodies, motion, limits and weights: the problem's goal, path and pair state play no part.
+    Asked are bodies, motion, limits, weights and keep-outs: the problem's goal, path and pair state play no part.
 
     Parameters
     ----------
     problem : Problem
-        Without keep-outs.
+        Its keep-outs are kept clear of at all sizes; a proof comes without evidence then.
     sizes : (n, 2) array, or a distribution for each body, optional
         The pairs that must all do: a list, or all that the distributions can give.
     box : ((low_1, high_1), (low_2, high_2)), optional
@@ -215,7 +219,7 @@ def best_pose(
     Raises
     ------
     InputError
-        For sizes that are none (see `clearances`), an empty window, a problem with keep-outs, several contacts, steps
+        For sizes that are none (see `clearances`), an empty window, a problem with several contacts, steps
         of a machine or another amount than the weighted one, and where limits are missing that keep the search finite.
     """
     start = time.perf_counter()
@@ -223,7 +227,6 @@ def best_pose(
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
     for key, asked_for, found, instead in (
-        ("keep_out", bool(problem.keep_out), [own.name for own in problem.keep_out], ()),
         ("contacts", bool(problem.contacts), "several", None),
         ("resolution", problem.resolution is not None, problem.resolution, None),
         ("amount", problem.amount != "weighted", problem.amount, "weighted"),
@@ -236,70 +239,54 @@ def best_pose(
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
-    if by_name(problem, sizes, box):
-        return _of_sizes(problem, low, high, clearance is not None, accuracy, effort // DEARER if certify else 0, start)
-    asked = worst_sizes(problem, sizes, box)
     need_all_parts(problem, "a pose for all sizes")
-    worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
-    slack, effort = problem.contact_slack, effort if certify else 0
-    limits = np.array(problem.limits)
-    first = best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
+    worst = Worst.of(problem, None if by_name(problem, sizes, box) else worst_sizes(problem, sizes, box), low, high)
+    own = isinstance(worst.scene, OwnSizes)
+    slack, effort = problem.contact_slack, effort if certify and (problem.motion.shifts or not own) else 0
+    first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack
     if not inside:
         search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
         best = search.best
         inside = clearance is not None and best.off.value <= slack
     if inside:
-        best = smaller(worst, limits, best, slack)
+        best = smaller(worst, best, slack)
         search = _searched(worst, best, slack, accuracy, effort, amounts=True)
         best, value, bound = search.best, search.value, _proved(search)
     else:
-        best = least_moved(worst, limits, best, first)
-        value = best.off.value
-        bound = min(_proved(search), value)
-    done = value - bound <= max(accuracy * abs(value), slack)
-    status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
-    ends, transform = best.off.extremes, worst.transform(best.q)
-    least, most = (EndOfRange.of(worst.scene, best.off.lines, end) for end in (ends.least, ends.most))
-    return _told(
-        problem, best.q, least, most, best.off.value, start,
+        best = least_moved(worst, best, first)
+        value, lower = best.off.excess, _proved(search)
+        bound = min(lower, value) if best.off.clear else min(2.0 * slack, value) if lower >= best.off.value else 0.0
+    done = value - bound <= max(accuracy * abs(value), slack) or (bound > slack and not best.off.clear)
+    status = NONE if bound > slack else UNDECIDED
+    if inside or (clearance is None and best.off.clear):
+        status = INSIDE if inside else BEST
+    ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
+    least, most = (end.without_rounding(problem.size) for end in ends)
+    q = np.where(np.abs(problem.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
+    pose = BestPose(
         status=status,
-        transform=frozen(transform),
+        parameters=problem.motion.by_name(q),
+        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
+        transform=frozen(worst.transform(best.q)),
         amount=best.amount,
+        worst_gap=max(abs(least.gap), abs(most.gap)),
+        violation=max(best.off.excess, 0.0),
+        least=least,
+        most=most,
         value=value,
         lower_bound=bound,
         certified=bool(done),
         cells=len(search.nodes),
-        sizes=asked,
+        checks=(),
+        sizes=worst.scene.sizes,
         window=(low, high),
-        evidence=PoseEvidence.of(search) if search.nodes else None,
-    )  # fmt: skip
-
-
-def _of_sizes(
-    problem: Problem, low: float, high: float, windowed: bool, accuracy: float, effort: int, start: float
-) -> BestPose:
-    """Return the best pose for all of the problem's own sizes."""
-    outcome, inside = named.found(problem, low, high, windowed=windowed, accuracy=accuracy, effort=effort)
-    q, ends, slack = outcome.q + 0.0, outcome.range, problem.contact_slack
-    amount = float(np.linalg.norm(problem.weights * q))
-    value = amount if inside else ends.off
-    transform = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
-    failed = NONE if outcome.bound > slack else UNDECIDED
-    least, most = (EndOfRange.of_sizes(outcome.touching, *end) for end in (ends.least, ends.most))
-    return _told(
-        problem, q, least, most, ends.off, start,
-        status=(INSIDE if inside else failed) if windowed else BEST,
-        transform=frozen(transform),
-        amount=amount,
-        value=value,
-        lower_bound=min(outcome.bound, value),
-        certified=bool(value - outcome.bound <= max(accuracy * abs(value), slack)),
-        cells=outcome.cells,
-        sizes=Sizes(outcome.touching.box),
-        window=(low, high),
-        evidence=None,
-    )  # fmt: skip
+        evidence=PoseEvidence.of(search) if search.nodes and not (own or problem.keep_out) else None,
+        seconds=0.0,
+        unit=problem.unit,
+        problem=problem,
+    )
+    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
 
 
 def _proved(search: Search) -> float:
@@ -316,13 +303,13 @@ def _searched(
 
     With `stop` until one is in the window.
     """
-    limits = np.array(worst.problem.limits)
+    limits = worst.limits
     if effort:
         most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
         limits = _bounded(worst, domain(worst, most, amount))
 
     def improve(q: Array) -> Found:
-        return smaller(worst, limits, found_at(worst, q), slack) if amounts else better(worst, limits, q)
+        return smaller(worst, found_at(worst, q), slack) if amounts else better(worst, q)
 
     search = Search(worst, limits, best, slack, amounts, improve)
     if effort and (best.amount > slack if amounts else best.off.value > max(worst.floor, 0.0) + slack):
@@ -340,25 +327,3 @@ def _bounded(worst: Worst, limits: Array) -> Array:
             allowed = "finite limits, a window with a finite upper end, or certify=False"
             raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
     return limits
-
-
-def _told(
-    problem: Problem, q: Array, least: EndOfRange, most: EndOfRange, off: float, start: float, **told: Any
-) -> BestPose:
-    """Return the judged result for a pose, by the ends of the range of its gaps and how far they are off the window."""
-    q = np.where(np.abs(problem.weights * q) <= DEFAULT.weld * problem.size, 0.0, q)
-    least, most = (end.without_rounding(problem.size) for end in (least, most))
-    pose = BestPose(
-        parameters=problem.motion.by_name(q),
-        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
-        worst_gap=max(abs(least.gap), abs(most.gap)),
-        violation=max(off, 0.0),
-        least=least,
-        most=most,
-        checks=(),
-        seconds=0.0,
-        unit=problem.unit,
-        problem=problem,
-        **told,
-    )
-    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.local_search import Found, found_at
+from fcdm_opt.design.fixed_pose.scene import GapRows
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
@@ -38,6 +39,9 @@ class Witnesses(NamedTuple):
     ways: tuple[Array, ...]
 
 
+NO_WITNESSES = Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())
+
+
 @dataclass(eq=False)
 class Node:
     """A cell, its bound and what proves it; `axis` is that along which it was halved, -1 for a leaf."""
@@ -45,10 +49,10 @@ class Node:
     low: Array
     high: Array
     bound: float = -np.inf
-    witnesses: Witnesses | None = None
+    witnesses: Witnesses = NO_WITNESSES
     split: int = 0
     axis: int = -1
-    children: tuple[int, int] | None = None
+    children: tuple[int, ...] = ()
 
 
 @dataclass(eq=False)
@@ -101,31 +105,26 @@ class Search:
         settled : callable
             Ends the search early.
         """
-        heap = list[tuple[float, int]]()
-        self._add([self.limits], heap)
+        heap, floor = list[tuple[float, int]](), 0.0 if self.amounts else self.worst.floor
+        self._add([(self.limits[:, 0], self.limits[:, 1])], heap)
         while heap and len(self.nodes) < most and not settled():
             enough = self.value - max(accuracy * abs(self.value), near)
-            if max(heap[0][0], self.worst.floor if not self.amounts else 0.0) >= enough:
+            if max(heap[0][0], floor) >= enough:
                 break
-            boxes: list[Array] = []
-            while heap and len(boxes) < BATCH and heap[0][0] < enough:
-                _, k = heappop(heap)
-                node = self.nodes[k]
-                middle = 0.5 * node.low[node.split] + 0.5 * node.high[node.split]
-                if not node.low[node.split] < middle < node.high[node.split]:
-                    continue  # as small as digits allow
-                node.axis = node.split
-                node.children = (len(self.nodes) + len(boxes), len(self.nodes) + len(boxes) + 1)
-                box = np.column_stack([node.low, node.high])
-                for side in (0, 1):
-                    half = box.copy()
-                    half[node.split, 1 - side] = middle
-                    boxes.append(half)
-            if boxes:
-                self._add(boxes, heap)
+            halves: list[tuple[Array, Array]] = []
+            while heap and len(halves) < BATCH and heap[0][0] < enough:
+                node = self.nodes[heappop(heap)[1]]
+                upper, lower, axis = node.low.copy(), node.high.copy(), node.split
+                upper[axis] = lower[axis] = middle = 0.5 * node.low[axis] + 0.5 * node.high[axis]
+                if node.low[axis] < middle < node.high[axis]:  # else as small as digits allow
+                    first = len(self.nodes) + len(halves)
+                    node.axis, node.children = axis, (first, first + 1)
+                    halves += [(node.low, lower), (upper, node.high)]
+            if halves:
+                self._add(halves, heap)
 
-    def _add(self, boxes: list[Array], heap: list[tuple[float, int]]) -> None:
-        low, high = (np.array([box[:, side] for box in boxes]) for side in (0, 1))
+    def _add(self, boxes: list[tuple[Array, Array]], heap: list[tuple[float, int]]) -> None:
+        low, high = map(np.array, zip(*boxes, strict=True))
         for a, b, T in zip(low, high, enclosures(self.worst, low, high), strict=True):
             node = Node(a, b)
             self._look_at(node, T)
@@ -133,58 +132,44 @@ class Search:
             self.nodes.append(node)
 
     def _look_at(self, node: Node, T: Array) -> None:
-        worst, scene = self.worst, self.worst.scene
-        slopes = T[:, 1:-1]
-        moved = np.abs(slopes[9:]).sum(axis=0) + scene.sizes.box[0, 1] * scene.reach[0] * np.abs(slopes[:9]).sum(axis=0)
-        slack = float(moved.sum())
-        lines = scene.lines(np.ascontiguousarray(T[:, 0]), slack)
-        bound, value, shares, kinds, ways, scores = kernels.cell_bound(
-            *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
-            *(lines.rows, lines.first, lines.pairs),
-            *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
-        )
+        worst, scene, slopes = self.worst, self.worst.scene, T[:, 1:-1]
+        moved = np.abs(slopes[9:]).sum(axis=0) + scene.reach * np.abs(slopes[:9]).sum(axis=0)
+        for own in worst.keep_out:
+            other = T.copy()
+            other[9:, 0] += own.scene.static.seed - scene.static.seed
+            if _bounded(own, other, float(moved.sum()))[1][0] > 2.0 * self.slack:
+                node.bound = np.inf
+                return
+        rows, (bound, value, shares, kinds, ways, scores) = _bounded(worst, T, float(moved.sum()))
         if not np.isfinite(bound):
             bound = -np.inf
         chosen = np.flatnonzero(shares > NEGLIGIBLE)
         parts = np.full((len(chosen), 2), -1)
         kind, place, size = kinds[chosen].T
         short = kind != kernels.DIRECTED
-        parts[short] = lines.pairs[place[short]]
+        parts[short] = rows.pairs[place[short]]
         directions = tuple(np.empty((0, 3)) if own else ways[s] for own, s in zip(short, size, strict=True))
         node.witnesses = Witnesses(kind, shares[chosen], parts, worst.active[size], directions)
-        width = node.high - node.low
+        width, turning = node.high - node.low, worst.problem.motion.turning
         if self.amounts:
             # beyond rounding off the window; else what the cell may hold counts by its amount
             sure = bound > 2.0 * self.slack
             node.bound = np.inf if sure else worst.amount(np.maximum(np.maximum(node.low, -node.high), 0.0))
-            if not sure:
-                node.witnesses = None
+            node.witnesses = node.witnesses if sure else NO_WITNESSES
             node.split = int(np.argmax(worst.problem.weights * width))
         else:
-            node.bound = bound
-            scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + self._bent(T, width)
+            # what each parameter costs the bound, moves points by, and adds to what is not linear in it: turns do
+            node.bound, bent = bound, np.where(turning, width**2, 0.0)
+            error = scene.reach * T[:9, -1].sum() + T[9:, -1].sum()
+            if error < np.inf and bent.any():
+                bent = error * bent / bent.sum()
+            scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + bent
             node.split = int(np.argmax(np.where(width > 0, scores, -1.0)))
-        promising = value <= self.slack if self.amounts else value < self.best.off.value
-        if promising and len(worst.active):
-            self._try(0.5 * node.low + 0.5 * node.high)
-
-    def _bent(self, T: Array, width: Array) -> Array:
-        """Return how much each parameter adds to what the linear part of the poses leaves out: turns do."""
-        scene = self.worst.scene
-        error = scene.sizes.box[0, 1] * scene.reach[0] * T[:9, -1].sum() + T[9:, -1].sum()
-        turns = np.where(self.worst.problem.motion.turning, width**2, 0.0)
-        if not (error < np.inf and turns.any()):
-            return turns
-        return np.asarray(error * turns / turns.sum())
-
-    def _try(self, q: Array) -> None:
-        """Take a cell's centre as the best pose if it is, and improve it."""
-        found = found_at(self.worst, q)
-        if self._beats(found):
-            much = self.value - (found.amount if self.amounts else found.off.value) > MUCH * abs(self.value)
-            self.best = found
-            if much:
-                improved = self.improve(q)
+        if (value <= self.slack if self.amounts else value < self.best.off.value) and len(worst.active):
+            found, before = found_at(worst, 0.5 * node.low + 0.5 * node.high), self.value
+            if self._beats(found):
+                self.best = found
+                improved = self.improve(found.q) if before - self.value > MUCH * abs(before) else found
                 if self._beats(improved):
                     self.best = improved
 
@@ -194,9 +179,20 @@ class Search:
         return found.off.value < self.best.off.value
 
 
+def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, ...]]:
+    """Return the rows at the centre of a cell of poses, and what `gaps.cell_bound` makes of them."""
+    scene = worst.scene
+    rows = scene.rows(np.ascontiguousarray(T[:, 0]), slack)
+    return rows, kernels.cell_bound(
+        *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
+        *(rows.rows, rows.first, rows.pairs, rows.along),
+        *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
+    )
+
+
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:
     """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    problem, k = worst.problem, low.shape[1]
-    offset = problem.static.seed - problem.movable.seed
+    problem, scene, k = worst.problem, worst.scene, low.shape[1]
+    offset = scene.static.seed - scene.movable.seed
     q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    return enclosed_pose(problem.motion.seen_from(problem.movable.seed), q, offset)
+    return enclosed_pose(problem.motion.seen_from(scene.movable.seed), q, offset)

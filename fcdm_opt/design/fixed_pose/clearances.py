@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import TouchingSizes
-from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
+from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
@@ -68,23 +67,11 @@ class EndOfRange(Plain):
         return ", ".join(told) or "as drawn"
 
     @classmethod
-    def of_sizes(cls, touching: TouchingSizes, gap: float, p: Array) -> EndOfRange:
-        """Return an extreme over sizes by name."""
-        pair, row = touching.governing(p)
-        own, names = touching.pairs[pair], tuple(size.name for size in touching.sizes)
-        label = touching.feature(touching.pairs[pair], row).label
-        return cls(gap=gap, rho=frozen(p), parts=own.parts, feature=label, direction=own.normals[row], names=names)
-
-    @classmethod
-    def of(cls, scene: Scene, lines: Lines, extreme: Extreme) -> EndOfRange:
+    def of(cls, scene: Scene, rows: GapRows, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
-        return cls(
-            gap=extreme.gap,
-            rho=frozen(extreme.rho),
-            parts=extreme.parts,
-            feature=scene.feature(lines, extreme).label,
-            direction=frozen(extreme.way),
-        )
+        gap, rho, parts, way = extreme
+        label = scene.feature(rows, extreme).label
+        return cls(gap=gap, rho=frozen(rho), parts=parts, feature=label, direction=frozen(way), names=scene.names)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,50 +173,31 @@ def clearances(
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
     expected(problem, Problem, "problem")
-    transform = transform_of(problem, pose)
-    if by_name(problem, sizes, box):
-        return _of_sizes(problem, transform, count, seed)
-    whole = box_of(problem, sizes, box)
-    pairs, source = drawn_pairs(sizes, whole, count, seed)
     need_all_parts(problem, "a pose for all sizes")
-    scene = Scene(problem.movable, problem.static, Sizes(whole))
-    lines = scene.lines(scene.pose(transform))
-    extremes = scene.extremes(lines)
-    all_sizes = Scene(problem.movable, problem.static, Sizes(_around(pairs)))
-    gaps, _ = all_sizes.lines(lines.pose).gaps(pairs)
-    ends = (EndOfRange.of(scene, lines, extremes.least), EndOfRange.of(scene, lines, extremes.most))
-    return _told(problem, transform, whole, ends, extremes.doubt, pairs, source, gaps)
-
-
-def _of_sizes(problem: Problem, transform: Array, count: int, seed: int) -> Clearances:
-    """Return range and distribution of the gap over the problem's own sizes."""
-    bodies = problem.request["movable"], problem.request["static"]
-    touching = TouchingSizes.of(*bodies, problem.sizes, transform=transform, least=False)
-    ends = [EndOfRange.of_sizes(touching, *extreme) for extreme in (touching.least(), touching.largest())]
-    drawn = draws(problem.sizes, count, seed)
-    source = f"{count} pairs drawn as the sizes are distributed"
-    return _told(problem, transform, touching.box, (ends[0], ends[1]), 0.0, drawn, source, touching.gap(drawn))
-
-
-def _told(
-    problem: Problem,
-    transform: Array,
-    box: Array,
-    ends: tuple[EndOfRange, EndOfRange],
-    doubt: float,
-    pairs: Array,
-    source: str,
-    gaps: Array,
-) -> Clearances:
+    transform = transform_of(problem, pose)
+    own = by_name(problem, sizes, box)
+    if own:
+        scene: Scene = OwnSizes(problem.request["movable"], problem.request["static"], problem.sizes)
+        pairs, source = draws(problem.sizes, count, seed), f"{count} pairs drawn as the sizes are distributed"
+    else:
+        whole = box_of(problem, sizes, box)
+        pairs, source = drawn_pairs(sizes, whole, count, seed)
+        scene = Scales(problem.movable, problem.static, Sizes(whole))
+    at = scene.rows(scene.pose(transform))
+    extremes = scene.extremes(at)
+    around = frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))
+    drawn = at if own else Scales(problem.movable, problem.static, Sizes(around)).rows(at.pose)
+    gaps = drawn.gaps(pairs)
+    least, most = (EndOfRange.of(scene, at, end).without_rounding(problem.size) for end in extremes[:2])
     inside = int((gaps < -problem.contact_slack).sum())
     shares = np.array(QUANTILES)
     counts, edges = np.histogram(gaps, bins=BINS)
     return Clearances(
         transform=frozen(transform),
-        box=box,
-        least=ends[0].without_rounding(problem.size),
-        most=ends[1].without_rounding(problem.size),
-        doubt=doubt,
+        box=scene.sizes.box,
+        least=least,
+        most=most,
+        doubt=extremes.doubt,
         sizes=frozen(pairs),
         source=source,
         gaps=frozen(gaps),
@@ -267,8 +235,3 @@ def transform_of(problem: Problem, pose: Any) -> Array:
             allowed = f"parameters {', '.join(names)}, or a 4x4 transform"
             raise InputError("not one value for each motion parameter", key="pose", found=pose, allowed=allowed)
     return problem.motion.transform(q, problem.movable.seed, problem.static.seed)
-
-
-def _around(pairs: Array) -> Array:
-    """Return the box about size pairs."""
-    return np.column_stack([pairs.min(axis=0), pairs.max(axis=0)])

@@ -1,10 +1,11 @@
 # mypy: allow-untyped-defs, allow-incomplete-defs, no-check-untyped-defs
 """Compiled: signed distances of part pairs from their contact lines, and what they are over a cell of poses.
 
-At a pose each part pair has its *rows* (n, a, b, c), one a facet direction of the Minkowski difference, see
-`fcdm_opt.curve.kernels`: rows first[p] to first[p + 1] are those of pair p. At scales (x, y) the differences of points
-of both parts are {v : n_i.v >= c_i - a_i x - b_i y}. Its point nearest to zero is as far away as the parts are apart;
-where zero is inside, the largest of these right sides is minus the depth.
+At a pose each part pair has its *rows* (n, level, rates), one a facet direction of the Minkowski difference: rows
+first[p] to first[p + 1] are those of pair p. At sizes s the differences of points of both parts are
+{v : n_i.v >= level_i + rates_i.s}. Its point nearest to zero is as far away as the parts are apart; where zero is
+inside, the largest of these right sides is minus the depth. Of bodies that are apart, a gap `along_rows` is the largest
+right side, too. The scales (x, y) of both bodies are sizes with the rates (-a, -b), see `fcdm_opt.curve.kernels`.
 """
 
 from __future__ import annotations
@@ -40,39 +41,44 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
             wider = np.empty((2 * (count + len(own)), 6))
             wider[:count] = rows[:count]
             rows = wider
-        rows[count : count + len(own)] = own
+        rows[count : count + len(own), :3] = own[:, :3]
+        rows[count : count + len(own), 3] = own[:, 5]
+        rows[count : count + len(own), 4:] = -own[:, 3:5]
         count += len(own)
         first[p + 1] = count
     return rows[:count], first
 
 
 @step
-def _level(rows, k, x, y, shift):
+def _level(rows, k, sizes, shift):
     """Return the right side of a row, of bodies whose seeds are further apart by `shift`."""
-    return rows[k, 5] - rows[k, 3] * x - rows[k, 4] * y + _dot(_at(rows, k), shift)
+    level = rows[k, 3]
+    for j in range(len(sizes)):
+        level += rows[k, 4 + j] * sizes[j]
+    return level + _dot(_at(rows, k), shift)
 
 
 @kernel
-def pair_gap(rows, start, end, x, y, shift, enough, way):
+def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     """Return the signed distance of a part pair, and write the direction that has it; no less than `enough` is asked.
 
     Of parts that are apart it is the length of the least vector on the inner side of all planes.
     """
     best, widest = -_INF, start
     for k in range(start, end):
-        level = _level(rows, k, x, y, shift)
+        level = _level(rows, k, sizes, shift)
         if level > best:
             best, widest = level, k
             if best >= enough:
                 break
     way[0], way[1], way[2] = rows[widest, 0], rows[widest, 1], rows[widest, 2]
-    if best <= 0.0 or best >= enough:
+    if along_rows or best <= 0.0 or best >= enough:
         return best
     count = end - start
     G, h, v = np.empty((count, 3)), np.empty(count), np.empty(3)
     for k in range(count):
         G[k] = rows[start + k, :3]
-        h[k] = _level(rows, start + k, x, y, shift) / best
+        h[k] = _level(rows, start + k, sizes, shift) / best
     nearest(G, h, np.zeros(count, np.bool_), count, v, np.empty(count))
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if not length > 1.0:
@@ -82,13 +88,14 @@ def pair_gap(rows, start, end, x, y, shift, enough, way):
 
 
 @kernel
-def least_gap(rows, first, x, y, shift, likely, way):
+def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
     own = np.empty(3)
-    best, owner = pair_gap(rows, first[likely], first[likely + 1], x, y, shift, _INF, way), likely
+    best = pair_gap(rows, first[likely], first[likely + 1], along_rows, sizes, shift, _INF, way)
+    owner = likely
     for p in range(len(first) - 1):
         if p != likely:
-            gap = pair_gap(rows, first[p], first[p + 1], x, y, shift, best, own)
+            gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes, shift, best, own)
             if gap < best:
                 best, owner = gap, p
                 way[:] = own
@@ -96,25 +103,25 @@ def least_gap(rows, first, x, y, shift, likely, way):
 
 
 @kernel
-def gaps(rows, first, sizes):
-    """Return the signed gap of two bodies at size pairs (m, 2), and the part pair that has each."""
-    found, owners = np.empty(len(sizes)), np.zeros(len(sizes), np.int64)
-    way, owner, still = np.empty(3), 0, (0.0, 0.0, 0.0)
+def gaps(rows, first, along_rows, sizes):
+    """Return the signed gap of two bodies at sizes (m, k), the part pair that has each, and its direction, (m, 3)."""
+    found, owners, ways = np.empty(len(sizes)), np.zeros(len(sizes), np.int64), np.empty((len(sizes), 3))
+    owner = 0
     for k in range(len(sizes)):
-        found[k], owner = least_gap(rows, first, sizes[k, 0], sizes[k, 1], still, owner, way)
+        found[k], owner = least_gap(rows, first, along_rows, sizes[k], (0.0, 0.0, 0.0), owner, ways[k])
         owners[k] = owner
-    return found, owners
+    return found, owners, ways
 
 
 @kernel
-def gaps_of_pairs(rows, first, sizes):
-    """Return the signed distance of every part pair at size pairs, (pairs, m), and its directions, (pairs, m, 3)."""
-    found, ways = np.empty((len(first) - 1, len(sizes))), np.empty((len(first) - 1, len(sizes), 3))
+def gaps_of_pairs(rows, first, along_rows, sizes):
+    """Return the signed distance of every part pair at sizes (m, k), (pairs, m)."""
+    found, way = np.empty((len(first) - 1, len(sizes))), np.empty(3)
     for p in range(len(first) - 1):
         for k in range(len(sizes)):
-            x, y = sizes[k, 0], sizes[k, 1]
-            found[p, k] = pair_gap(rows, first[p], first[p + 1], x, y, (0.0, 0.0, 0.0), _INF, ways[p, k])
-    return found, ways
+            still = (0.0, 0.0, 0.0)
+            found[p, k] = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[k], still, _INF, way)
+    return found
 
 
 @step
@@ -150,8 +157,9 @@ def _moved_points(points, S, poses, scale, shifts, off):
     For points of body 1 about its seed, at a scale, of which each vertex makes the way d - scale R x. The common shift
     is that of their mean; off it, by each of the cell's variables, no vertex is by more.
     """
-    k, error, mean = len(S) - 2, 0.0, (points[:, 0].mean(), points[:, 1].mean(), points[:, 2].mean())
-    off[:] = 0.0
+    k, error, mean = len(S) - 2, _length(_entry(S[len(S) - 1], 9)), (0.0, 0.0, 0.0)
+    if len(points):
+        error, mean = 0.0, (points[:, 0].mean(), points[:, 1].mean(), points[:, 2].mean())
     for v in range(len(points)):
         x = _at(points, v)
         for c in range(k):
@@ -166,7 +174,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
 
 
 @kernel
-def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, high):
+def cell_bound(one, starts1, two, starts2, rows, first, near, along_rows, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
 
     Three kinds of witnesses, each a concave function of the cell's variables but for a constant error, so that a
@@ -182,15 +190,20 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, hig
     - `DIRECTED`, a direction for each part pair at a size pair: all gaps exceed `high`. Along a fixed direction the gap
       is the least of what the pairs of vertices make of it.
 
+    Over a cell without turns (`still`) a gap along a direction changes by what the shift has along it, so that rows
+    alone tell all of the pairs in `near`; without vertices there are no others, and no turns.
+
     Parameters
     ----------
     one, two : (n, 3) arrays
-        Vertices of both bodies about their seeds, part by part from `starts1`, `starts2`.
+        Vertices of both bodies about their seeds, part by part from `starts1`, `starts2`, where sizes are their scales.
     rows, first, near
         At the cell's centre, of the part pairs in `near`, (p, 2), that may have the least gap.
     S : (k + 2, 12) array
         Enclosure of the relative pose: centre, slopes, errors.
-    sizes : (m, 2) array
+    along_rows : bool
+        Whether the gap of parts that are apart is measured along rows, too.
+    sizes : (m, s) array
 
     Returns
     -------
@@ -207,19 +220,18 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, hig
     """
     k, m = len(S) - 2, len(sizes)
     corners, n1, n2 = 1 << k, len(starts1) - 1, len(starts2) - 1
-    poses, still = _corner_poses(S), (0.0, 0.0, 0.0)
+    poses, here, still = _corner_poses(S), (0.0, 0.0, 0.0), not S[1:, :9].any()
     chosen, count = np.empty((corners + 1, 2), np.int64), 0
     ways, value, scratch = np.empty((m, n1 * n2, 3)), -_INF, np.empty(3)
     shifts, offs, errors = np.empty((m, corners + 1, 3)), np.zeros((m, k)), np.zeros(m)
     worst, of_corner = np.full(corners + 1, -_INF), np.zeros((corners + 1, 2), np.int64)
     likely = 0
     for s in range(m):
-        x, y = sizes[s, 0], sizes[s, 1]
-        errors[s] = _moved_points(one, S, poses, x, shifts[s], offs[s])
-        gap, likely = least_gap(rows, first, x, y, still, likely, scratch)
+        errors[s] = _moved_points(one, S, poses, sizes[s, 0], shifts[s], offs[s])
+        gap, likely = least_gap(rows, first, along_rows, sizes[s], here, likely, scratch)
         value = max(value, max(gap - high, low - gap))
         for corner in range(corners + 1 if low > -_INF else 0):
-            gap, likely = least_gap(rows, first, x, y, _at(shifts[s], corner), likely, scratch)
+            gap, likely = least_gap(rows, first, along_rows, sizes[s], _at(shifts[s], corner), likely, scratch)
             if low - gap > worst[corner]:
                 worst[corner], of_corner[corner, 0], of_corner[corner, 1] = low - gap, likely, s
     for corner in range(corners + 1 if low > -_INF else 0):
@@ -238,24 +250,31 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, hig
         loss = offs[s].sum() + errors[s]
         for corner in range(corners):
             shift = _at(shifts[s], corner)
-            gap = pair_gap(rows, first[p], first[p + 1], sizes[s, 0], sizes[s, 1], shift, _INF, scratch)
+            gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[s], shift, _INF, scratch)
             W[w, corner] = low - gap - loss
+        if still:
+            continue
         own = one[starts1[near[p, 0]] : starts1[near[p, 0] + 1]]
         if _set_tracked(W[used], S, poses, own, rows, first[p], first[p + 1], sizes[s, 0], sizes[s, 1], low):
             kinds[used, 0], kinds[used, 1], kinds[used, 2] = TRACKED, p, s
             used += 1
     for s in range(more):
-        x, y = sizes[s, 0], sizes[s, 1]
-        ways[s] = np.nan
-        for p in range(len(near)):
-            code = near[p, 0] * n2 + near[p, 1]
-            pair_gap(rows, first[p], first[p + 1], x, y, still, _INF, ways[s, code])
+        ways[s], W[used] = np.nan, _INF
         kinds[used, 0], kinds[used, 1], kinds[used, 2] = DIRECTED, -1, s
-        W[used] = _INF
+        for p in range(len(near)):
+            gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[s], here, _INF, scratch)
+            if n1:
+                ways[s, near[p, 0] * n2 + near[p, 1]] = scratch
+            for corner in range(corners if still else 0):
+                along = _dot(_at(shifts[s], corner), _entry(scratch, 0))
+                W[used, corner] = min(W[used, corner], gap + along - errors[s] - high)
         for code in range(n1 * n2):
             i, j = code // n2, code % n2
+            x, y, known = sizes[s, 0], sizes[s, 1], not np.isnan(ways[s, code, 0])
+            if known and still:
+                continue
             own, other = one[starts1[i] : starts1[i + 1]], two[starts2[j] : starts2[j + 1]]
-            if np.isnan(ways[s, code, 0]):
+            if not known:
                 _set_far_way(S[0], own, other, x, y, ways[s, code])
             _narrow(W[used], S, poses, own, other, x, y, _at(ways[s], code), high)
         used += 1
@@ -299,10 +318,10 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
         for v in range(len(one)):
             if _dot(own, _at(one, v)) > deepest:
                 continue
-            level = rows[f, 4] * y - _lost(S[len(S) - 1], x, n, _at(one, v))
+            level = -rows[f, 5] * y - _lost(S[len(S) - 1], x, n, _at(one, v))
             for corner in range(len(values)):
                 values[corner] = min(values[corner], low + level - _dot(n, _way(poses[corner], x, _at(one, v))))
-        if rows[f, 5] - rows[f, 3] * x - rows[f, 4] * y >= 0.0 or not values.min() > low:
+        if rows[f, 3] + rows[f, 4] * x + rows[f, 5] * y >= 0.0 or not values.min() > low:
             return False
     return True
 

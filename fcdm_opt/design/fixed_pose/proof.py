@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.cells import Search, Witnesses
+from fcdm_opt.design.fixed_pose.cells import NO_WITNESSES, Search
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
@@ -61,24 +61,20 @@ class PoseEvidence(Plain):
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
-        axes, first, stack = [], [0], [0]
-        made = [Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())]
+        axes, made, stack = [], [NO_WITNESSES], [0]
         while stack:
             node = search.nodes[stack.pop()]
             axes.append(node.axis)
-            if node.children is not None:
-                stack += [node.children[1], node.children[0]]
-                continue
-            if node.witnesses is not None:
+            stack += reversed(node.children)
+            if not node.children:
                 made.append(node.witnesses)
-            first.append(first[-1] + (0 if node.witnesses is None else len(node.witnesses.kinds)))
         *mixtures, ways = zip(*made, strict=True)
         kinds, shares, parts, sizes = map(np.concatenate, mixtures)
         each = [own for several in ways for own in several]
         return cls(
             limits=frozen(search.limits),
             axes=frozen(axes, np.int64),
-            first=frozen(first, np.int64),
+            first=frozen(np.cumsum([len(own.kinds) for own in made]), np.int64),
             kinds=frozen(kinds, np.int64),
             shares=frozen(shares),
             parts=frozen(parts, np.int64),
@@ -137,8 +133,8 @@ def check_proof(
         That the limits hold all poses wanted, that the cells fill them, and one for all cells: by how much the least
         sure of them falls short.
     """
-    scene = Scene(problem.movable, problem.static, sizes)
-    worst = Worst(problem, scene, *window)
+    worst = Worst.of(problem, sizes, *window)
+    scene = worst.scene
     most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
     wanted = domain(worst, most, amount)
     beyond = np.maximum(evidence.limits[:, 0] - wanted[:, 0], wanted[:, 1] - evidence.limits[:, 1])
@@ -196,41 +192,35 @@ class _PoseExaminer:
         self.points = [[part.vertices - body.seed for part in body.parts] for body in bodies]
 
     def margin(self, low: Array, high: Array, bound: float, slack: float, amounts: bool) -> float:
-        """Return by how much the least sure cell exceeds what it has to."""
+        """Return by how much the least sure cell exceeds what it has to; one that falls short is enough."""
         own, least = self.evidence, np.inf
         if not amounts and bound <= self.worst.floor:
             return 0.0  # nothing is claimed but what holds at every pose
         bare = np.diff(own.first) == 0
-        for row in np.flatnonzero(bare).tolist():
-            nearest = np.maximum(np.maximum(low[row], -high[row]), 0.0)  # to rest, of each parameter
-            reached = float(np.linalg.norm(self.worst.problem.weights * nearest)) if amounts else -np.inf
-            least = min(least, reached * ROUNDS - bound)
+        nearest = np.maximum(np.maximum(low[bare], -high[bare]), 0.0)  # to rest, of each parameter
+        reached = np.linalg.norm(self.worst.problem.weights * nearest, axis=1) * ROUNDS
+        if bare.any():
+            least = float((reached - bound).min()) if amounts else -np.inf
         asked = 0.0 if amounts else bound
-        rows = np.flatnonzero(~bare)
-        T = self._poses(low[rows], high[rows])
-        for k, row in enumerate(rows.tolist()):
-            margin = self._value(row, T[k]) - asked
-            if margin < -slack:
-                margin = self._halved(row, low[row], high[row], asked, slack, HALVINGS)
-            least = min(least, margin)
-            if least < -slack:
-                break  # one is enough
-        return float(least)
-
-    def _halved(self, row: int, low: Array, high: Array, asked: float, slack: float, left: int) -> float:
-        """Return what `margin` does for a cell from its halves, halved again as often as needed."""
-        axis, least = self._bent(high - low), np.inf
-        middle = 0.5 * low[axis] + 0.5 * high[axis]
-        upper, lower = low.copy(), high.copy()
-        upper[axis] = lower[axis] = middle
-        for a, b in ((low, lower), (upper, high)):
-            margin = self._value(row, self._poses(a[None], b[None])[0]) - asked
-            if margin < -slack and left > 1:
-                margin = self._halved(row, a, b, asked, slack, left - 1)
-            least = min(least, margin)
+        for row in np.flatnonzero(~bare).tolist():
             if least < -slack:
                 break
-        return float(least)
+            least = min(least, self._over(row, low[row], high[row], asked, slack, HALVINGS))
+        return least
+
+    def _over(self, row: int, low: Array, high: Array, asked: float, slack: float, left: int) -> float:
+        """Return what a cell's mixture exceeds what is asked by: over the cell, or its halves, halved again."""
+        margin = self._value(row, self._poses(low[None], high[None])[0]) - asked
+        if margin >= -slack or not left:
+            return margin
+        axis, least = self._bent(high - low), np.inf
+        upper, lower = low.copy(), high.copy()
+        upper[axis] = lower[axis] = 0.5 * low[axis] + 0.5 * high[axis]
+        for a, b in ((low, lower), (upper, high)):
+            least = min(least, self._over(row, a, b, asked, slack, left - 1))
+            if least < -slack:
+                break
+        return least
 
     def _bent(self, width: Array) -> int:
         """Return the parameter across which to halve: what the mean value form loses, it loses to turns."""

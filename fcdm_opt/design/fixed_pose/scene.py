@@ -1,13 +1,14 @@
-"""Two bodies at a pose: the contact lines of their part pairs, and the extremes of the gap over all sizes.
+"""Two bodies at a pose: the rows of their part pairs, and the extremes of the gap over all sizes.
 
-The gap is the signed distance: the Euclidean distance where the bodies are apart, minus the penetration depth of the
-deepest part pair where they overlap. For a convex pair it is the largest of c - a rho_1 - b rho_2 over all unit
-directions, a convex function of the sizes: largest in a corner of a box, and least where a subgradient says so.
+Sizes are the scales of both bodies (`Scales`), or the problem's own (`OwnSizes`): rows are affine in either. The gap of
+scaled bodies is their signed distance: the Euclidean distance where they are apart, minus the penetration depth of the
+deepest part pair where they overlap. That of sizes by name is the largest separation along a row, as in a stack-up.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from itertools import count
@@ -19,18 +20,21 @@ from fcdm_opt.curve import kernels as curve_kernels
 from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
+from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
 from fcdm_opt.design.fixed_pose import gaps as kernels
-from fcdm_opt.design.sizes import Sizes
+from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
+NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
 
 
 class Extreme(NamedTuple):
-    """An extreme gap: its size, where it is taken, by which part pair, along which direction (from body 1 to 2)."""
+    """An extreme gap: its sizes, where it is taken, by which part pair, along which direction (from body 1 to 2)."""
 
     gap: float
     rho: Array
@@ -47,8 +51,8 @@ class Extremes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
-    """The contact lines of part pairs at a pose.
+class GapRows:
+    """The rows of part pairs at a pose.
 
     Attributes
     ----------
@@ -57,86 +61,118 @@ class Lines:
     pairs : (p, 2) ints
         Of all part pairs those that may have the least gap at the sizes spoken of.
     pose : (12,) array
+        Of body 2 as seen from body 1: R, row by row, and s_2 - moved s_1.
+    along : bool
+        Whether the gap is measured along rows alone.
     """
 
     rows: Array
     first: Ints
     pairs: Ints
     pose: Array
+    along: bool = False
 
-    def gaps(self, sizes: Array) -> tuple[Array, Ints]:
-        """Return the gaps at size pairs, (n,), and the part pairs that have them, (n, 2)."""
-        found, owners = kernels.gaps(self.rows, self.first, np.ascontiguousarray(sizes))
-        return found, self.pairs[owners]
+    def gaps(self, sizes: Array) -> Array:
+        """Return the gaps at sizes, (n, k)."""
+        found: Array = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(sizes))[0]
+        return found
+
+    def of_pairs(self, sizes: Array) -> Array:
+        """Return the gap of each part pair at sizes, (p, n)."""
+        found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
+        return found
+
+    def at(self, rho: Array) -> Extreme:
+        """Return the gap at sizes."""
+        found, owners, ways = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
+        i, j = self.pairs[owners[0]].tolist()
+        return Extreme(float(found[0]), frozen(rho), (i, j), frozen(ways[0]))
 
 
-class Scene:
+class SizedBodies:
     """Two bodies, and the sizes that they may have.
 
-    Parameters
+    Attributes
     ----------
     movable, static : Body
     sizes : Sizes
+    names : tuple of str
+        Of the sizes.
+    size : float
+        Of the larger body.
+    vertices, starts : two arrays each
+        Of scaled bodies, about their seeds, part by part; empty of others.
+    reach : float
+        How far points of body 1 are from its seed at most.
+    nearest : float
+        How far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known.
     """
+
+    names: tuple[str, ...] = SCALES
+    vertices: Sequence[Array] = (np.empty((0, 3)), np.empty((0, 3)))
+    starts: Sequence[Ints] = (np.zeros(1, np.int64), np.zeros(1, np.int64))
+    reach: float
+    nearest: float = np.inf
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
         self.movable, self.static, self.sizes = movable, static, sizes
+        self.size = max(movable.size, static.size)
+
+    def pose(self, transform: Array) -> Array:
+        """Return the relative pose, (12,)."""
+        pose: Array = curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
+        return pose
+
+
+class Scales(SizedBodies):
+    """Two bodies of which all parts are known, scaled about their seeds."""
+
+    def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
+        super().__init__(movable, static, sizes)
         self.packed = (*movable.packed, *static.packed)
         bodies = movable, static
         self.vertices = [np.concatenate([part.vertices - body.seed for part in body.parts]) for body in bodies]
         self.starts = [np.cumsum([0, *(len(part.vertices) for part in body.parts)]) for body in bodies]
-        self.reach = np.array([np.linalg.norm(own, axis=1).max() for own in self.vertices])
-        self.size = max(movable.size, static.size)
-
-    def pose(self, transform: Array) -> Array:
-        """Return the relative pose that the kernels take, (12,)."""
-        pose: Array = curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
-        return pose
+        self.far = np.array([np.linalg.norm(own, axis=1).max() for own in self.vertices])
+        self.reach, self.nearest = float(sizes.box[0, 1] * self.far[0]), float((sizes.corners @ self.far).min())
 
     @cached_property
     def _all_pairs(self) -> Ints:
         return np.array(list(np.ndindex(len(self.movable.parts), len(self.static.parts))), dtype=np.int64)
 
-    def lines(self, pose: Array, slack: float = 0.0) -> Lines:
-        """Return the contact lines at a pose, of all part pairs that may have the least gap.
+    def _rows(self, pose: Array, pairs: Ints) -> GapRows:
+        rows, first = kernels.pair_rows(*self.packed, pose, pairs)
+        return GapRows(rows, first, pairs, pose)
 
-        Parameters
-        ----------
-        pose : (12,) array
-        slack : float
-            By which points of body 1 may be off the pose.
-        """
+    def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
+        """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
         pairs = self._all_pairs
         if len(pairs) > 1:
-            middle, spread = self.sizes.middle, float(self.reach @ self.sizes.half)
+            middle, spread = self.sizes.middle, float(self.far @ self.sizes.half)
             bounds = curve_kernels.pair_bounds(*self.packed, pose, middle).ravel()
             nearest = pairs[[int(bounds.argmin())]]
-            rows, first = kernels.pair_rows(*self.packed, pose, nearest)
-            gap = float(kernels.gaps(rows, first, middle[None])[0][0])
+            gap = self._rows(pose, nearest).at(middle).gap
             pairs = pairs[bounds <= gap + 2.0 * (spread + slack) + DEFAULT.prune * self.size]
             if not len(pairs):
                 pairs = nearest
-        rows, first = kernels.pair_rows(*self.packed, pose, pairs)
-        return Lines(rows, first, pairs, pose)
+        return self._rows(pose, pairs)
 
-    def extremes(self, lines: Lines) -> Extremes:
+    def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
+        """Return the gaps of part pairs at a pose and sizes, (p, n)."""
+        return self._rows(pose, pairs).of_pairs(sizes)
+
+    def extremes(self, at: GapRows) -> Extremes:
         """Return the least and the largest gap over all sizes."""
         if self.sizes.pairs is not None:
-            found, _ = kernels.gaps(lines.rows, lines.first, self.sizes.pairs)
-            least, most = (self._at(lines, self.sizes.pairs[k]) for k in (found.argmin(), found.argmax()))
+            found = at.gaps(self.sizes.pairs)
+            least, most = (at.at(self.sizes.pairs[k]) for k in (found.argmin(), found.argmax()))
             return Extremes(least, most)
         corners = self.sizes.corners
-        values, ways = kernels.gaps_of_pairs(lines.rows, lines.first, corners)
-        most, doubt = self._most(lines, corners, values)
-        return Extremes(self._least(lines, corners, values, ways), most, doubt)
+        values = at.of_pairs(corners)
+        most, doubt = self._most(at, corners, values)
+        return Extremes(self._least(at, corners, values), most, doubt)
 
-    def _at(self, lines: Lines, rho: Array) -> Extreme:
-        """Return the gap at a size pair."""
-        way = np.empty(3)
-        gap, owner = kernels.least_gap(lines.rows, lines.first, rho[0], rho[1], (0.0, 0.0, 0.0), 0, way)
-        return Extreme(float(gap), frozen(rho), _plain(lines.pairs[owner]), frozen(way))
-
-    def _most(self, lines: Lines, corners: Array, values: Array) -> tuple[Extreme, float]:
+    def _most(self, at: GapRows, corners: Array, values: Array) -> tuple[Extreme, float]:
         """Return the largest gap over the box, and by how much a larger one is not ruled out.
 
         Over a piece no gap exceeds the mixture of the corners that does best against all part pairs: of convex
@@ -146,100 +182,140 @@ class Scene:
         best = int(gaps.argmax())
         found, rho = float(gaps[best]), corners[best]
         if len(values) == 1:
-            return self._at(lines, rho), 0.0
+            return at.at(rho), 0.0
         near, numbers = DEFAULT.tie * self.size, count()
-        heap = [(-self._no_more(values), next(numbers), self.sizes.box)]
-        left = found
+        heap = [(-_no_more(values), next(numbers), self.sizes.box)]
         for _ in range(PIECES):
             if not heap or -heap[0][0] <= found + near:
                 break
             top, _, box = heappop(heap)
-            axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.reach))
+            axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.far))
             for side in (0, 1):
                 piece = box.copy()
                 piece[axis, 1 - side] = box[axis].mean()
                 ends = np.array([(x, y) for x in piece[0] for y in piece[1]])
-                own, _ = kernels.gaps_of_pairs(lines.rows, lines.first, ends)
+                own = at.of_pairs(ends)
                 least = own.min(axis=0)
                 if least.max() > found:
                     found, rho = float(least.max()), ends[least.argmax()]
-                heappush(heap, (-min(self._no_more(own), -top), next(numbers), piece))
-        if heap:
-            left = max(found, -heap[0][0])
-        return self._at(lines, rho), left - found
+                heappush(heap, (-min(_no_more(own), -top), next(numbers), piece))
+        return at.at(rho), max(-heap[0][0] - found, 0.0) if heap else 0.0
 
-    @staticmethod
-    def _no_more(values: Array) -> float:
-        """Return what no mixture of corners (columns) exceeds against all part pairs (rows)."""
-        shares = game(np.ascontiguousarray(-values))
-        return float((shares @ values).max())
-
-    def _least(self, lines: Lines, corners: Array, values: Array, ways: Array) -> Extreme:
-        """Return the least gap over the box: in a corner whose subgradient leads out of the box, or by planes below."""
-        best = self._at(lines, corners[int(values.min(axis=0).argmin())])
+    def _least(self, at: GapRows, corners: Array, values: Array) -> Extreme:
+        """Return the least gap over the box: of each part pair the lowest point of planes below its convex gap."""
+        best = at.at(corners[int(values.min(axis=0).argmin())])
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
-            rows = lines.rows[lines.first[p] : lines.first[p + 1], 3:]
-            if (rows[:, 2] - rows[:, :2] @ middle - np.abs(rows[:, :2]) @ half).max() >= best.gap - near:
+            first, last = at.first[p : p + 2].tolist()
+            planes = at.rows[first:last, 3:]
+            if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
-            corner = int(values[p].argmin())
-            line = self._line(lines, p, ways[p, corner])
-            if not self._ends_at(corners[corner], line):
-                own = self._at(lines, self._lowest(lines, p, best.gap - near))
-                best = own if own.gap < best.gap else best
+            one = replace(at, rows=at.rows[first:last], first=np.array([0, last - first]), pairs=at.pairs[p : p + 1])
+            for _ in range(PLANES):
+                level, rho = least_of(planes, self.sizes.box)
+                if level >= best.gap - near:
+                    break
+                here = one.at(rho)
+                if here.gap - level <= near:
+                    best = at.at(rho)
+                    break
+                planes = np.vstack([planes, self._plane(here, at.pose)])
         return best
 
-    def _ends_at(self, corner: Array, line: Array) -> bool:
-        """Tell whether a gap with the subgradient (-a, -b) in a corner is least there."""
-        (low, high), slack = self.sizes.box.T, DEFAULT.line * self.size
-        falls_on = np.where(corner == high, line[:2] < -slack, line[:2] > slack) & (low < high)
-        return not falls_on.any()
+    def _plane(self, here: Extreme, pose: Array) -> Array:
+        """Return the separation of a part pair along a direction, and its rates by the scales."""
+        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, here.parts, strict=True))
+        inward = here.way @ pose[:9].reshape(3, 3)
+        return np.array([here.way @ pose[9:], -(own @ inward).max(), (other @ here.way).min()])
 
-    def _line(self, lines: Lines, p: int, way: Array) -> Array:
-        """Return (a, b, c) of a part pair along a direction."""
-        i, j = lines.pairs[p].tolist()
-        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, (i, j), strict=True))
-        R, d = lines.pose[:9].reshape(3, 3), lines.pose[9:]
-        return np.array([(own @ (way @ R)).max(), (other @ -way).max(), way @ d])
-
-    def _lowest(self, lines: Lines, p: int, enough: float) -> Array:
-        """Return the sizes at which a part pair has its least gap: lowest point of planes below a convex function.
-
-        No more is asked of a pair that has none below `enough`.
-        """
-        from scipy.optimize import linprog
-
-        planes = [lines.rows[lines.first[p] : lines.first[p + 1], 3:]]
-        rho = self.sizes.middle
-        for _ in range(PLANES):
-            a = np.concatenate(planes)
-            # scaled: sizes as shares of the box, gaps by the size of the bodies
-            A = np.column_stack([-a[:, :2] * self.sizes.half / self.size, -np.ones(len(a))])
-            level = -(a[:, 2] - a[:, :2] @ self.sizes.middle) / self.size
-            limits = [(-1.0, 1.0), (-1.0, 1.0), (None, None)]
-            found = linprog([0.0, 0.0, 1.0], A_ub=A, b_ub=level, bounds=limits, method="highs")
-            if found.status != 0 or found.x[2] * self.size >= enough:
-                break
-            rho, way = self.sizes.middle + found.x[:2] * self.sizes.half, np.empty(3)
-            rho = np.clip(rho, *self.sizes.box.T)
-            gap = kernels.pair_gap(
-                lines.rows, lines.first[p], lines.first[p + 1], rho[0], rho[1], (0.0, 0.0, 0.0), np.inf, way
-            )
-            if gap - found.x[2] * self.size <= DEFAULT.tie * self.size:
-                break
-            planes.append(self._line(lines, p, way)[None])
-        return np.asarray(rho)
-
-    def feature(self, lines: Lines, extreme: Extreme) -> Feature:
+    def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme, along its direction."""
         one, two = self.movable.parts[extreme.parts[0]], self.static.parts[extreme.parts[1]]
-        contact = supporting_contact(one, two, extreme.way, lines.pose, DEFAULT.nominal)
+        contact = supporting_contact(one, two, extreme.way, at.pose, DEFAULT.nominal)
         try:
-            return located(one, two, lines.pose, contact, extreme.rho).feature
+            return located(one, two, at.pose, contact, extreme.rho).feature
         except ValueError:  # the parts are apart: what they share of several faces is not defined
             return contact.feature
 
 
-def _plain(pair: Ints) -> tuple[int, int]:
-    i, j = pair.tolist()
-    return i, j
+def _no_more(values: Array) -> float:
+    """Return what no mixture of corners (columns) exceeds against all part pairs (rows)."""
+    return float((game(np.ascontiguousarray(-values)) @ values).max())
+
+
+class OwnSizes(SizedBodies):
+    """Two bodies as drawn, with sizes by name; the rows at an orientation are those of all shifts about it.
+
+    Parameters
+    ----------
+    movable, static : Body
+        As drawn.
+    own : tuple of Size
+    places : (3, 2) array, optional
+        Least and largest shift of the movable body that is asked about, where it does not turn.
+    """
+
+    def __init__(self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None) -> None:
+        super().__init__(movable, static, Sizes(tolerance_boxes(own)))
+        self.own, self.names, self.places = own, tuple(size.name for size in own), places
+        self.reach = movable.size
+        self._kept: list[TouchingSizes] = []
+
+    def _touching(self, pose: Array) -> tuple[TouchingSizes, Array]:
+        """Return the rows at an orientation, and how far a pose is shifted from where they are."""
+        transform = np.eye(4)
+        transform[:3, :3] = pose[:9].reshape(3, 3)
+        transform[:3, 3] = self.static.seed - pose[9:] - transform[:3, :3] @ self.movable.seed
+        for kept in self._kept:
+            shift = transform[:3, 3] - kept.transform[:3, 3]
+            off = np.maximum(kept.ranges[:, 0] - shift, shift - kept.ranges[:, 1]).max()
+            if (transform[:3, :3] == kept.transform[:3, :3]).all() and off <= DEFAULT.nominal * self.size:
+                return kept, shift
+        around = NEAR * self.size * np.array([[-1.0, 1.0]] * 3)
+        ranges = around if self.places is None else self.places - transform[:3, 3:]
+        found = TouchingSizes.of(
+            self.movable, self.static, self.own, transform=transform, shifts=(np.eye(3), ranges), least=False
+        )
+        self._kept = [found]
+        return found, np.zeros(3)
+
+    def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
+        """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""
+        (touching, shift), count = self._touching(pose), len(self.own)
+        values, starts = touching.stacked
+        rows = np.column_stack([
+            np.vstack([pair.normals for pair in touching.pairs]), values[:, 0] + values[:, 1 + count :] @ shift,
+            values[:, 1 : 1 + count],
+        ])  # fmt: skip
+        pairs = np.array([pair.parts for pair in touching.pairs])
+        return GapRows(rows, np.append(starts, len(rows)), pairs, pose, along=True)
+
+    def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
+        """Return the gaps of part pairs at a pose and sizes, (p, n); infinite of those that are far apart there."""
+        at, found = self.rows(pose), np.full((len(pairs), len(sizes)), np.inf)
+        places, known = np.nonzero((pairs[:, None] == at.pairs).all(axis=2))
+        found[places] = at.of_pairs(sizes)[known]
+        return found
+
+    def _at(self, pose: Array) -> TouchingSizes:
+        touching, shift = self._touching(pose)
+        return touching.shifted(shift)
+
+    def extremes(self, at: GapRows) -> Extremes:
+        """Return the least and the largest gap over all sizes."""
+        there = self._at(at.pose)
+
+        def end(gap: float, p: Array) -> Extreme:
+            pair, row = there.governing(p)
+            return Extreme(gap, frozen(p), there.pairs[pair].parts, there.pairs[pair].normals[row])
+
+        return Extremes(end(*there.least()), end(*there.largest()))
+
+    def feature(self, at: GapRows, extreme: Extreme) -> Feature:
+        """Return the features that face each other at an extreme."""
+        there = self._at(at.pose)
+        pair, row = there.governing(extreme.rho)
+        return there.feature(there.pairs[pair], row)
+
+
+Scene = Scales | OwnSizes

@@ -7,21 +7,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import Extremes, Lines, Scene
+from fcdm_opt.design.fixed_pose.scene import Extremes, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.sizes import Sizes
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.judge.engagement import passage
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_ACTIVE = 12  # size pairs at which cells are looked at: the latest extremes
+FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
+MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
 
 class Off(NamedTuple):
-    """How far the worst gap is off the window at a pose (<= 0: all are inside), and the extremes of the gap there."""
+    """How far the worst gap is off the window at a pose (<= 0: all are inside), and the extremes of the gap there.
+
+    `excess` is how far any gap is off what it has to be, those of keep-outs too. A pose that is not `clear` of them has
+    a value beyond that of all that are.
+    """
 
     value: float
     extremes: Extremes
-    lines: Lines
+    rows: GapRows
+    excess: float
+    clear: bool
 
 
 @dataclass(eq=False)
@@ -33,23 +44,71 @@ class Worst:
     Attributes
     ----------
     problem : Problem
-        Bodies, motion, limits and weights.
+        Bodies, motion and weights.
     scene : Scene
     low, high : float
         The window; infinite where it is open.
-    active : (m, 2) array
+    limits : (k, 2) array
+        Of the parameters; default the problem's.
+    active : (m, s) array
         Sizes that were extreme at a pose looked at: a list that grows.
+    keep_out : tuple of Worst
+        Of the movable body and each keep-out, whose window is the clearance and more.
     """
 
     problem: Problem
     scene: Scene
     low: float = 0.0
     high: float = 0.0
-    active: Array = field(default_factory=lambda: np.empty((0, 2)))
+    limits: Array = field(default_factory=lambda: np.empty((0, 2)))
+    active: Array = field(default_factory=lambda: np.empty((0, 0)))
+    keep_out: tuple[Worst, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.scene.sizes.pairs is None:
-            self.active = np.array(self.scene.sizes.corners)
+        if not len(self.limits):
+            self.limits = np.array(self.problem.limits)
+        if not self.active.size:
+            corners = isinstance(self.scene, Scales) and self.scene.sizes.pairs is None
+            self.active = np.array(self.scene.sizes.corners) if corners else np.empty((0, len(self.scene.sizes.box)))
+
+    @classmethod
+    def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float) -> Worst:
+        """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
+        if sizes is not None:
+            ends = sizes.box.copy()
+            ends[1] = 1.0  # of a keep-out, whose own scales its obstacles have
+            pairs = None if sizes.pairs is None else np.column_stack([sizes.pairs[:, 0], np.ones(len(sizes.pairs))])
+            near = tuple(
+                cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf)
+                for body, gap in obstacles(problem)
+            )
+            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
+        movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
+        start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
+        ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
+        straight = np.array([
+            kind == "translation" and isinstance(step, Translation | Free)
+            for step in motion.steps for _, kind in step.own_parameters
+        ])  # fmt: skip
+        # parts further apart than this are further apart than any wanted pose: than they are at rest, or have to be
+        away = float(np.linalg.norm(movable.seed - static.seed))
+        reach = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
+        some = 0 < straight.sum() <= 3
+        narrow = float(np.linalg.svd(ways[straight], compute_uv=False)[-1]) if some else 0.0
+        limits = np.array(problem.limits)
+        for k in np.flatnonzero(straight).tolist():
+            far = reach / narrow if narrow > DEFAULT.nominal else np.inf
+            within = passage(problem, ways[k])  # gaps beyond a wall mean nothing
+            limits[k] = max(limits[k, 0], -far, within[0]), min(limits[k, 1], far, within[1])
+        places = None
+        if motion.shifts:
+            ends = ways[:, :, None] * limits[:, None, :]
+            places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
+        own, kept = tuple(size for size in problem.sizes if size.body == "movable"), list[Worst]()
+        for body, gap in obstacles(problem):
+            alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
+            kept.append(cls(problem, alone, gap, np.inf, limits))
+        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""
@@ -61,16 +120,18 @@ class Worst:
 
     def off(self, q: Array) -> Off:
         """Return how far the worst gap is off at parameters q, over all sizes."""
-        lines = self.scene.lines(self.pose(q))
-        found = self.scene.extremes(lines)
+        rows = self.scene.rows(self.pose(q))
+        found = self.scene.extremes(rows)
         self._remember(found)
-        return Off(max(found.most.gap + found.doubt - self.high, self.low - found.least.gap), found, lines)
+        off = max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
+        overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
+        clear = overlap <= self.problem.contact_slack
+        return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
 
     def _remember(self, found: Extremes) -> None:
         for rho in (found.least.rho, found.most.rho):
-            known = (self.active == rho).all(axis=1)
-            if not known.any():
-                fixed = 4 if self.scene.sizes.pairs is None else 0
+            if not (self.active == rho).all(axis=1).any():
+                fixed = 4 if isinstance(self.scene, Scales) and self.scene.sizes.pairs is None else 0
                 kept = self.active if len(self.active) < MOST_ACTIVE else np.delete(self.active, fixed, axis=0)
                 self.active = np.ascontiguousarray(np.vstack([kept, rho]))
 
@@ -82,6 +143,19 @@ class Worst:
     def floor(self) -> float:
         """What `off` is not less than at any pose: no gap is off both ends of a window by less than half its width."""
         return (self.low - self.high) / 2.0
+
+
+def obstacles(problem: Problem) -> list[tuple[Body, float]]:
+    """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them."""
+    found = []
+    for own in problem.keep_out:
+        if own.body.hollow:
+            what = "one pose for all pairs looks at solids, and of this keep-out only the surface is known"
+            raise InputError(what, key="keep_out", found=own.name, allowed='decomposition = "exact"')
+        seed = own.body.seed
+        parts = [seed + scale * (part.vertices - seed) for part, scale in own.obstacles]
+        found.append((Body.from_parts(parts, seed=seed, name=own.name), own.clearance))
+    return found
 
 
 def domain(worst: Worst, most: float, amount: float) -> Array:
@@ -99,10 +173,10 @@ def domain(worst: Worst, most: float, amount: float) -> Array:
     amount : float
         Nor are motions of a larger weighted amount.
     """
-    problem, scene = worst.problem, worst.scene
-    limits = np.array(problem.limits)
-    reach = amount / problem.weights * (1.0 + DEFAULT.line) if np.isfinite(amount) else np.full(len(limits), np.inf)
-    limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
+    problem, limits = worst.problem, worst.limits.copy()
+    if np.isfinite(amount):
+        far = amount / problem.weights * (1.0 + DEFAULT.line)
+        limits = np.column_stack([np.maximum(limits[:, 0], -far), np.minimum(limits[:, 1], far)])
     half = float(np.nextafter(np.pi, 4.0))
     for k, step in enumerate(problem.motion.owners):
         low, high = limits[k]
@@ -110,53 +184,39 @@ def domain(worst: Worst, most: float, amount: float) -> Array:
         free = isinstance(step, Free) or (isinstance(step, Screw) and step.pitch == "free")
         if step.closed or (free and turns and low == -np.inf and high == np.inf):
             limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
-    nearest = float((scene.sizes.corners @ scene.reach).min())
-    return _reached(problem, limits, most + nearest)
+    radius = most + worst.scene.nearest
+    return _reached(problem, limits, radius) if np.isfinite(radius) else limits
 
 
 def _reached(problem: Problem, limits: Array, radius: float) -> Array:
-    """Return limits narrowed to what leads the seed of body 1 into a ball about that of body 2."""
-    if not np.isfinite(radius):
-        return limits
+    """Return limits narrowed to what leads the seed of body 1 into a ball about that of body 2.
+
+    Each turn about a fixed point keeps a seed on its sphere: it is before all translations, or after them.
+    """
     one, two = np.array(problem.movable.seed), np.array(problem.static.seed)
-    before, after = (one, 0.0), (two, radius)
-    places: list[int] = []
-    directions: list[Array] = []
-    rests: list[Array] = []
-    start = 0
+    before, after, start = (one, 0.0), (two, radius), 0
+    places, directions, rests = list[int](), list[Array](), list[Array]()
     for step in problem.motion.steps:
-        count = len(step.own_parameters)
-        shifts = _shifts(step, one, two, not directions and start == 0)
-        if shifts is None:
-            return limits
-        centre = _centre(step)
-        if centre is not None and not directions:
-            before = centre, float(np.linalg.norm(before[0] - centre)) + before[1]
-        elif centre is not None:
-            rests.append(centre)
-        elif shifts and rests:
-            return limits  # translations with a turn about a fixed point between them
+        shifts = _shifts(step, one, two, start == 0)
+        if shifts is None or (shifts and rests):
+            return limits  # not known, or a turn about a fixed point between translations
+        if isinstance(step, Rotation) and step.centre != "seed":
+            centre = np.zeros(3) if isinstance(step.centre, str) else np.array(step.centre)
+            if directions:
+                rests.append(centre)
+            else:
+                before = centre, float(np.linalg.norm(before[0] - centre)) + before[1]
         places += [start + k for k, _ in shifts]
         directions += [u for _, u in shifts]
-        start += count
+        start += len(step.own_parameters)
     for centre in reversed(rests):
         after = centre, float(np.linalg.norm(after[0] - centre)) + after[1]
-    if not directions or len(directions) > 3:
-        return limits
-    least = float(np.linalg.svd(np.array(directions), compute_uv=False)[-1])
-    if not least > DEFAULT.nominal:
-        return limits
-    longest = (after[1] + before[1] + float(np.linalg.norm(after[0] - before[0]))) / least * (1.0 + DEFAULT.line)
-    for k in places:
-        limits[k] = max(limits[k, 0], -longest), min(limits[k, 1], longest)
+    least = float(np.linalg.svd(np.array(directions), compute_uv=False)[-1]) if 0 < len(directions) <= 3 else 0.0
+    if least > DEFAULT.nominal:
+        longest = (after[1] + before[1] + float(np.linalg.norm(after[0] - before[0]))) / least * (1.0 + DEFAULT.line)
+        for k in places:
+            limits[k] = max(limits[k, 0], -longest), min(limits[k, 1], longest)
     return limits
-
-
-def _centre(step: Step) -> Array | None:
-    """Return the fixed point that a step turns about; None for the seed, and for what does not turn."""
-    if isinstance(step, Rotation) and step.centre != "seed":
-        return np.zeros(3) if isinstance(step.centre, str) else np.array(step.centre)
-    return None
 
 
 def _shifts(step: Step, one: Array, two: Array, first: bool) -> list[tuple[int, Array]] | None:

@@ -9,26 +9,34 @@ contacts change, and where the amount comes near the limit.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.sizes import by_name, tolerance_boxes
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.resizing import Resizing
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.keys import Requirement
+from fcdm_opt.problem.keys import Corner, Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 20 % off are no longer a tolerance
+WIDENED = 4.0  # times the tolerances of sizes up to which is looked, and as far as all faces stay: this share of it
+STAYS = 0.999
+CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of sizes
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
+DEARER = 4  # times: what a tolerance of sizes costs to look at
+SECANTS = 3  # guesses of a crossing by the amounts at both ends, before a bracket is halved
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
 
@@ -50,10 +58,13 @@ class Budget(Plain):
     Attributes
     ----------
     requirement : str
+        A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high".
     tolerance : float
-        All tolerances up to this one can be made good; 0 where none can.
-    table : (2, 2) array
-        What it means for each body, minus and plus: `tolerance` times the shape.
+        All tolerances up to this one can be made good; 0 where none can. Of sizes the largest deviation of a length
+        (of a scale, where there are no lengths), those of the others in proportion.
+    table : (2, 2) or (k, 2) array
+        What it means for each body, minus and plus, or each size, least and largest deviation: `tolerance` times the
+        shape.
     end : End
         What is wrong just above it.
     solution : Solution or None
@@ -71,6 +82,10 @@ class Budget(Plain):
         Why it is proved, or how it was sampled.
     spacing : float
         Widest gap between tolerances that were looked at, 0 where `proved`.
+    sizes : tuple of str
+        Names of the rows of `table`, none where these are the scales of both bodies.
+    unit : str
+        Of lengths, "" where the problem names none.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
@@ -90,6 +105,23 @@ class Budget(Plain):
     proved: bool
     reason: str
     spacing: float
+    sizes: tuple[str, ...] = ()
+    unit: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
+
+    @property
+    def tolerance_text(self) -> str:
+        """The tolerance in words: a share of the scales, or a deviation of sizes."""
+        return measured(f"{self.tolerance:.6g}", self.unit) if self.sizes else f"{100 * self.tolerance:.6g} %"
+
+    @property
+    def sizes_text(self) -> str:
+        """How far each size may be off, in words; "" where the scales are asked about."""
+        rows = zip(self.sizes, self.table.tolist(), strict=True) if self.sizes else ()
+        return ", ".join(f"{name} {low + 0.0:+.6g} to {high + 0.0:+.6g}" for name, (low, high) in rows)
 
     @property
     def amount(self) -> float:
@@ -117,7 +149,8 @@ class Budget(Plain):
     def __str__(self) -> str:
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
-        return f"{self.requirement}: up to {100 * self.tolerance:.6g} % ({word}); above, {self.end.value}"
+        sizes = f": {self.sizes_text}" if self.sizes else ""
+        return f"{self.requirement}: up to {self.tolerance_text} ({word}{sizes}); above, {self.end.value}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -128,8 +161,8 @@ class Budgets(Mapping[str, Budget]):
     ----------
     problem : Problem
     limit : float or None
-    shape : (2, 2) array
-        Tolerances of the bodies, minus and plus, at tau = 1; the largest is 1.
+    shape : (2, 2) or (k, 2) array
+        Tolerances of the bodies, minus and plus, at tau = 1; the largest is 1. Or deviations of sizes.
     largest : float
         Tolerance up to which was looked.
     each : dict
@@ -174,8 +207,8 @@ def budget(
     problem: Problem,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement] | None = None,
-    largest: float = LARGEST,
+    requirements: Sequence[Requirement] | Sequence[Corner] | None = None,
+    largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
 ) -> Budgets:
@@ -186,18 +219,20 @@ def budget(
     Parameters
     ----------
     problem : Problem
-        Its goal, motion, limits and keep-outs hold for every requirement.
+        Its goal, motion, limits and keep-outs hold for every requirement. One with sizes of its own and no tolerance of
+        the scales is asked how far these may be off.
     limit : float or None
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : sequence of letters, optional
-        Default all four.
-    largest : float
-        Tolerance up to which is looked, below 1.
+        Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
+        "low" and "high" (all at their least, their largest); default "worst" and "loosest".
+    largest : float, optional
+        Tolerance up to which is looked; default 0.2, of sizes four times their own or as far as no face vanishes.
     accuracy : float
         Relative width to which the first crossing is bracketed.
     scale : bool
         Whether to keep the shape of the problem's tolerance, where it has one for each body or side: tau is then the
-        largest of its entries. Else, and without a tolerance, all are equal.
+        largest of its entries. Else, and without a tolerance, all are equal. Of sizes in the same way.
 
     Returns
     -------
@@ -206,27 +241,32 @@ def budget(
     Raises
     ------
     InputError
-        For arguments out of range, a question that does not hold with a requirement, and a problem whose tolerances are
-        those of sizes of its own.
+        For arguments out of range, a question that does not hold with a requirement, and sizes without a tolerance.
     """
     expected(problem, Problem, "problem")
-    if problem.sizes and problem.tolerance is None:
-        what = "a budget is the largest tolerance of the uniform scales, and the tolerances here are those of sizes"
-        found = ", ".join(size.name for size in problem.sizes)
-        allowed = "`stack` with --cost, which finds tolerances of sizes; or a tolerance of the scales besides"
-        raise InputError(what, key="sizes", found=found, allowed=allowed)
+    own = by_name(problem)
     if limit is not None:
         limit = arguments.real(limit, "limit", "a length >= 0, or None", lambda x: x >= 0)
-    largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     arguments.truth(scale, "scale")
-    given = requirements if isinstance(requirements, str) else arguments.items(requirements)
-    letters = tuple(SIGNS) if requirements is None else tuple(given)
+    known = CORNERS if own else tuple(SIGNS)
+    given: Any = requirements
+    if given is None or given in known:
+        given = (CORNERS[:2] if own else known) if given is None else (given,)
+    letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
-        arguments.choice(letter, "requirements", tuple(SIGNS))
+        arguments.choice(letter, "requirements", known)
     if not letters:
-        raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed="A, B, C, D")
-    shape = frozen(_shape(problem) if scale else np.ones((2, 2)))
+        allowed = ", ".join(known)
+        raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)
+    shape, most = _shape_of_sizes(problem, scale) if own else (_shape(problem) if scale else np.ones((2, 2)), LARGEST)
+    if largest is None:
+        largest = most
+    elif own:
+        largest = arguments.real(largest, "largest", "a tolerance > 0", lambda x: x > 0)
+    else:
+        largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
+    shape = frozen(shape)
     each = {letter: _Tolerances(problem, letter, shape, limit, largest, accuracy).budget() for letter in letters}
     return Budgets(problem=problem, limit=limit, shape=shape, largest=largest, each=each)
 
@@ -236,6 +276,20 @@ def _shape(problem: Problem) -> Array:
     if table is None or not table.any():
         return np.ones((2, 2))
     return table / float(table.max())
+
+
+def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float]:
+    """Return deviations of a problem's sizes, (k, 2), of lengths up to 1, and times what is looked at most."""
+    box, lengths = tolerance_boxes(problem.sizes), np.array([size.is_length for size in problem.sizes])
+    unit = float(np.abs(box[lengths] if lengths.any() else box).max())
+    if not unit > 0.0:
+        raise InputError("all sizes are as drawn", key="sizes.tolerance", found=box.tolist(), allowed="tolerances > 0")
+    shape, most = box / unit if scale else np.tile([-1.0, 1.0], (len(box), 1)), WIDENED * unit
+    for role in ("movable", "static"):
+        rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
+        moving = Resizing.of(problem.request[role], [problem.sizes[k] for k in rows])
+        most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
+    return shape, most
 
 
 class _Point(NamedTuple):
@@ -275,9 +329,23 @@ class _Tolerances:
             self.points[tau] = _Point(tau, good, solution)
         return self.points[tau]
 
+    @property
+    def cells(self) -> int:
+        """How many cells of equal width are looked at: fewer of sizes, for which parts are made anew each time."""
+        return CELLS // DEARER if by_name(self.problem) else CELLS
+
+    @property
+    def smallest(self) -> float:
+        """The tolerance from which on the judge can tell."""
+        lengths = any(size.is_length for size in self.problem.sizes) and by_name(self.problem)
+        return SMALLEST * (self.problem.size if lengths else 1.0)
+
     def asked(self, tau: float) -> Problem:
         """Return the question at a tolerance."""
         table = tuple(map(tuple, (tau * self.shape).tolist()))
+        if by_name(self.problem):
+            sizes = [replace(size, tolerance=ends) for size, ends in zip(self.problem.sizes, table, strict=True)]
+            return self.problem.changed(sizes=sizes, made=self.letter)
         goal = self.problem.goal
         return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
 
@@ -285,9 +353,9 @@ class _Tolerances:
         """Return the budget."""
         lie, why = order(self.asked(self.largest))
         if lie is Order.ANY:
-            spacing = self.largest / CELLS
+            spacing, first = self.largest / self.cells, self.smallest
             low, high = self._scanned()
-            why += f": sampled every {spacing:.3g} from {SMALLEST:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
+            why += f": sampled every {spacing:.3g} from {first:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
         else:
             spacing = 0.0
             low, high = self._nested(lie)
@@ -305,6 +373,8 @@ class _Tolerances:
             proved=lie is not Order.ANY,
             reason=why,
             spacing=spacing,
+            sizes=tuple(size.name for size in self.problem.sizes) if by_name(self.problem) else (),
+            unit=self.problem.unit,
         )
 
     def _end(self, high: _Point | None) -> End:
@@ -321,20 +391,20 @@ class _Tolerances:
         if lie is Order.ALL_OR_NONE:
             zero = self.at(0.0)
             return (self.at(self.largest), None) if zero.good else (None, zero)
-        first, last = self.at(SMALLEST), self.at(self.largest)
+        first, last = self.at(self.smallest), self.at(self.largest)
         if last.good:
             return last, None
         return self._narrowed(first, last) if first.good else (None, first)
 
     def _scanned(self) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance of all that are looked at, from the smallest."""
-        cell = self.largest / CELLS
-        halvings = range(int(np.log2(cell / SMALLEST)), 0, -1) if cell > SMALLEST else ()
-        taus = [*(cell / 2**k for k in halvings), *(cell * np.arange(1, CELLS)).tolist(), self.largest]
-        low = self.at(SMALLEST)
+        cell, smallest = self.largest / self.cells, self.smallest
+        halvings = range(int(np.log2(cell / smallest)), 0, -1) if cell > smallest else ()
+        taus = [*(cell / 2**k for k in halvings), *(cell * np.arange(1, self.cells)).tolist(), self.largest]
+        low = self.at(smallest)
         if not low.good:
             return None, low
-        for tau in (tau for tau in taus if tau > SMALLEST):
+        for tau in (tau for tau in taus if tau > smallest):
             high = self.at(tau)
             if crossing := self._crossing(low, high, min(cell, tau) / 2**SPLITS):
                 return self._narrowed(*crossing)
@@ -362,7 +432,17 @@ class _Tolerances:
         return max(low.amount, high.amount) + abs(high.amount - low.amount) <= self.limit
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
-        """Return a bracket of the asked width."""
+        """Return a bracket of the asked width, about where amounts of both ends cross the limit, else by halving."""
+        for _ in range(SECANTS):
+            rise = high.amount - low.amount
+            if self.limit is None or not rise > 0.0 or high.tau - low.tau <= self.accuracy * high.tau:
+                break
+            guess = low.tau + (self.limit - low.amount) / rise * (high.tau - low.tau)
+            for side in (-0.25, 0.25):
+                tau = guess * (1.0 + side * self.accuracy)
+                if low.tau < tau < high.tau:
+                    point = self.at(tau)
+                    low, high = (point, high) if point.good else (low, point)
         good, bad = narrowed(
             lambda tau: self.at(tau).good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
         )

@@ -154,13 +154,17 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
         return problem.changed(contacts=left) if left else problem.changed(contacts=None, goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
-        if problem.goal != FIT:  # by these very faces: the parts may touch elsewhere
-            return next((one.value for one in certificate.checks if one.name == f"contact {k}"), math.inf)
-        gap = replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf)
-        return max(-gap, 0.0)
+        if problem.goal == FIT:
+            return max(-replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf), 0.0)
+        # by these very faces: the parts may touch elsewhere
+        return next((one.value for one in certificate.checks if one.name == f"contact {k}"), math.inf)
+
+    def rate(sensitivity: Sensitivity) -> float:
+        known = sensitivity.multipliers if sensitivity.exists else {}
+        return abs(known.get(f"contact {feature.label}", math.nan))
 
     name = f"contact {k}, {feature.in_words(problem.movable, problem.static)}"
-    return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack)
+    return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack, rate=rate)
 
 
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
@@ -276,6 +280,7 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         Name -> amount in the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is
         not and there is no amount.
     """
-    certificate = verify(replace(solution, problem=problem, features=problem.contacts or solution.features))
+    features = problem.contacts if problem.contacts and problem.goal != FIT else solution.features
+    certificate = verify(replace(solution, problem=problem, features=features))
     passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(problem)}
     return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}

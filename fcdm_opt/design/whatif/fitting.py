@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.design.sizes import by_name
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.fit import misfit
@@ -105,6 +106,8 @@ def order(problem: Problem) -> tuple[Order, str]:
     changes = np.sign(problem.target - problem.nominal_pair)
     grows, shrinks = bool((changes >= 0).all()), bool((changes <= 0).all())
     alone = not problem.keep_out and problem.pair == "any"
+    if by_name(problem):
+        return Order.ANY, UNKNOWN
     if problem.resolution is not None:
         return Order.ANY, "rounding to steps of the machine"
     if isinstance(problem.amount, str) and problem.amount == "displacement":

@@ -108,7 +108,7 @@ def _changes(before: Solution, new: Problem) -> Told:
     keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
     bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):
-        yield from _body(key, one_body, two_body, rates, partial=old.partial or new.partial)
+        yield from _body(key, one_body, two_body, rates)
 
 
 def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
@@ -172,7 +172,7 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
         yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
 
 
-def _body(key: str, old: Body, new: Body, rates: Sensitivity, *, partial: bool) -> Told:
+def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
     name = key.strip()
     if old is new:
@@ -185,9 +185,6 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity, *, partial: bool) 
         yield _told(f"{name} seed", rates.seeds[name], seed)
     moves = new.vertices - old.vertices
     if not moves.any():
-        return
-    if partial:
-        yield f"{name} vertices", NAN, f"no derivative by vertices of {name}, of which only some parts are modelled"
         return
     change, by = by_moves(key, old, moves, rates.faces, rates.vertices)
     reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"

@@ -15,6 +15,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
+from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import inline_svg
@@ -215,9 +216,10 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
-    text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
-    beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
-    return {"bound": finite(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
+    beside = not solution.status.found and np.isfinite(bound)  # a closed form says more: that nothing does
+    checked = all(proof) if proof and not beside else None
+    return {"bound": finite(bound), "text": evidence.told, "checked": checked}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -227,8 +229,6 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
         return {"bars": [], "text": text}
     derivatives = solution.sensitivity
-    if solution.problem.contacts:
-        return {"bars": [], "text": "; ".join(derivatives.reasons)}
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)

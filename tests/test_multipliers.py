@@ -1,0 +1,109 @@
+"""Bounds of several contacts by multipliers: shown for closed forms, and refused where anything claimed is changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.judge.multipliers import shows
+from fcdm_opt.problem.evidence import Multipliers
+from fcdm_opt.problem.solution import Solution
+
+X, Y, Z, RX = fo.Translation("x"), fo.Translation("y"), fo.Translation("z"), fo.Rotation("x")
+LOCATING = fo.load_problems(Path(__file__).parents[1] / "problems" / "locating.toml")
+
+
+def box(*ends: tuple[float, float]) -> list[tuple[float, ...]]:
+    return list(product(*ends))
+
+
+CUBE = fo.Body.convex(box((0, 1), (0, 1), (0, 1)))
+CORNER = fo.Body.from_parts([box((-9, 0), (-9, 9), (0, 1)), box((0, 9), (-9, 0), (0, 1))], seed=(-1, -1, 0))
+FEET = ((-4, -3, 0.0), (4, -3, 0.5), (4, 3, 0.0), (-4, 3, 0.2))
+
+
+def corner(**more: Any) -> fo.Problem:
+    """A cube in a corner, .015 too large on both sides."""
+    given = {"tolerance": 0.01, "requirement": "A", "goal": "at", "contacts": "all", "motion": X >> Y, **more}
+    return fo.Problem(CUBE, CORNER, **given)
+
+
+def lid(**more: Any) -> fo.Problem:
+    """A lid on four pointed feet, on pads of other heights each: sizes do not change them alike."""
+    feet = [[(x, y, h), *box((x - 0.3, x + 0.3), (y - 0.3, y + 0.3), (2.1, 2.1))[::2]] for x, y, h in FEET]
+    pads = [box((x - 1, x + 1), (y - 1, y + 1), (-1, h)) for x, y, h in FEET]
+    top = fo.Body.from_parts([box((-5, 5), (-4, 4), (2, 3)), *feet], seed=(0, 0, 2.5))
+    given = {"tolerance": 0.02, "requirement": "B", "goal": "at", "contacts": "all", "motion": Z >> RX, **more}
+    return fo.Problem(top, fo.Body.from_parts(pads, seed=(0, 0, 0)), **given)
+
+
+def checked(solution: Solution) -> bool:
+    """Whether the judge finds the bound shown, of a solution that has been stored."""
+    again = fo.Solution.from_dict(solution.to_dict())
+    assert again.to_dict() == solution.to_dict()
+    own = [check.passed for check in fo.verify(again, proof=True).checks if check.name.startswith("proof")]
+    assert own
+    return all(own)
+
+
+CASES = {
+    "shifts": (corner(), np.hypot(0.015, 0.015)),
+    "fit": (corner(goal="fit"), np.hypot(0.015, 0.015)),
+    "a fit that stays open": (LOCATING[2].changed(motion=X >> Y, published=None), np.hypot(0.04, 0.02)),
+    "a turn, flush": (corner(motion=X >> Y >> fo.Rotation("z")), np.hypot(0.015, 0.015)),
+    "six parameters": (LOCATING[0], np.sqrt(0.02)),
+    "a limit": (corner(motion=X >> Y >> Z, limits={"TZ": (0.01, 1.0)}), np.sqrt(2 * 0.015**2 + 0.01**2)),
+}
+
+
+@pytest.mark.parametrize(("problem", "amount"), CASES.values(), ids=CASES)
+def test_a_bound_of_several_contacts_carried_no_evidence(problem: fo.Problem, amount: float) -> None:
+    solution = fo.solve(problem, certify=True)
+    assert solution.amount == pytest.approx(amount, rel=1e-8)
+    assert solution.lower_bound == pytest.approx(amount, rel=1e-8)
+    assert isinstance(solution.evidence, Multipliers)
+    assert checked(solution)
+    assert not shows(replace(solution, lower_bound=1.001 * solution.lower_bound), solution.evidence)
+
+
+@pytest.mark.parametrize(("motion", "boxes"), [(X >> Y >> Z, 1), (Z >> RX, 1000)], ids=["shifts", "a turn"])
+def test_more_contacts_than_freedoms_are_impossible_with_proof(motion: Any, boxes: int) -> None:
+    """With a turn it was NOT_FOUND: that no motion closes all four feet is shown box by box of all that there are."""
+    solution = fo.solve(lid(motion=motion), certify=True)
+    assert solution.status is fo.Status.INFEASIBLE
+    assert solution.lower_bound == np.inf
+    assert len(solution.evidence.boxes) <= boxes
+    assert checked(solution)
+    # without turning two sizes alike lift all feet alike: there is a motion, and what excludes none must not be passed
+    even = fo.solve(lid(motion=motion, requirement=None, tolerance=None, target=(1.0, 1.0)))
+    assert even.usable
+    assert not checked(replace(solution, problem=even.problem))
+
+
+def test_multipliers_are_taken_at_their_word_in_nothing() -> None:
+    solution = fo.solve(corner(), certify=True)
+    own = solution.evidence
+    narrower = replace(own, boxes=0.99 * own.boxes)
+    elsewhere = replace(own, motions=0.5 * own.motions)
+    twice = replace(own, boxes=np.repeat(own.boxes, 2, axis=0), motions=np.repeat(own.motions, 2, axis=0))
+    for wrong in (narrower, elsewhere, twice, replace(own, motions=own.motions[:, :1])):
+        assert not checked(replace(solution, evidence=wrong))
+    larger = corner(tolerance=0.009)  # whose least motion is smaller than the bound
+    assert not checked(replace(solution, problem=larger))
+    # a part of the wall is gone: what the equations show is of the contacts that are asked, one alone asks for less
+    one = corner(contacts=[solution.problem.contacts[0].label])
+    assert not checked(replace(solution, problem=one))
+
+
+def test_a_cube_on_top_of_a_wall_was_taken_to_be_in_its_corner() -> None:
+    """What a motion keeps was told from the gap of the parts, which touch elsewhere too: no clash of two was found."""
+    half = dict.fromkeys(("TX", "TY"), (0.0, 0.0075))
+    found = fo.conflicts(corner(motion=X >> Y >> Z, limits=half), relax=False, deviation=False)
+    assert all(len(clash.names) == 2 and clash.names[0].startswith("upper limit") for clash in found.clashes)
+    assert len(found.clashes) == 4
