@@ -774,3 +774,16 @@ def test_a_file_names_keep_outs_and_steps(tmp_path) -> None:
     with pytest.raises(InputError) as refused:
         fo.load_assemblies(path)
     assert refused.value.key == "keep_out[1]"
+
+
+def test_a_motion_that_two_proofs_are_about_counts_once() -> None:
+    """The wedges rise on the base in what is proved of the loop: what is proved of each alone adds nothing."""
+    loop = fo.solve(ASKED["loop"], certify=True)
+    alone = {pair.one: fo.solve(loop.assembly.problem(pair), certify=True) for pair in loop.assembly.contacts[:2]}
+    (claim,) = loop.evidence
+    fewer = replace(claim, contacts=(("key", "right"),), bound=0.01)
+    contacts = tuple(alone.get(pair.one, own) for pair, own in zip(loop.assembly.contacts, loop.contacts, strict=True))
+    most = hypot(0.01, *(own.amount for own in alone.values()))
+    forged = replace(loop, contacts=contacts, evidence=(fewer,), lower_bound=most)
+    checks = {check.name: check for check in fo.verify(forged, proof=True).checks}
+    assert checks["proof: lower bound"].value <= 0.01
