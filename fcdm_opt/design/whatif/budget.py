@@ -207,7 +207,7 @@ def budget(
     problem: Problem,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement] | Sequence[Corner] | None = None,
+    requirements: Sequence[Requirement | Corner] | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
