@@ -134,7 +134,7 @@ class _Restored:
             origin = problem.movable.seed if self._smooth else np.zeros(3)  # near what turns, intervals are narrow
             seeds = (casadi.SX(body.seed - origin) for body in (problem.movable, problem.static))
             T = problem.motion.seen_from(origin).symbolic(q, *seeds)
-            rows += [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
+            rows += equations(problem, T, origin)
         values = casadi.densify(casadi.vertcat(*rows))
         slopes = casadi.vec(casadi.densify(casadi.jacobian(values, variables)).T)
         self._shape = len(rows), len(moving)
