@@ -125,9 +125,9 @@ def test_coherent_with_several_contacts_was_free_without_a_word() -> None:
 
 def test_a_budget_of_sizes_spoke_of_uniform_scales() -> None:
     size = fo.Size("width", "movable", faces="-x", tolerance=0.05)
-    found = fo.budget(touching(sizes=[size]), 1.0, requirements=["worst"])
-    assert found["worst"].sizes == ("width",)
-    np.testing.assert_allclose(found["worst"].table, [[-found.tolerance, found.tolerance]])
+    found = fo.budget(touching(sizes=[size]), 1.0, requirements=["worst"])["worst"]
+    assert found.sizes == ("width",)
+    np.testing.assert_allclose(found.table, [[-found.tolerance, found.tolerance]])
     scales = touching(sizes=[size], target=None, tolerance=0.01, requirement="A")
     assert fo.budget(scales, 3.0, requirements="A").tolerance == pytest.approx(0.2)
 

@@ -233,7 +233,7 @@ def print_budgets(budgets: Budgets) -> None:
     rows = [
         {
             "requirement": budget.requirement,
-            "tolerance": budget.tolerance_text,
+            "tolerance": budget.tolerance_text(DIGITS),
             "amount there": amount_text(budget.amount),
             "above it": budget.end.value,
             "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
@@ -243,7 +243,7 @@ def print_budgets(budgets: Budgets) -> None:
     reasons: dict[str, list[str]] = {}
     for budget in budgets.values():
         reasons.setdefault(budget.reason, []).append(budget.requirement)
-    notes = [f"{budget.requirement}: {budget.sizes_text}" for budget in budgets.values() if budget.sizes]
+    notes = [f"{budget.requirement}: {budget.sizes_text(DIGITS)}" for budget in budgets.values() if budget.sizes]
     notes += [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
 

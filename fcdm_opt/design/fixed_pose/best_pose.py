@@ -12,7 +12,6 @@ from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import OwnSizes
 from fcdm_opt.design.fixed_pose.worst import Worst, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
@@ -239,9 +238,11 @@ def best_pose(
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
-    need_all_parts(problem, "a pose for all sizes")
-    worst = Worst.of(problem, None if by_name(problem, sizes, box) else worst_sizes(problem, sizes, box), low, high)
-    own = isinstance(worst.scene, OwnSizes)
+    own = by_name(problem, sizes, box)
+    asked = None if own else worst_sizes(problem, sizes, box)
+    if not own:
+        need_all_parts(problem, "a pose for all sizes")
+    worst = Worst.of(problem, asked, low, high)
     slack, effort = problem.contact_slack, effort if certify and (problem.motion.shifts or not own) else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack

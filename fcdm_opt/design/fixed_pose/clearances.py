@@ -182,6 +182,7 @@ def clearances(
     else:
         whole = box_of(problem, sizes, box)
         pairs, source = drawn_pairs(sizes, whole, count, seed)
+        need_all_parts(problem, "a pose for all sizes")
         scene = Scales(problem.movable, problem.static, Sizes(whole))
     at = scene.rows(scene.pose(transform))
     extremes = scene.extremes(at)

@@ -134,6 +134,7 @@ class Scales(SizedBodies):
         self.vertices = [np.concatenate([part.vertices - body.seed for part in body.parts]) for body in bodies]
         self.starts = [np.cumsum([0, *(len(part.vertices) for part in body.parts)]) for body in bodies]
         self.far = np.array([np.linalg.norm(own, axis=1).max() for own in self.vertices])
+        self.middle, self.spread = sizes.middle, float(self.far @ sizes.half)
         self.reach, self.nearest = float(sizes.box[0, 1] * self.far[0]), float((sizes.corners @ self.far).min())
 
     @cached_property
@@ -148,10 +149,10 @@ class Scales(SizedBodies):
         """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
         pairs = self._all_pairs
         if len(pairs) > 1:
-            middle, spread = self.sizes.middle, float(self.far @ self.sizes.half)
+            middle, spread = self.middle, self.spread
             bounds = curve_kernels.pair_bounds(*self.packed, pose, middle).ravel()
             nearest = pairs[[int(bounds.argmin())]]
-            gap = self._rows(pose, nearest).at(middle).gap
+            gap = self._rows(pose, nearest).gaps(middle[None])[0]
             pairs = pairs[bounds <= gap + 2.0 * (spread + slack) + DEFAULT.prune * self.size]
             if not len(pairs):
                 pairs = nearest

@@ -112,16 +112,15 @@ class Budget(Plain):
         """Return plain data."""
         return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
 
-    @property
-    def tolerance_text(self) -> str:
-        """The tolerance in words: a share of the scales, or a deviation of sizes."""
-        return measured(f"{self.tolerance:.6g}", self.unit) if self.sizes else f"{100 * self.tolerance:.6g} %"
+    def tolerance_text(self, digits: int = 6) -> str:
+        """Return the tolerance in words: a share of the scales, or a deviation of sizes."""
+        own = self.tolerance if self.sizes else 100.0 * self.tolerance
+        return measured(f"{own:.{digits}g}", self.unit if self.sizes else "%")
 
-    @property
-    def sizes_text(self) -> str:
-        """How far each size may be off, in words; "" where the scales are asked about."""
+    def sizes_text(self, digits: int = 6) -> str:
+        """Return how far each size may be off, in words; "" where the scales are asked about."""
         rows = zip(self.sizes, self.table.tolist(), strict=True) if self.sizes else ()
-        return ", ".join(f"{name} {low + 0.0:+.6g} to {high + 0.0:+.6g}" for name, (low, high) in rows)
+        return ", ".join(f"{name} {low + 0.0:+.{digits}g} to {high + 0.0:+.{digits}g}" for name, (low, high) in rows)
 
     @property
     def amount(self) -> float:
@@ -149,8 +148,8 @@ class Budget(Plain):
     def __str__(self) -> str:
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
-        sizes = f": {self.sizes_text}" if self.sizes else ""
-        return f"{self.requirement}: up to {self.tolerance_text} ({word}{sizes}); above, {self.end.value}"
+        sizes = f": {self.sizes_text()}" if self.sizes else ""
+        return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.end.value}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -207,7 +206,7 @@ def budget(
     problem: Problem,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement] | Sequence[Corner] | None = None,
+    requirements: Sequence[Requirement | Corner] | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
@@ -225,7 +224,8 @@ def budget(
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
-        "low" and "high" (all at their least, their largest); default "worst" and "loosest".
+        "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
+        scales that turn faces, whose least gap is not known beforehand, "low" and "high".
     largest : float, optional
         Tolerance up to which is looked; default 0.2, of sizes four times their own or as far as no face vanishes.
     accuracy : float
@@ -250,16 +250,17 @@ def budget(
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     arguments.truth(scale, "scale")
     known = CORNERS if own else tuple(SIGNS)
-    given: Any = requirements
-    if given is None or given in known:
-        given = (CORNERS[:2] if own else known) if given is None else (given,)
+    if own:
+        shape, most, usual = _shape_of_sizes(problem, scale)
+    else:
+        shape, most, usual = _shape(problem) if scale else np.ones((2, 2)), LARGEST, known
+    given: Any = usual if requirements is None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
         arguments.choice(letter, "requirements", known)
     if not letters:
         allowed = ", ".join(known)
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)
-    shape, most = _shape_of_sizes(problem, scale) if own else (_shape(problem) if scale else np.ones((2, 2)), LARGEST)
     if largest is None:
         largest = most
     elif own:
@@ -278,18 +279,23 @@ def _shape(problem: Problem) -> Array:
     return table / float(table.max())
 
 
-def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float]:
-    """Return deviations of a problem's sizes, (k, 2), of lengths up to 1, and times what is looked at most."""
+def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float, tuple[str, ...]]:
+    """Return deviations of sizes, (k, 2), of lengths up to 1, times what is looked at most, and at which corners."""
     box, lengths = tolerance_boxes(problem.sizes), np.array([size.is_length for size in problem.sizes])
     unit = float(np.abs(box[lengths] if lengths.any() else box).max())
     if not unit > 0.0:
         raise InputError("all sizes are as drawn", key="sizes.tolerance", found=box.tolist(), allowed="tolerances > 0")
     shape, most = box / unit if scale else np.tile([-1.0, 1.0], (len(box), 1)), WIDENED * unit
+    usual: tuple[str, ...] = CORNERS[:2]
     for role in ("movable", "static"):
-        rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
-        moving = Resizing.of(problem.request[role], [problem.sizes[k] for k in rows])
-        most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
-    return shape, most
+        body, rows = problem.request[role], [k for k, size in enumerate(problem.sizes) if size.body == role]
+        if body.hollow and rows:
+            usual = CORNERS[2:]
+        elif rows:
+            moving = Resizing.of(body, [problem.sizes[k] for k in rows])
+            most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
+            usual = CORNERS[2:] if moving.inclined() else usual
+    return shape, most, usual
 
 
 class _Point(NamedTuple):
