@@ -61,7 +61,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
         np.zeros(n + 1, np.int64), np.vstack([low, ends[:1]]), np.vstack([high, ends[1:]]), np.append(np.ones(n), -1.0)
     )
     covered = short <= 0.0 and wrong is None
-    shown = float(_Contacts(problem, solution, ends).least(low, high, evidence.motions).min())
+    shown = float(_Contacts(problem, solution, ends).least(low, high, evidence.motions, claimed).min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
@@ -116,12 +116,16 @@ class _Contacts:
         nearest = [max(known, key=lambda n: abs(n @ own)) for own in normals]
         return np.array([-np.sign(own @ n) for own, n in zip(normals, nearest, strict=True)])
 
-    def least(self, low: Array, high: Array, motions: Array) -> Array:
-        """Return amounts below which no motion in boxes does what is asked, (n,); infinite where none does at all."""
+    def least(self, low: Array, high: Array, motions: Array, enough: float) -> Array:
+        """Return amounts below which no motion in boxes does what is asked, (n,); infinite where none does at all.
+
+        No more is looked for than `enough`.
+        """
         found = np.zeros(len(low))
         chosen = [self._chosen(*one) for one in zip(low, high, motions, strict=True)]
         for ways in zip(*chosen, strict=True):
-            found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
+            if found.min() < enough:
+                found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
         return found
 
     def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
@@ -152,9 +156,12 @@ class _Contacts:
         """Return such amounts by some multipliers, (n, rows)."""
         k = low.shape[1]
         signed = ways * self._sides
-        given = [Interval(signed[:, j]) for j in range(ways.shape[1])]
-        (here,), _ = self._total([Interval(y[:, j]) for j in range(k)], given)
-        (over,), jumps = self._total([Interval.between(low[:, j], high[:, j]) for j in range(k)], given)
+        n, both = len(low), (np.vstack([y, low]), np.vstack([y, high]))  # at the motions, then over the boxes
+        given = [Interval(np.tile(signed[:, j], 2)) for j in range(ways.shape[1])]
+        (found,), jumps = self._total([Interval.between(both[0][:, j], both[1][:, j]) for j in range(k)], given)
+        wide = [Interval(*(np.broadcast_to(side, 2 * n) for side in (x.middle, x.radius))) for x in found]
+        here, over = [x[:n] for x in wide], [x[n:] for x in wide]
+        jumps = np.broadcast_to(np.asarray(jumps), 2 * n)[n:]
         opened = np.maximum(-ways, 0.0).sum(axis=1) * self.largest / ROUNDED  # gaps that may be left
         value = here[0] + Interval(opened)
         slope = [here[1 + j] for j in range(k)]
@@ -162,7 +169,7 @@ class _Contacts:
         below, above = (low - y).T / ROUNDED, (high - y).T / ROUNDED
         far = np.maximum(np.maximum(-below, above), 0.0)
         # l . F over the box: by its slopes here and its bends, or by its slopes over the box
-        sides = np.array([[np.broadcast_to(own.size, len(low)) for own in row] for row in bend])
+        sides = np.array([[own.size for own in row] for row in bend])
         by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
         by_bends = by_bends + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
@@ -172,7 +179,7 @@ class _Contacts:
         level = np.array(total.low)
         for j in range(k):
             rest = sides[j].sum(axis=0) - sides[j, j]
-            least = (1.0 - np.broadcast_to(bend[j][j].high, len(low)) - rest / ROUNDED) * ROUNDED
+            least = (1.0 - bend[j][j].high - rest / ROUNDED) * ROUNDED
             steep = Interval(y[:, j]) - slope[j]
             ahead = _lowest(steep.low, np.maximum(below[j], 0.0), above[j], least)
             level = level + np.minimum(ahead, _lowest(-steep.high, np.maximum(-above[j], 0.0), -below[j], least))
@@ -180,7 +187,7 @@ class _Contacts:
         amounts = np.where(np.isfinite(amounts), amounts, 0.0)
         largest = np.sqrt((np.maximum(-low, high) ** 2).sum(axis=1)) / ROUNDED
         amounts = np.where(empty | (amounts > largest), np.inf, amounts)
-        return np.where(np.asarray(jumps) & (not self._smooth), 0.0, amounts)
+        return np.where(jumps & (not self._smooth), 0.0, amounts)
 
 
 def _lowest(rate: Array, start: Array, end: Array, bend: Array) -> Array:
