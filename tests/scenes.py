@@ -219,6 +219,7 @@ SCENES = {
         amount=lambda d, e: np.hypot(0.5 * d, 0.5 * (d + e)),
         range=(-6 / 7, inf),
         touches=(-2.01, 0.01),
+        worst=0.01,
     ),
     "displacement": Scene(ask=_pair(PROBE, TABLE, goal="touch", amount="displacement"), amount=_tip),
     "own amount": Scene(
@@ -262,13 +263,25 @@ SCENES = {
         touches=(-3.0, 0.01),
         worst=WIDE,
     ),
-    "chain": Scene(ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2)),
-    "loop": Scene(ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5)),
-    "chain, large meshes": Scene(ask=_chain(hollow), amount=lambda d, _: d * sqrt(2)),
-    "loop, large meshes": Scene(ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5)),
+    # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
+    "chain": Scene(
+        ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), direction="lower.TZ", touches=(-3.01, -2.01, -0.99, 0.01)
+    ),
+    "loop": Scene(
+        ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ", touches=(-2.01, -1.01, 0.01, 1.01)
+    ),
+    # to the first contacts of each pair
+    "chain, large meshes": Scene(
+        ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), direction="lower.TZ", touches=(-2.01, -0.99, 0.01)
+    ),
+    "loop, large meshes": Scene(
+        ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ", touches=(-1.01, 0.01, 1.01)
+    ),
     "chain, sizes": Scene(
         ask=_chain(as_drawn, sizes=[_size("thick", "lower", faces="+z"), _size("deep", "upper", faces="-z")]),
         amount=lambda d, e: d + e,
         sizes=("thick", "deep"),
+        direction="lower.TZ",
+        touches=(-3.0, -2.01, -1.0, 0.0),
     ),
 }

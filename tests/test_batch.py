@@ -17,6 +17,7 @@ from strategies import generators, random_pair, random_pose, random_union, reach
 import fcdm_opt as fo
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.batch import LEAST_SHARE
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks.stability.contacts.scenes import orientations, turned
 
@@ -84,7 +85,7 @@ def test_random_poses_of_unions(rng, reach):
 
 def test_the_paper_s_second_example_turned():
     poses = np.array([turned(2, angle) for angle in np.linspace(-0.2, 0.2, 9)])
-    batch = check_batch(EXAMPLE_2.one.body(), EXAMPLE_2.two.body(), poses, fo.decision_curve.__kwdefaults__["box"])
+    batch = check_batch(EXAMPLE_2.one.body(), EXAMPLE_2.two.body(), poses, DEFAULT_BOX)
     assert set(batch.parts[:, 1]) == {0, 1}
 
 

@@ -332,7 +332,8 @@ def test_every_public_name_is_there() -> None:
     assert set(fcdm_opt.__all__) <= set(dir(fcdm_opt))
     for name in fcdm_opt.__all__:
         value = getattr(fcdm_opt, name)
-        assert name == "__version__" or value.__name__ == name
+        other = {"solve_assembly": "solve", "verify_assembly": "verify"}.get(name, name)  # names of earlier versions
+        assert name == "__version__" or value.__name__ == other
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = fcdm_opt.no_such_name
 

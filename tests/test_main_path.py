@@ -176,5 +176,5 @@ def test_no_class_name_stands_in_two_modules():
 def test_no_one_but_motions_asks_of_which_kind_a_step_is():
     kinds = re.compile(r"isinstance\([^)]*\b(Translation|Rotation|Screw|Free|OwnMotion|Relative|Straight)\b")
     asked = {module for module, path in MODULES.items() if kinds.search(path.read_text())}
-    later = {"design.fixed_pose.named", "design.fixed_pose.worst"}
+    later = {"design.fixed_pose.worst"}
     assert {module for module in asked if "motion" not in module.split(".")} <= {f"fcdm_opt.{own}" for own in later}

@@ -58,6 +58,9 @@ CASES = {
     "a fit that stays open": (LOCATING[2].changed(motion=X >> Y, published=None), np.hypot(0.04, 0.02)),
     "a turn, flush": (corner(motion=X >> Y >> fo.Rotation("z")), np.hypot(0.015, 0.015)),
     "six parameters": (LOCATING[0], np.sqrt(0.02)),
+    "a wall that is not listed": (
+        corner(contacts=[corner().contacts[0].label], motion=X >> Y >> Z), np.hypot(0.015, 0.015)
+    ),
     "a limit": (corner(motion=X >> Y >> Z, limits={"TZ": (0.01, 1.0)}), np.sqrt(2 * 0.015**2 + 0.01**2)),
 }
 
@@ -96,9 +99,11 @@ def test_multipliers_are_taken_at_their_word_in_nothing() -> None:
         assert not checked(replace(solution, evidence=wrong))
     larger = corner(tolerance=0.009)  # whose least motion is smaller than the bound
     assert not checked(replace(solution, problem=larger))
-    # a part of the wall is gone: what the equations show is of the contacts that are asked, one alone asks for less
-    one = corner(contacts=[solution.problem.contacts[0].label])
-    assert not checked(replace(solution, problem=one))
+    # parts made smaller are shifted to one wall alone for less; made larger they must leave the other all the same
+    for letter, same in (("D", False), ("A", True)):
+        both = fo.solve(corner(requirement=letter), certify=True)
+        one = corner(requirement=letter, contacts=[both.problem.contacts[0].label])
+        assert shows(replace(both, problem=one), both.evidence) == same
 
 
 def test_a_cube_on_top_of_a_wall_was_taken_to_be_in_its_corner() -> None:

@@ -14,7 +14,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
-from fcdm_opt.curve.touching_sizes import TouchingSizes, _least_of
+from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
 from fcdm_opt.geometry.resizing import Resizing, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
@@ -340,7 +340,7 @@ def test_signs_of_gaps_are_those_of_rationals() -> None:
     assert 40 < together < 160
 
 
-def test_the_least_of_the_largest_row_is_that_of_a_linear_program() -> None:
+def test_theleast_of_the_largest_row_is_that_of_a_linear_program() -> None:
     from scipy.optimize import linprog
 
     rng = np.random.default_rng(12)
@@ -349,13 +349,13 @@ def test_the_least_of_the_largest_row_is_that_of_a_linear_program() -> None:
             rows = rng.normal(size=(count, 1 + size)) * np.array([0.1 * scale, *[1.0] * size])
             middle = scale * rng.normal(size=size)
             box = np.column_stack([middle - scale * rng.random(size), middle + scale * rng.random(size)])
-            value, place = _least_of(rows, box)
+            value, place = least_of(rows, box)
             left = np.column_stack([rows[:, 1:], -np.ones(count)])
             bounds = [*(box / scale).tolist(), (None, None)]
             known = linprog([*[0.0] * size, 1.0], left, -rows[:, 0] / scale, bounds=bounds).fun * scale
             assert value == pytest.approx(known, abs=1e-7 * scale)
             assert (rows[:, 0] + rows[:, 1:] @ place).max() == pytest.approx(value, abs=1e-11 * scale)
-            assert (_least_of(rows, box, sign=True)[0] < 0.0) == (value < 0.0)
+            assert (least_of(rows, box, sign=True)[0] < 0.0) == (value < 0.0)
 
 
 def test_the_gap_of_parts_made_is_that_of_the_rows() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.active_parts import with_parts_on_the_way
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -73,15 +75,17 @@ class ContactTimes(Plain):
 
     Attributes
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     direction : (k,) array
     pair : (2,) array
+        nan of an assembly.
     spans : tuple of StateSpan
         Increasing in x, without gaps; a stretch of x on which the pair keeps touching counts as apart.
     touches : tuple of Touch
         Between spans, and where a span is only grazed.
+        Of an assembly those of all two parts together: overlapping where any do.
     keep_outs : dict of str to tuple of StateSpan
-        The same for each keep-out, by its name.
+        The same for each keep-out, by its name; of an assembly for every two parts, not both fixed.
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
@@ -89,7 +93,7 @@ class ContactTimes(Plain):
 
     plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "keep_outs", "proved")
 
-    problem: Problem
+    problem: Problem | Assembly
     direction: Array
     pair: Array
     spans: tuple[StateSpan, ...]
@@ -113,12 +117,14 @@ class ContactTimes(Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
+        asked = self.problem
+        own = asked.motion if isinstance(asked, Problem) else next(iter(asked.questions.values())).motion
+        return {**super().to_dict(), "direction": own.by_name(self.direction)}
 
 
 @known_arguments
 def contact_times(
-    problem: Problem,
+    problem: Problem | Assembly,
     direction: Mapping[str, float] | Any = None,
     *,
     scale_pair: Any = None,
@@ -128,8 +134,9 @@ def contact_times(
 
     Parameters
     ----------
-    problem : Problem
-        Bodies, motion, limits and keep-outs; goal and path do not matter.
+    problem : Problem or Assembly
+        Bodies, motion, limits and keep-outs; goal and path do not matter. Of an assembly the parts made, and the
+        parameters of all motions: "part.parameter".
     direction : mapping of parameter name to value, (k,) array or number, optional
         As for `coherent_range`.
     scale_pair : (rho_1, rho_2), optional
@@ -148,6 +155,11 @@ def contact_times(
     -----
     Of large meshes no more is looked at than to the first contact both ways.
     """
+    if isinstance(problem, Assembly):
+        if scale_pair is not None:
+            what, allowed = "an assembly has a scale for each part", "none: Assembly.scales"
+            raise InputError(what, key="scale_pair", found=scale_pair, allowed=allowed)
+        return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
     pair = (
         problem.target
@@ -166,6 +178,42 @@ def contact_times(
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
     proved = back.proved and ahead.proved
     return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), keep_outs, proved)
+
+
+def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
+    """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
+    each, still = dict[str, ContactTimes](), dict[str, State]()
+    along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
+    for pair, problem in assembly.questions.items():
+        along, name = checked_direction(problem, direction), " - ".join(pair)
+        involved = assembly.involved(*pair)
+        if any(x for part, x in zip(moved, along.tolist(), strict=True) if part in involved):
+            each[name] = contact_times(problem, along, limit=limit)
+        else:
+            overlapping = problem.curve.gap(problem.target) < -problem.contact_slack
+            still[name] = "overlapping" if overlapping else "apart"
+    low = max((own.spans[0].low for own in each.values()), default=0.0)
+    high = min((own.spans[-1].high for own in each.values()), default=0.0)
+    spans = {
+        name: tuple(
+            StateSpan(span.state, max(span.low, low), min(span.high, high))
+            for span in own.spans
+            if span.high > low and span.low < high
+        )
+        for name, own in each.items()
+    }
+    spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
+    ends = sorted({x for own in spans.values() for span in own for x in (span.low, span.high)})
+    joined = list[StateSpan]()
+    for start, end in pairwise(ends):
+        over = any(s.state == "overlapping" and s.low < end and s.high > start for own in spans.values() for s in own)
+        state: State = "overlapping" if over else "apart"
+        if joined and joined[-1].state == state:
+            start = joined.pop().low
+        joined.append(StateSpan(state, start, end))
+    touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
+    proved = all(own.proved for own in each.values())
+    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), spans, proved)
 
 
 def _to_first_contacts(

@@ -36,6 +36,17 @@ Field = Callable[[int, Array], Array]
 """How a point as drawn, (3,), of body 1 or 2 moves; of body 0 how the seed of body 1 does."""
 
 
+def _still(owner: int, point: Array) -> Array:
+    return np.zeros(3)
+
+
+class Change(NamedTuple):
+    """How points as drawn move, and how much each scale of the target pair changes."""
+
+    field: Field = _still
+    scales: Array = np.zeros(2)
+
+
 @template
 def _expanded(motion: Motion, kinds: tuple[int, ...], row: int) -> Any:
     """Return the derivatives of a constraint: the gap of one feature, or scale `row` of the point where two meet.
@@ -75,19 +86,26 @@ class _Constraint(NamedTuple):
 
 
 def motion_rates(
-    task: Task, q: Array, fields: Sequence[Field], nominal: Sequence[FeaturePoints], ratio: Array
+    tasks: Sequence[Task],
+    q: Array,
+    changes: Sequence[Sequence[Change]],
+    nominal: Sequence[FeaturePoints] = (),
+    ratio: Array | None = None,
 ) -> Array:
-    """Return how a least motion changes as points move.
+    """Return how a least motion changes as points move and sizes change.
 
     Parameters
     ----------
-    task : Task
+    tasks : sequence of Task
+        With the same parameters, weights and limits: one, or those of every two parts of an assembly.
     q : (k,) array
-        Its least motion.
-    fields : sequence of Field
+        Their least motion.
+    changes : sequence of sequences of Change
+        What is asked about: of each a change for every task.
     nominal : sequence of FeaturePoints
-        Those that meet at the nominal switching point, which takes the target pair along; none where it stays.
-    ratio : (2,) array
+        Those of one task that meet at the nominal switching point, which takes the target pair along; none where it
+        stays.
+    ratio : (2,) array, optional
         Of the target pair to the nominal one.
 
     Returns
@@ -96,15 +114,15 @@ def motion_rates(
         nan where there is no derivative: constraints that go with one side of the change only, and what no constraint
         here holds.
     """
-    none = np.full((len(fields), len(q)), np.nan)
-    known = list(_constraints(task, q))
-    if any(own is None for own in known):
+    none, task = np.full((len(changes), len(q)), np.nan), tasks[0]
+    known = [(k, own) for k, each in enumerate(tasks) for own in _constraints(each, q, limits=k == 0)]
+    held, owners = [own for _, own in known if own is not None], [k for k, _ in known]
+    if len(held) < len(known):
         return none
-    held = [own for own in known if own is not None]
-    weights = task.weights
+    weights, several = task.weights, any(each.joints for each in tasks)
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
     if task.weighted:
-        free, columns = [j for j, own in enumerate(held) if own.free] if task.joints else [], slopes / weights
+        free, columns = [j for j, own in enumerate(held) if own.free] if several else [], slopes / weights
         kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
         columns[[j for j in free if j not in kept]] = 0.0
         used, multipliers = _multipliers(held, columns, weights * q)
@@ -127,18 +145,18 @@ def motion_rates(
         return none
     found = []
     start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
-    for field in fields:
-        drawn = [own.by_data @ _moves(task, nominal, field, np.zeros(2)) for own in start]
-        target = ratio * drawn if drawn else np.zeros(2)
+    for change in changes:
+        drawn = [own.by_data @ _moves(task, nominal, Change(change[0].field), np.zeros(2)) for own in start]
+        target = ratio * drawn if drawn and ratio is not None else np.zeros(2)
         moves = [
-            _moves(task, own.features, field, target, still=own.keep_out) if own.features else np.zeros(0)
-            for own in held
+            _moves(tasks[k], own.features, change[k], target, still=own.keep_out) if own.features else np.zeros(0)
+            for k, own in zip(owners, held, strict=True)
         ]
-        changes = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
+        off = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
         mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=True))
-        dq = np.linalg.solve(system, np.append(mixed, -changes[used]))[: len(q)]
-        left = np.delete(slopes @ dq + changes, used)  # those at rest there must stay so, else one side is another's
-        fine = np.abs(left).max(initial=0.0) <= DEFAULT.stationary * (1.0 + float(np.abs(changes).max(initial=0.0)))
+        dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
+        left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
+        fine = np.abs(left).max(initial=0.0) <= DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
         found.append(dq if fine else none[0])
     return np.array(found).reshape(-1, len(q))
 
@@ -162,11 +180,11 @@ def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) ->
     return rows, np.array([size * shares[k] * signs[k][1] / lengths[signs[k][0]] for k in used])
 
 
-def _constraints(task: Task, q: Array) -> Iterator[_Constraint | None]:
+def _constraints(task: Task, q: Array, *, limits: bool = True) -> Iterator[_Constraint | None]:
     """Yield what may hold a motion; None for what is not known here."""
     count, target = len(q), task.target
     slack = DEFAULT.active * task.size
-    for k, (low, high) in enumerate(task.limits):
+    for k, (low, high) in enumerate(task.limits if limits else ()):
         for limit, sign in ((low, 1.0), (high, -1.0)):
             if abs(q[k] - limit) * task.weights[k] <= slack and not (sign < 0.0 and low == high):
                 unit = sign * np.eye(count)[k]
@@ -218,6 +236,10 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - slack).tolist()
         own_sites = [k for k in tight if is_own((task.movable, one), (other, opponent.part), sites[k])]
+        if not own_sites and widest <= slack:
+            continue  # only cuts of the solids meet, which touch elsewhere or not at all
+        if other is task.static and any(_is_closed(task, (i, j), sites[k]) for k in own_sites):
+            continue  # by a contact that is closed in any case
         normals = distinct(rows[own_sites or tight, :3])
         swept = opponent.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
         if swept or len(normals) > 1 or abs(widest - max(opponent.need, 0.0)) > slack:
@@ -236,6 +258,19 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
                     task, q, (feature,), -1.0 if closing else 1.0, at=(other.seed, scales),
                     keep_out=other is not task.static, alone=number if closing else -1,
                 )  # fmt: skip
+
+
+def _is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
+    """Tell whether a facet of a pair's Minkowski difference is on a face of a contact that is restored."""
+    kind, *rows = site.tolist()
+    letters = {F1V2: "FV", V1F2: "VF"}.get(kind, "EE")
+    both = zip((task.movable, task.static), parts, letters, rows, strict=True)
+    own = [body.parts[part].elements[letter][row] for body, part, letter, row in both]
+    return any(
+        set(own[0].vertices) <= set(joint.feature.one.vertices)
+        and set(own[1].vertices) <= set(joint.feature.two.vertices)
+        for joint in task.joints
+    )
 
 
 def _place(task: Task, j: int) -> tuple[Body, int]:
@@ -284,9 +319,10 @@ def _constraint(
 
 
 def _moves(
-    task: Task, features: Sequence[FeaturePoints], field: Field, target: Array, *, still: bool = False
+    task: Task, features: Sequence[FeaturePoints], change: Change, target: Array, *, still: bool = False
 ) -> Array:
-    """Return how the data of a constraint change as points move; `still`: those of the other body do not."""
+    """Return how the data of a constraint change; `still`: those of the other body do not."""
+    field, target = change.field, target + change.scales
     moved = [field(0, task.movable.seed), np.zeros(3)]
     for feature in features:
         owned = zip(OWNERS[feature.kind], feature.points.T, strict=True)

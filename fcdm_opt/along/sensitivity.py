@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
-from fcdm_opt.along.motion_rates import Field, motion_rates
+from fcdm_opt.along.motion_rates import Change, Field, motion_rates
 from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -29,6 +29,7 @@ from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
@@ -305,9 +306,58 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> dict[str, Any]:
         moved = np.zeros_like(moved)
     elif q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
         nominal = _nominal_features(problem, task) if problem.requirement else ()
-        moved = motion_rates(task, q, fields, nominal, problem.target / problem.nominal_pair)
+        changes = [[Change(own)] for own in fields]
+        moved = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
     return {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size}
+
+
+def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
+    """Return the derivatives of an assembly's solution, see `motion_rates`: its contacts are one program.
+
+    Parameters
+    ----------
+    solution : AssemblySolution
+        Any; without motions, or with ones that nothing holds, the derivatives do not exist.
+    """
+    assembly, questions = solution.assembly, solution.assembly.questions
+    problems = [*questions.values()]
+    tasks = [Task.of(problem) for problem in problems]
+    q = np.array([x for own in solution.parameters.values() for x in own.values()])
+    changes = [
+        [Change(scales=np.array([float(part == own) for own in pair])) for pair in questions]
+        for part in assembly.parts
+    ]
+    for size in assembly.sizes:
+        own = [next((s for s in problem.sizes if s.name == size.name), None) for problem in problems]
+        changes.append([
+            Change() if s is None else Change(_by_one_size(problem, s))
+            for problem, s in zip(problems, own, strict=True)
+        ])  # fmt: skip
+    moved, reasons = np.full((len(changes), len(tasks[0].weights)), np.nan), list[str]()
+    if not solution.status.found or not len(q):
+        reasons.append("no motion was found")
+    elif not q.any():
+        reasons.append("the requirement is only just met without motion: derivatives are one-sided")
+    elif assembly.resolution:
+        reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
+    else:
+        moved = motion_rates(tasks, q, changes)
+    if not reasons and np.isnan(moved).any():
+        reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
+    weights = tasks[0].weights
+    amounts = moved @ (weights**2 * q) / solution.amount if len(q) else moved[:, 0]
+    scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
+    each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
+    return AssemblySensitivity(
+        exists=not reasons,
+        reasons=tuple(reasons),
+        parameters=problems[0].motion.names,
+        scales={name: x for name, (x, _) in zip(scales, each[:rates], strict=True)},
+        sizes={name: x for name, (x, _) in zip(sizes, each[rates:], strict=True)},
+        motion_by_scale={name: frozen(own) for name, (_, own) in zip(scales, each[:rates], strict=True)},
+        motion_by_size={name: frozen(own) for name, (_, own) in zip(sizes, each[rates:], strict=True)},
+    )
 
 
 def _by_pose(seed: Array, k: int) -> Field:

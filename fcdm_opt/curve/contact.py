@@ -299,13 +299,24 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
         sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
         tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
         kept: list[int] = []
-        for k in tight.tolist():
+        parts = movable.parts[i], static.parts[j]
+        own = np.array([_of_contact(*parts, contact, site) for site in sites[tight].tolist()], dtype=np.bool_)
+        for k in [*tight[own].tolist(), *tight[~own].tolist()]:  # as they turn other corners leave
             if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
                 kept.append(k)
         found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
     least = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
     return tuple(own.carried_by(movable, static) for own in least)
+
+
+def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequence[int]) -> bool:
+    """Tell whether the corner of a site, or both of its edges, are of what touches."""
+    kind, i, j = site
+    if kind == kernels.E1E2:
+        ends = one.edges[i, :2], two.edges[j, :2]
+        return bool(np.isin(contact.one, ends[0]).any() and np.isin(contact.two, ends[1]).any())
+    return i in contact.one if kind == kernels.V1F2 else j in contact.two
 
 
 def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -> bool:

@@ -167,7 +167,7 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     """
     from fcdm_opt.judge.only_motion import none_smaller, only_motion
 
-    if not any(problem.contacts for problem in problems):
+    if not any(problem.contacts for problem in problems) or not isfinite(amount):
         return False
     alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)

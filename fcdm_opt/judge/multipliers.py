@@ -4,7 +4,9 @@ The Lagrangian |y|^2 / 2 - l . F(y), y = weights * q, is half the square of the 
 whatever the multipliers l. Over a box it is bounded from below by its value and slopes at a motion, and by its second
 derivatives over the box: where these are positive, by what a least motion costs, exactly. Where l . F(y) is negative
 all over the box, nothing closes the contacts there. Goal "fit" leaves gaps between 0 and the largest one: of those with
-l > 0 that they are not negative holds the motion, of those with l < 0 that they are no larger. All in intervals.
+l > 0 that they are not negative holds the motion, of those with l < 0 that they are no larger. So do the gaps of parts
+that must not overlap, where nothing turns and all motions of the boxes leave them one direction to be apart in.
+All in intervals.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.judge.only_motion import equations
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
@@ -23,6 +26,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDED = 1.0 - 2.0**-44  # more than the rounding of the sums taken in floats here
 FAR = 8.0  # squares of a box's size that a multiplier which excludes it is worth
+ALIKE = 13  # digits in which directions are the same
+MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 ACCURACY = 1e-9  # relative, to which a bound is what is claimed
 
 
@@ -56,7 +61,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
         np.zeros(n + 1, np.int64), np.vstack([low, ends[:1]]), np.vstack([high, ends[1:]]), np.append(np.ones(n), -1.0)
     )
     covered = short <= 0.0 and wrong is None
-    shown = float(_Contacts(problem, solution).least(low, high, evidence.motions).min())
+    shown = float(_Contacts(problem, solution, ends).least(low, high, evidence.motions).min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
@@ -67,7 +72,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
 class _Contacts:
     """The gaps of contacts along their normals, or what lies off an edge or a corner, by weighted parameters."""
 
-    def __init__(self, problem: Problem, solution: Solution) -> None:
+    def __init__(self, problem: Problem, solution: Solution, ends: Array) -> None:
         import casadi
 
         k, smooth = len(problem.weights), all(step.smooth for step in problem.motion.steps)
@@ -79,15 +84,24 @@ class _Contacts:
         rows = casadi.vertcat(*equations(problem, moved, origin))
         normals = casadi.substitute(casadi.jacobian(rows, shift), shift, np.zeros(3))
         rows = casadi.substitute(rows, shift, np.zeros(3))
-        rows = casadi.vertcat(*(rows[j] / casadi.norm_2(normals[j, :]) for j in range(rows.numel())))
+        here = casadi.Function("normals", [y], [normals])(np.zeros(k)).full()
+        lengths = np.linalg.norm(here, axis=1)
+        kept = np.flatnonzero(lengths > DEFAULT.nominal * lengths.max()).tolist()  # of an edge, across it
+        surfaces = kept_as_surface(problem.movable, problem.static)
+        apart = _single_ways(problem, ends) if problem.motion.shifts and not surfaces else []
+        rows = casadi.vertcat(
+            *(rows[j] / casadi.norm_2(normals[j, :]) for j in kept),
+            *(level - casadi.dot(casadi.SX(n), T[:3, 3]) for n, level in apart),
+        )
         self._problem, self._smooth, self._fit = problem, smooth, problem.goal == FIT
-        self._sides = self._facing(casadi.Function("normals", [y], [normals])(np.zeros(k)).full())
+        self._sides = np.append(self._facing(here[kept]), np.ones(len(apart)))
+        self._listed = len(kept)
         self._rows = casadi.Function("rows", [y], [rows, casadi.densify(casadi.jacobian(rows, y))])
         self.largest = 0.0
         if self._fit and solution.status.found:
             q = np.array(list(solution.parameters.values()))
             gaps = self._sides * self._rows(problem.weights * q)[0].full().ravel()
-            self.largest = max(float(gaps.max()), 0.0) + (1.0 - ROUNDED) * problem.size
+            self.largest = max(float(gaps[: self._listed].max()), 0.0) + (1.0 - ROUNDED) * problem.size
         weights = casadi.SX.sym("l", rows.numel())
         total = casadi.dot(weights, rows)
         bend, slope = casadi.hessian(total, y)
@@ -112,21 +126,24 @@ class _Contacts:
 
     def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
         """Return multipliers that balance a motion, and such as tell how far equations are from met there."""
-        from scipy.optimize import lsq_linear
+        from scipy.optimize import nnls
 
         values, J = (own.full() for own in self._rows(y))
         values = self._sides * values.ravel()
         J = self._sides[:, None] * J
         ends = self._problem.limits.T * self._problem.weights
         free = (ends[0] < ends[1]) & (y > ends[0]) & (y < ends[1])
-        at = _signs(values, self.largest if self._fit else 0.0, DEFAULT.active * self._problem.size)
-        held = np.isinf(at).all(axis=0)
-        if held.all():
-            balanced = np.linalg.lstsq(J[:, free].T, y[free], rcond=DEFAULT.nominal)[0]
-        else:
-            balanced = lsq_linear(J[:, free].T, y[free], at, tol=1e-14).x
+        most = np.full(len(values), self.largest if self._fit else 0.0)
+        most[self._listed :] = np.inf
+        slack = DEFAULT.active * self._problem.size
+        held, opened = np.flatnonzero(values <= slack), np.flatnonzero(values >= most - slack)
+        shares, _ = nnls(np.vstack([J[held], -J[opened]])[:, free].T, y[free])
+        balanced = np.zeros(len(values))
+        balanced[held] += shares[: len(held)]
+        balanced[opened] -= shares[len(held) :]
         if self._fit:
             return (balanced,)
+        values[self._listed :], J[self._listed :] = 0.0, 0.0
         off = values - J @ np.linalg.lstsq(J, values, rcond=DEFAULT.nominal)[0]
         far = FAR * max(float((np.maximum(-low, high) ** 2).sum()), DEFAULT.tie)
         return balanced, *(-own * far / max(float(own @ own), 1e-300) for own in (off, values))
@@ -174,6 +191,33 @@ def _lowest(rate: Array, start: Array, end: Array, bend: Array) -> Array:
     return np.where(end >= start, np.min(values, axis=0), np.inf)
 
 
-def _signs(gaps: Array, largest: float, slack: float) -> tuple[Array, Array]:
-    """Return lower and upper ends of multipliers of gaps from 0 to the largest: only what is at an end holds."""
-    return np.where(gaps >= largest - slack, -np.inf, -1e-300), np.where(gaps <= slack, np.inf, 1e-300)
+def _single_ways(problem: Problem, ends: Array) -> list[tuple[Array, float]]:
+    """Return what keeps parts apart after all shifts of a box: a direction and the gap along it at rest, of each pair.
+
+    Convex parts are apart along a normal of a face of either or across two edges; of pairs to which all shifts leave
+    one of these at most, that one. They shift from rest by no more than the box lets them.
+    """
+    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+    reach = float((np.abs(ends).max(axis=0) / problem.weights) @ np.linalg.norm(ways, axis=1)) / ROUNDED
+    seed, (own, other) = problem.movable.seed, problem.target
+    opponents = [(part, problem.static.seed, other) for part in problem.static.parts]
+    opponents += [(part, part.seed, scale) for keep_out in problem.keep_out for part, scale in keep_out.obstacles]
+    found = []
+    for one in problem.movable.parts:
+        X = seed + own * (one.vertices - seed)
+        for two, datum, scale in opponents:
+            Y = datum + scale * (two.vertices - datum)
+            sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
+            if len(sides[0]) * len(sides[1]) > MOST_CROSSED:
+                continue
+            across = np.cross(sides[0][:, None], sides[1][None]).reshape(-1, 3)
+            lengths = np.linalg.norm(across, axis=1)
+            across = across[lengths > DEFAULT.planarity * lengths.max()]
+            across /= np.linalg.norm(across, axis=1)[:, None]
+            normals = np.vstack([one.normals, -two.normals, across, -across])
+            gaps = (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
+            some = np.unique(np.round(normals[gaps + reach >= 0.0], ALIKE), axis=0)
+            if len(some) == 1 and gaps.max() - reach <= 0.0:
+                best = int(gaps.argmax())
+                found.append((normals[best], float(gaps[best]) + 2.0 * 10.0**-ALIKE * problem.size))
+    return found

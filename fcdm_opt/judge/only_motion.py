@@ -23,6 +23,7 @@ from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
 PIECES = 5000  # of a box, at most
 NEAR = 1.0 - 1e-9  # how near to the unit matrix; what rounding does to the corners is far less
+DETERMINED = 0.1  # of a parameter, by the equations, from which on they narrow it by itself
 NARROWED = 0.7  # of the longest side, above which a piece is cut in two
 CORNERS = 1e-12  # of the size: more than the rounding of corners as made, which leaves equations off each other
 ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
@@ -167,11 +168,19 @@ class _Restored:
         z = (inverse @ levels[:, :, None])[:, :, 0]
         balanced = (np.swapaxes(inverse, 1, 2) @ z[:, :, None])[:, :, 0]
         against = levels - (J @ z[:, :, None])[:, :, 0]  # what no motion changes: where equations disagree
+        wide = values.shaped((*values.middle.shape, 1))
+        fixed, turned = Interval(inverse, np.zeros_like(inverse)), inverse @ J
+        own, level = np.diagonal(turned, axis1=1, axis2=2), fixed.contracted(wide)  # y_k, as far as it is determined
+        off = (fixed.contracted(over) - Interval(turned)).size + np.abs(turned) * (1.0 - np.eye(low.shape[1]))
+        reach = ((off @ half[:, :, None])[:, :, 0] + level.radius[:, :, 0]) / own / ROUNDED + (1.0 - ROUNDED) * least
+        place, told = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
+        low = np.where(told, np.maximum(low, place - reach), low)
+        high = np.where(told, np.minimum(high, place + reach), high)
         for ways in (balanced, against):
             w = (ways[:, None] @ J)[:, 0]
             fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])
             off = fixed.contracted(over)[:, 0] - Interval(w)
-            level = fixed.contracted(values.shaped((*values.middle.shape, 1))).high[:, 0, 0]
+            level = fixed.contracted(wide).high[:, 0, 0]
             terms = (w * centre).sum(axis=1), -level, -(off.size * half).sum(axis=1)
             steep = np.linalg.norm(w, axis=1)
             far = (sum(terms) - sum(map(np.abs, terms)) * (1.0 - ROUNDED)) / steep * ROUNDED

@@ -95,17 +95,18 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
     """Check the lower bound: of contacts that share motions, of each other one, and what they come to together."""
     assembly, checks = solution.assembly, shared_proofs(solution)
     shown = [check.value for check in checks]
-    taken = {pair for claim in solution.evidence or () for pair in claim.contacts}
+    claimed = {pair for claim in solution.evidence or () for pair in claim.contacts}
+    taken = {part for pair in claimed for part in assembly.involved(*pair)}
     for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
-        if pair[:2] in taken or tuple(own.parameters) != assembly.problem(pair).motion.names:
-            continue
+        if not assembly.is_own(pair) or pair.one in taken or tuple(own.parameters) != assembly.motions[pair.one].names:
+            continue  # its motion is counted, or it is not the only one that it depends on
         proofs = proof_checks(replace(own, problem=assembly.problem(pair)))
         checks += [check._replace(name=f"{pair}: {check.name}") for check in proofs]
-        if assembly.is_own(pair) and all(check.passed for check in proofs):
+        if all(check.passed for check in proofs):
             shown.append(assembly.weights[pair.one] * own.lower_bound)
-    least, claimed = hypot(*shown), solution.lower_bound
-    passed, why = claimed <= least + DEFAULT.requirement * claimed, "of all contacts that share no motion"
-    return (*checks, Check(f"{PROOF}lower bound", passed, least, claimed, why))
+    least, bound = hypot(*shown), solution.lower_bound
+    passed, why = bound <= least + DEFAULT.requirement * bound, "of all contacts that share no motion"
+    return (*checks, Check(f"{PROOF}lower bound", passed, least, bound, why))
 
 
 def placed(solution: AssemblySolution) -> AssemblySolution:

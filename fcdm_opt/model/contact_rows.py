@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.active_parts import with_near_parts
 from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -84,7 +85,9 @@ class ContactRows:
         Parts that have no rows are further apart than this at the motion looked at: as long as no vertex is displaced
         by more from there, none of them touches. Infinite where all have rows.
     motion : ContactRow
-        (q, seeds) -> transform, (4, 4), of body 1.
+        (q, seeds) -> transform, (4, 4), of body 1; of an assembly of the first part that moves.
+    motions : mapping of name to ContactRow
+        That of each part that moves, in the world.
     contacts : tuple of ContactRow
         (q, seeds, feature, rho) -> line, normal, gap: of a pair of features the contact line (a, b, c) and its normal
         from body 1 to body 2, not normalised; and the gap at a scale pair `rho` along the unit normal, 0 where the
@@ -110,6 +113,7 @@ class ContactRows:
     resolution: Array | None
     within: float
     motion: ContactRow
+    motions: Mapping[str, ContactRow]
     contacts: tuple[ContactRow, ...]
     alignments: tuple[ContactRow, ...]
     switching_point: ContactRow | None
@@ -118,7 +122,7 @@ class ContactRows:
 
 @known_arguments
 def contact_rows(
-    problem: Problem, at: Sequence[float] | Array | None = None, *, within: float | None = None
+    problem: Problem | Assembly, at: Sequence[float] | Array | None = None, *, within: float | None = None
 ) -> ContactRows:
     """Return the contacts, clearances and motion of a problem as CasADi functions.
 
@@ -129,7 +133,9 @@ def contact_rows(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
+        Of an assembly the rows of its contacts, and of all two parts that they stay apart, in the parameters of all
+        motions: "part.parameter".
     at : (k,) floats, optional
         Motion at which features and first planes are looked for; default no motion.
     within : float, optional
@@ -142,6 +148,8 @@ def contact_rows(
         Where the problem leaves open which two of several features it tracks, for a wrong number of parameters, and for
         keep-outs kept as a surface: rows of the surface alone would not keep a part out of the solid.
     """
+    if isinstance(problem, Assembly):
+        return _of_assembly(problem, at, within)
     expected(problem, Problem, "problem")
     if hollow := [own.name for own in problem.keep_out if own.body.hollow]:
         what = "rows keep parts out of a surface, and not of the solid in it"
@@ -162,17 +170,44 @@ def contact_rows(
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
     near = np.argwhere(task.pair_gaps(q) <= (np.inf if within is None else within)).tolist()
     nearest = {(i, j): _nearest(task, (i, j), q) for i, j in near}
+    moved = ContactRow("motion", pose(task.motion), seeds, np.empty(0))
     return ContactRows(
         parameters=task.motion.names,
         limits=frozen(task.limits),
         weights=frozen(task.weights),
         resolution=problem.resolution,
         within=np.inf if within is None else within,
-        motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),
+        motion=moved,
+        motions={problem.movable.name: moved},
         contacts=_contacts(task, q, nearest, seeds),
         alignments=_alignments(task, seeds),
         switching_point=_switching_point(task, seeds),
         clearances=tuple(_clearance(task, parts, q, normal, seeds) for parts, (_, normal) in nearest.items()),
+    )
+
+
+def _of_assembly(assembly: Assembly, at: Sequence[float] | Array | None, within: float | None) -> ContactRows:
+    """Return the rows of every two parts, in the parameters of all motions."""
+    questions = assembly.questions.items()
+    each = {" - ".join(pair): contact_rows(problem, at, within=within) for pair, problem in questions}
+    asked = [*each.values()][: len(assembly.contacts)]
+
+    def named(kind: str, some: Iterable[tuple[str, ContactRows]]) -> tuple[ContactRow, ...]:
+        return tuple(replace(row, name=f"{name}: {row.name}") for name, own in some for row in getattr(own, kind))
+
+    motions = {}
+    for part in assembly.motions:  # as a fixed part sees it
+        problem = assembly.problem(JoinedPair(part, assembly.fixed[0], CLEAR), tuple(assembly.motions))
+        seeds = {"seeds": frozen(np.append(problem.movable.seed, problem.static.seed))}
+        motions[part] = ContactRow(part, pose(problem.motion), seeds, np.empty(0))
+    return replace(
+        asked[0],
+        within=min(own.within for own in each.values()),
+        motion=next(iter(motions.values())),
+        motions=motions,
+        contacts=named("contacts", zip(each, asked, strict=False)),
+        alignments=named("alignments", zip(each, asked, strict=False)),
+        clearances=named("clearances", each.items()),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import Any, Self
 
@@ -12,7 +13,7 @@ import numpy as np
 from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.plain import agree, plain
+from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.solution import Bounded, Solution, Status, kept_clear
@@ -30,6 +31,35 @@ def kept_apart(one: str, two: str) -> str:
 def kept_clear_by(part: str, keep_out: str) -> str:
     """Return the name of the check that a part keeps clear of a keep-out."""
     return f"{part}: {kept_clear(keep_out)}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AssemblySensitivity(Plain):
+    """First derivatives of the least amount of an assembly, and of its motions, each by one datum.
+
+    Attributes
+    ----------
+    exists : bool
+        Whether there are any; else the values are nan.
+    reasons : tuple of str
+        Why not.
+    parameters : tuple of str
+        Of all motions, "part.parameter".
+    scales : dict
+        Name of each part -> by its scale, amount per unit of scale.
+    sizes : dict
+        Name of each of the assembly's sizes -> by it, from the sizes made.
+    motion_by_scale, motion_by_size : dict
+        The same names -> (k,) array of the parameters by it, lengths and radians.
+    """
+
+    exists: bool
+    reasons: tuple[str, ...]
+    parameters: tuple[str, ...]
+    scales: Mapping[str, float]
+    sizes: Mapping[str, float]
+    motion_by_scale: Mapping[str, Array]
+    motion_by_size: Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,6 +132,11 @@ class AssemblySolution(Bounded):
         """Which part leaves its fit, and where."""
         checks = self.certificate.checks if self.certificate and self.status is Status.OUTSIDE_FIT else ()
         return next((check.note for check in checks if check.name == IN_PLACE), "")
+
+    @cached_property
+    def sensitivity(self) -> AssemblySensitivity:
+        """Derivatives of amount and motions by scales and sizes; worked out when first asked for, then kept."""
+        return upper("along.sensitivity:assembly_sensitivity")(self)
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:

@@ -322,6 +322,16 @@ class Assembly:
         """Tell whether a contact is of a part with the one that it follows: its motion alone restores it."""
         return self.follows.get(pair.one) == pair.two
 
+    @property
+    def questions(self) -> dict[tuple[str, str], Problem]:
+        """What is asked of every two parts, not both fixed, in the parameters of all motions; by the names of the two.
+
+        Its contacts in order, then of others that they do not overlap. Parameters are named "part.parameter".
+        """
+        asked = {frozenset(pair[:2]) for pair in self.contacts}
+        others = (JoinedPair(*pair, CLEAR) for pair in self.pairs() if frozenset(pair) not in asked)
+        return {pair[:2]: self.problem(pair, tuple(self.motions)) for pair in (*self.contacts, *others)}
+
     def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
         """Return the question about two parts: in the parameters of some parts' motions, which see each other move.
 

@@ -23,7 +23,9 @@ from fcdm_opt.proof.intervals import Interval
 from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
-ROUNDS, SHRINKS = 60, 0.99  # in which a ball is made smaller, and by what at least
+PIECES, NARROWED = 400, 0.7  # that are looked at, and of a longest side, above which a piece is cut in two
+DETERMINED = 0.1  # of a parameter, by the equations, from which on they narrow it by itself
+ROUNDING = 1e-12  # of the size: more than corners as made are off where they ought to be
 MOST_BOXES = 4000  # in which equations are shown to disagree
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
@@ -74,78 +76,78 @@ def unique(problems: Problems, q: Array, half: Array) -> Array:
     return np.asarray(off * (1.0 + 2.0**-40) < 1.0)  # nan is not
 
 
-@np.errstate(all="ignore")
-def least_amount(problems: Problems, way: Array, half: Array) -> float:
-    """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
-
-    Of multipliers l of the equations F, way = J' l in weighted parameters y: F(y) = 0 asks for l . F(0) = -l . J y, J
-    somewhere between rest and y. So y is no shorter than |l . F(0)| / |J' l|, J within a box, or it leaves the box.
+def least_amount(problems: Problems, tried: Array) -> float:
+    """Return the largest of some weighted amounts below which no motion restores the contacts; 0 where none is proved.
 
     Parameters
     ----------
-    way : (m,) array
-        Multipliers, one for each of `equations_at`: what is best is left to the caller.
-    half : (n,) array
-        Half widths of boxes of weighted parameters, of which the best is taken.
+    tried : (n,) array
+        Amounts, rising. What is proved of one holds of those before it.
     """
-    limits = problems[0].limits
-    moving = limits[:, 0] < limits[:, 1]
-    equations = _Equations(problems)
-    if limits[~moving].any() or not len(half):
-        return 0.0
-    wide, at_rest = half[:, None] * moving, equations.values(np.zeros(len(moving)))
-    value = sum((float(w) * x for w, x in zip(way, at_rest, strict=True)), Interval(0.0))
-    short = max(float(np.max(value.low)), -float(np.max(value.high)), 0.0)
-    over = equations.slopes(_boxes(-wide, wide))
-    fixed = np.broadcast_to(way, (len(half), 1, len(way)))
-    slope = Interval(fixed, np.zeros_like(fixed)).contracted(over).size[:, 0] / half[:, None]
-    steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
-    bounds = np.minimum(half, short / np.where(steep > 0.0, steep, np.inf)) * (1.0 - 2.0**-40)
-    return float(np.nan_to_num(np.where(steep > 0.0, bounds, half if short > 0.0 else 0.0)).max())
+    first, last = 0, len(tried)
+    while first < last:
+        middle = last - 1 if last == len(tried) else (first + last) // 2  # the largest first: nearly always it does
+        first, last = (middle + 1, last) if _none_below(problems, float(tried[middle])) else (first, middle)
+    return float(tried[first - 1]) if first else 0.0
 
 
 @np.errstate(all="ignore")
-def least_about(problems: Problems, q: Array) -> float:
-    """Return an amount below which no motion restores the contacts, by what holds of all that are no larger than this.
+def _none_below(problems: Problems, amount: float) -> bool:
+    """Tell whether no motion of a smaller weighted amount restores the contacts: boxes of them are narrowed to nothing.
 
-    With multipliers l such that l . J = y* at the motion's weighted parameters y*, of length A, every y that meets the
-    equations F has y* . (y - y*) = -l . F(y*) - (w - y*) . (y - y*), w = l . J somewhere between y and y*. So those of
-    length A at most have |y| >= A - d / A and |y - y*|^2 <= 2 d, d a bound of the right side; over this smaller ball w
-    is nearer to y*, and so on. Limits that hold a parameter help: there y - y* has one sign.
+    About the centre c of a box the equations F ask for F(c) + J (y - c) = 0, J somewhere in it. With multipliers l and
+    w = l . J(c) that is w . y = w . c - l . F(c) - (l . J - w) . (y - c), so that y is at least some way d along w; and
+    where it is no longer than a, in a ball of the radius sqrt(a^2 - d^2) about that place. Multipliers are those that
+    balance the least y, and those of what no y changes, where equations disagree.
     """
     weights, (low, high) = problems[0].weights, problems[0].limits.T
-    moving, y = low < high, weights * q
-    equations, amount = _Equations(problems), float(np.linalg.norm(y)) * (1.0 + 2.0**-40)
-    if not amount > 0.0 or not equations.count or y[~moving].any():
-        return 0.0
-    at_low, at_high = (q <= low) & moving, (q >= high) & moving
-    free, step = moving & ~at_low & ~at_high, 1e-9 * _size(problems)
-    slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
-    ways = np.linalg.lstsq(slopes[:, free].T, y[free], rcond=DEFAULT.nominal)[0]
-    left = sum((float(w) * x for w, x in zip(ways, equations.values(y), strict=True)), Interval(0.0))
-    rest, reach = float(np.max(left.size)), 2.0 * amount
-    fixed, bound = Interval(ways[None, None], np.zeros((1, 1, len(ways)))), 0.0
-    for _ in range(ROUNDS):
-        ends = np.maximum(y - reach, -amount), np.minimum(y + reach, amount)  # both balls
-        box = _boxes(
-            *(
-                np.where(moving, end + side * 2.0**-40 * amount, 0.0)[None]
-                for end, side in zip(ends, (-1.0, 1.0), strict=True)
-            )
-        )
-        wide = np.where(moving, box.half[0], 1.0)
-        own = fixed.contracted(equations.slopes(box))
-        slack = own.size[0, 0] / wide * 2.0**-38
-        below, above = own.low[0, 0] / wide - y - slack, own.high[0, 0] / wide - y + slack
-        both = np.maximum(-below, above)
-        off = np.where(at_low, np.maximum(above, 0.0), np.where(at_high, np.maximum(-below, 0.0), both))
-        short = (float(np.linalg.norm(np.where(moving, off, 0.0))) * reach + rest) * (1.0 + 2.0**-40)
-        found = (amount - short / amount) * (1.0 - 2.0**-40)
-        bound, before = max(bound, found), reach
-        reach = float(np.sqrt(2.0 * short)) * (1.0 + 2.0**-40)
-        if not reach < SHRINKS * before:
-            break
-    return max(bound, 0.0)
+    moving, equations = low < high, _Equations(problems)
+    if low[~moving].any() or not equations.count or not moving.any():
+        return False
+    low, high = np.maximum(low * weights, -amount)[None], np.minimum(high * weights, amount)[None]
+    looked_at, noise = 0, ROUNDING * _size(problems)
+    while len(low) and looked_at + len(low) <= PIECES and not pacing.over():
+        looked_at += len(low)
+        boxes = _boxes(low, high)
+        centre, half, slopes = boxes.centre, np.where(moving, boxes.half, 1.0), equations.slopes(boxes)
+        values = equations.centred(boxes) + Interval(0.0, noise)  # corners as made are off each other
+        J = slopes.middle / half[:, None]
+        inverse = np.linalg.pinv(J, rcond=DEFAULT.nominal)
+        levels = np.einsum("nmk,nk->nm", J, centre) - values.middle
+        least = np.einsum("nkm,nm->nk", inverse, levels)
+        wide, below, above = (high - low).max(axis=1), low, high
+        for ways in (np.einsum("nkm,nk->nm", inverse, least), levels - np.einsum("nmk,nk->nm", J, least)):
+            fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])
+            w = np.einsum("nm,nmk->nk", ways, J)
+            rest = (fixed.contracted(slopes)[:, 0] - Interval(w) * Interval(half)).size.sum(axis=1)
+            level = fixed.contracted(values.shaped((*values.middle.shape, 1))).high[:, 0, 0]
+            along, steep = (w * centre).sum(axis=1), np.linalg.norm(w, axis=1)
+            far = along - level - rest - (np.abs(along) + np.abs(level) + rest) * 2.0**-40
+            far = np.where(far > 0.0, far / steep * (1.0 - 2.0**-40), 0.0)  # nan is not
+            reach = np.sqrt(np.maximum(amount * amount - far * far, 0.0)) + 2.0**-38 * amount
+            near = np.where(far > 0.0, np.where(far < amount, reach, -np.inf), np.inf)[:, None]
+            place = np.where(far > 0.0, far / steep, 0.0)[:, None] * w
+            below, above = np.maximum(below, place - near), np.minimum(above, place + near)
+        # each number by itself, as far as the equations determine it
+        fixed = Interval(inverse, np.zeros_like(inverse))
+        P = inverse @ J
+        rest = (fixed.contracted(slopes) - Interval(P) * Interval(half[:, None])).size.sum(axis=2)
+        level = fixed.contracted(values.shaped((*values.middle.shape, 1)))
+        own = np.einsum("nkk->nk", P)
+        others = (np.abs(P) * half[:, None]).sum(axis=2) - np.abs(own) * half
+        reach = (rest + others + level.radius[:, :, 0]) / own * (1.0 + 2.0**-40) + 2.0**-40 * amount
+        known = moving & (own > DETERMINED)
+        place = centre - level.middle[:, :, 0] / own
+        below = np.maximum(below, np.where(known, place - reach, -np.inf))
+        above = np.minimum(above, np.where(known, place + reach, np.inf))
+        kept = ~(below > above).any(axis=1)
+        low, high = below[kept], above[kept]
+        cut = np.flatnonzero((high - low).max(axis=1) > NARROWED * wide[kept])
+        axis = (high - low)[cut].argmax(axis=1)
+        more = low[cut], high[cut]
+        high[cut, axis] = more[0][np.arange(len(cut)), axis] = 0.5 * (low + high)[cut, axis]
+        low, high = np.concatenate([low, more[0]]), np.concatenate([high, more[1]])
+    return not len(low)
 
 
 @np.errstate(all="ignore")
@@ -199,9 +201,9 @@ def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """
     limits = problems[0].limits
     moving, equations, step = limits[:, 0] < limits[:, 1], _Equations(problems), 1e-9 * _size(problems)
-    values = [value.middle for value in equations.values(y)]
+    values = equations.centred(_boxes(y[None], y[None])).middle[0]
     slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
-    return np.array(values).ravel(), slopes
+    return values, slopes
 
 
 def _size(problems: Problems) -> float:
@@ -219,14 +221,6 @@ class _Equations:
     def __init__(self, problems: Problems) -> None:
         self._own = [(_motion(problem), list(_equations(problem))) for problem in problems if problem.contacts]
         self.count = sum(len(equations) for _, equations in self._own)
-
-    def values(self, y: Array) -> list[Interval]:
-        """Return their values at weighted parameters."""
-        found = []
-        for motion, equations in self._own:
-            centre = motion.poses(_boxes(y[None], y[None])).centre
-            found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
-        return found
 
     def centred(self, boxes: Boxes) -> Interval:
         """Return their values at the centres of boxes, (n, equations)."""

@@ -27,7 +27,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.exclusion import Exclusion
-from fcdm_opt.proof.uniqueness import equations_at, excluded, least_about, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.ways_apart import Linearised
 from fcdm_opt.tolerances import DEFAULT
@@ -43,8 +43,8 @@ TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
 OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
-BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
-ENOUGH = 1e-6  # relative gap with which a bound is left
+BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: contacts among other parts, linear in the motion", "2: several contacts, by Newton's method"
@@ -131,7 +131,7 @@ def all_at_once(
     if prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
         if bound < amount:
-            bound = max(bound, _by_multipliers(joined, q))
+            bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
     count = sum(len(task.joints) for task in tasks)
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
@@ -204,22 +204,8 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
             return 0.0
         if np.abs(task.line_gaps(y / task.weights)[1]).max() <= DEFAULT.touch * task.size:
             return widest_unique((problem,), y / task.weights)  # the one motion that closes all is no answer
-        half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
-        return least_amount((problem,), values, half)
-    return _by_multipliers((problem,), answer.q)
-
-
-def _by_multipliers(problems: Sequence[Problem], q: Array) -> float:
-    """Return a bound by the multipliers that balance a motion: near it, or as far as they hold all around."""
-    bound, y = least_about(problems, q), problems[0].weights * q
-    amount = float(np.linalg.norm(y))
-    if bound >= (1.0 - ENOUGH) * amount:
-        return bound
-    values, slopes = equations_at(problems, y)
-    if not len(values):
-        return 0.0
-    way = np.asarray(np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0])
-    return max(bound, least_amount(problems, way, np.array([amount])))
+        return least_amount((problem,), max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES))
+    return least_amount((problem,), answer.amount * np.array(SHARES))
 
 
 @dataclass(frozen=True, eq=False)

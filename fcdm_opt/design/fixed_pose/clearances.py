@@ -173,6 +173,7 @@ def clearances(
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
     expected(problem, Problem, "problem")
+    need_all_parts(problem, "a pose for all sizes")
     transform = transform_of(problem, pose)
     own = by_name(problem, sizes, box)
     if own:
