@@ -355,7 +355,7 @@ def beside_a_post(**more) -> fo.Problem:
     cube, table = fo.Body.convex(box((0, 0, 0), (1, 1, 1))), fo.Body.convex(box((-3, -3, -1), (3, 3, 0)))
     post = fo.Body.convex(box((1, 0, -0.5), (2, 1, 1)), name="post")
     given = {"tolerance": 0.01, "requirement": "A", "goal": "touch", **more}
-    motion, how = fo.Translation("x") >> fo.Translation("z"), given.pop("post", {})
+    motion, how = given.pop("motion", fo.Translation("x") >> fo.Translation("z")), given.pop("post", {})
     return fo.Problem(cube, table, keep_out=(fo.KeepOut(post, **how),), motion=motion, **given)
 
 

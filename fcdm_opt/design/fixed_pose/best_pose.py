@@ -243,7 +243,7 @@ def best_pose(
     if not own:
         need_all_parts(problem, "a pose for all sizes")
     worst = Worst.of(problem, asked, low, high)
-    slack, effort = problem.contact_slack, effort if certify and (problem.motion.shifts or not own) else 0
+    slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack
     if not inside:

@@ -106,6 +106,8 @@ class SizedBodies:
         How far points of body 1 are from its seed at most.
     nearest : float
         How far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known.
+    covers : bool
+        Whether rows are known at all poses of a cell, however large.
     """
 
     names: tuple[str, ...] = SCALES
@@ -113,6 +115,7 @@ class SizedBodies:
     starts: Sequence[Ints] = (np.zeros(1, np.int64), np.zeros(1, np.int64))
     reach: float
     nearest: float = np.inf
+    covers: bool = True
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
         self.movable, self.static, self.sizes = movable, static, sizes
@@ -259,7 +262,7 @@ class OwnSizes(SizedBodies):
     def __init__(self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None) -> None:
         super().__init__(movable, static, Sizes(tolerance_boxes(own)))
         self.own, self.names, self.places = own, tuple(size.name for size in own), places
-        self.reach = movable.size
+        self.reach, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
 
     def _touching(self, pose: Array) -> tuple[TouchingSizes, Array]:

@@ -94,14 +94,14 @@ class Worst:
         away = float(np.linalg.norm(movable.seed - static.seed))
         reach = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
         some = 0 < straight.sum() <= 3
-        narrow = float(np.linalg.svd(ways[straight], compute_uv=False)[-1]) if some else 0.0
+        narrow = float(np.linalg.svd(ways[straight], compute_uv=False)[-1]) if some else 1.0
         limits = np.array(problem.limits)
         for k in np.flatnonzero(straight).tolist():
             far = reach / narrow if narrow > DEFAULT.nominal else np.inf
             within = passage(problem, ways[k])  # gaps beyond a wall mean nothing
             limits[k] = max(limits[k, 0], -far, within[0]), min(limits[k, 1], far, within[1])
         places = None
-        if motion.shifts:
+        if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
         own, kept = tuple(size for size in problem.sizes if size.body == "movable"), list[Worst]()
