@@ -236,7 +236,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - slack).tolist()
         own_sites = [k for k in tight if is_own((task.movable, one), (other, opponent.part), sites[k])]
-        if not own_sites and widest <= slack:
+        if not own_sites and (widest <= slack or opponent.need <= 0.0):
             continue  # only cuts of the solids meet, which touch elsewhere or not at all
         if other is task.static and any(_is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
@@ -254,10 +254,12 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
             known = (feature.kind, *np.round(feature.points, DECIMALS).ravel().tolist())
             if known not in seen:  # of parts that have a corner of the solids in common
                 seen.add(known)
-                yield _constraint(
+                made = _constraint(
                     task, q, (feature,), -1.0 if closing else 1.0, at=(other.seed, scales),
                     keep_out=other is not task.static, alone=number if closing else -1,
                 )  # fmt: skip
+                if closing or np.abs(made.slope).max() > DEFAULT.tie:  # else no motion brings the two nearer
+                    yield made
 
 
 def _is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
