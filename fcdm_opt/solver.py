@@ -20,7 +20,7 @@ from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides
+from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -148,22 +148,14 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
             break
         problem = lies
         if problem.goal == "touch" and problem.partial:  # where it comes free it touches
-            problem = _like(problem, _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem)
+            free = _outside_of_solids(problem.changed(goal="clear", clearance=0.0), how).problem
+            problem = with_parts(problem, free.active_indices)
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
         return solution
-    solution, certificate = judged(replace(solution, problem=_like(asked, solution.problem), evidence=None))
+    found = with_parts(asked, solution.problem.active_indices)
+    solution, certificate = judged(replace(solution, problem=found, evidence=None))
     return solution.with_certificate(certificate, solution.seconds)
-
-
-def _like(problem: Problem, other: Problem) -> Problem:
-    """Return a problem with those parts of large bodies modelled, too, that are in another about the same bodies."""
-    known, others = problem.active_indices, other.active_indices
-    if known is None or others is None:
-        return problem
-    new = [np.setdiff1d(more, own) for own, more in zip(known, others, strict=True)]
-    own, its = (more[more < len(body.parts)] for more, body in zip(new, problem.bodies, strict=False))
-    return problem.with_active_parts((np.append(known[0], own), np.append(known[1], its)))
 
 
 def _with_all_that_matters(problem: Problem, how: _How) -> Solution:

@@ -535,20 +535,20 @@ def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:
     return kept
 
 
-def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple[Array, ...]:
+def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple[Any, ...]:
     """Return rows of the facets of one part, each with the corners of the other that its normal's cone holds."""
     shares = np.einsum("txy,fy->ftx", two.cones, -one.normals)
     facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
-    n = one.normals[facet]
-    base = one.bases[facet]
-    rows = np.column_stack([
-        (n * (two.points[corner] - one.points[base])).sum(axis=1),
-        np.einsum("mx,mxk->mk", n, two.moves[corner]) - np.einsum("mx,mxk->mk", n, one.moves[base]),
-    ])  # fmt: skip
-    mine, theirs = facet, corner
-    kind = np.full(len(rows), int(swapped))
-    found = (-n, rows, theirs, mine, kind) if swapped else (n, rows, mine, theirs, kind)
-    return tuple(map(np.asarray, found))
+    n, kind = one.normals[facet], np.full(len(facet), int(swapped))
+    rows = _heights(n, one, one.bases[facet], two, corner)
+    return (-n, rows, corner, facet, kind) if swapped else (n, rows, facet, corner, kind)
+
+
+def _heights(n: Array, one: _PosedPart, own: Ints, two: _PosedPart, other: Ints) -> Array:
+    """Return how far corners of one part are from those of another along directions, and how that changes."""
+    gaps = (n * (two.points[other] - one.points[own])).sum(axis=1)
+    rates = np.einsum("mx,mxk->mk", n, two.moves[other]) - np.einsum("mx,mxk->mk", n, one.moves[own])
+    return np.column_stack([gaps, rates])
 
 
 def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
@@ -566,11 +566,7 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
     n *= np.sign((n * (a[i] + b[i])).sum(axis=1))[:, None]
     kept = ((n * (a[i] + b[i])).sum(axis=1) > 0.0) & ((n * (c[j] + d[j])).sum(axis=1) > 0.0)
     i, j, n = i[kept], j[kept], n[kept]
-    p, q = one.ends[i], two.ends[j]
-    rows = np.column_stack([
-        (n * (two.points[q] - one.points[p])).sum(axis=1),
-        np.einsum("mx,mxk->mk", n, two.moves[q]) - np.einsum("mx,mxk->mk", n, one.moves[p]),
-    ])  # fmt: skip
+    rows = _heights(n, one, one.ends[i], two, two.ends[j])
     return n, rows, one.edge_names[i], two.edge_names[j], np.full(len(rows), 2)
 
 

@@ -196,8 +196,7 @@ class _Restored:
     def _worked_out(self, function: IntervalFunction, low: Array, high: Array) -> tuple[Interval, Any]:
         """Return outputs over boxes, (n, outputs), and where they may jump."""
         (found,), jumps = function([Interval.between(low[:, k], high[:, k]) for k in range(low.shape[1])])
-        sides = ([np.broadcast_to(getattr(x, side), len(low)) for x in found] for side in ("middle", "radius"))
-        return Interval(*(np.stack(side, axis=-1) for side in sides)), jumps
+        return Interval.stacked(found, (len(low),)), jumps
 
 
 def _independent(slopes: Array) -> list[int]:

@@ -133,14 +133,22 @@ def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array 
     rho : (2,) array, optional
         Scale pair; by default the target pair.
     """
-    known = problem.active_indices
-    if known is None:
+    if not problem.partial:
         return problem
     near = _near(problem.movable, problem.static, problem.target if rho is None else rho, transform, band)
-    more = [np.setdiff1d(own, rows) for rows, own in zip(known, near.parts.T, strict=True)]
-    if not any(map(len, more)):
+    return with_parts(problem, near.parts.T)
+
+
+def with_parts(problem: Problem, wanted: Indices | Ints | None) -> Problem:
+    """Return the problem with some parts of either body active, too, where not all are; no others than it has."""
+    known = problem.active_indices
+    if known is None or wanted is None:
         return problem
-    return problem.with_active_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+    there = (own[(own >= 0) & (own < len(body.parts))] for own, body in zip(wanted, problem.bodies, strict=False))
+    one, two = (np.setdiff1d(own, rows) for own, rows in zip(there, known, strict=True))
+    if not len(one) and not len(two):
+        return problem
+    return problem.with_active_parts((np.append(known[0], one), np.append(known[1], two)))  # those known come first
 
 
 def with_parts_on_the_way(problem: Problem, along: Array, rho: Array, low: float, high: float) -> Problem:
@@ -191,11 +199,7 @@ def expand_active_parts(
         sooner = (_new(*reason, kept, most) for reason in _touching_sooner(problem, movable, static, amount, kept))
         found += next(([new] for new in sooner if len(new)), [])
     new = np.concatenate(found)
-    if not len(new):
-        return None
-    # those known keep their numbers, see `Problem.with_active_parts`
-    more = [np.setdiff1d(own[own >= 0], rows) for rows, own in zip(known, new.T, strict=True)]
-    return problem.with_active_parts((np.append(known[0], more[0]), np.append(known[1], more[1])))
+    return with_parts(problem, new.T) if len(new) else None
 
 
 def with_insides(problem: Problem, transform: Array) -> Problem | None:

@@ -410,9 +410,9 @@ class _Examiner:
         found = [test(self.kinematics.poses(pieces[start : start + BATCH])) > 0.0 for start in batches]
         return np.concatenate([np.empty(0, dtype=bool), *found])
 
-    def _witness(self, poses: Poses, row: int = 0) -> Array:
-        """Return a witness row of each piece's cell, (n, 16)."""
-        return self.evidence.witnesses[self.evidence.first[poses.pieces.rows] + row]
+    def _witness(self, poses: Poses) -> Array:
+        """Return the first witness row of each piece's cell, (n, 16)."""
+        return self.evidence.witnesses[self.evidence.first[poses.pieces.rows]]
 
     def short(self, poses: Poses) -> Array:
         """Return by how much the tracked pair lies short of the target, or a line misses it."""
@@ -537,12 +537,8 @@ class _Examiner:
             along = end - start
             own = poses[here]
             place, beyond = self._place(own, witness[here])
-            normals, levels = _planes(part, corners)
-            given = [
-                *(Interval(normals.T[k][None]) for k in range(3)),
-                Interval(levels.middle[None], levels.radius[None]),
-            ]
-            given += [x for vector in (start, along) for x in _numbers(vector)]
+            normals, planes = _planes(part, corners)
+            given = [*planes, *(x for vector in (start, along) for x in _numbers(vector))]
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
             margin[here] = np.where(known, depth, -np.inf)
@@ -556,8 +552,7 @@ class _Examiner:
     def _depth_of_point(self, poses: Poses, x: Array, i: int, j: int) -> Array:
         """Return how deep a point that moves with body 1 is inside an obstacle, less how far it is from the part."""
         obstacle, none = self.obstacles[j], Interval(np.zeros((len(x), 1)))
-        normals, levels = _planes(obstacle.part, obstacle.vertices)
-        planes = [*(Interval(normals.T[k][None]) for k in range(3)), Interval(levels.middle[None], levels.radius[None])]
+        normals, planes = _planes(obstacle.part, obstacle.vertices)
         still = Place(none, none, Interval(np.zeros((len(x), 1, poses.pieces.half.shape[1]))))
         given = [*planes, *_numbers(Interval(x), Interval(np.zeros_like(x)))]
         lows, _ = poses.bounds(conditions.depth(0), given, still)
@@ -648,12 +643,9 @@ def _numbers(*vectors: Interval) -> list[Interval]:
     for vector in vectors:
         for k in range(3):
             own = vector[..., k]
-            found.append(own if np.ndim(own.middle) == 0 else Interval(own.middle[:, None], _as_column(own.radius)))
+            each = np.ndim(own.middle) > 0
+            found.append(Interval(own.middle[:, None], np.asarray(own.radius)[..., None]) if each else own)
     return found
-
-
-def _as_column(radius: Any) -> Any:
-    return radius if np.ndim(radius) == 0 else radius[:, None]
 
 
 def _joined(numbers: Sequence[Interval]) -> Interval:
@@ -713,8 +705,8 @@ def _extremes(
     return points[0], points[1], reach
 
 
-def _planes(part: ConvexPart, vertices: Interval) -> tuple[Array, Interval]:
-    """Return directions and levels such that what is below all levels is inside a part with these vertices.
+def _planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]]:
+    """Return directions, and their numbers with levels, below all of which all is inside a part with these vertices.
 
     The level of a face is that of its lowest vertex: a point beyond the part is seen from inside it through some hull
     facet, whose vertices are among those of one face, and lies higher than they do.
@@ -725,7 +717,7 @@ def _planes(part: ConvexPart, vertices: Interval) -> tuple[Array, Interval]:
         corners = vertices[list(loop)]
         heights = corners[..., 0] * n[0] + corners[..., 1] * n[1] + corners[..., 2] * n[2]
         levels.append(float(heights.low.min()))
-    return normals, Interval(np.array(levels), np.zeros(len(levels)))
+    return normals, [*(Interval(x[None]) for x in normals.T), Interval(np.array([levels]), np.zeros((1, len(levels))))]
 
 
 def _off(points: Array, vertices: Interval) -> Array:

@@ -43,6 +43,12 @@ class Interval:
             radius = np.maximum(high - middle, middle - low) * UP
             return cls(middle, np.where(bounded, radius, np.inf))
 
+    @classmethod
+    def stacked(cls, numbers: Sequence[Interval], shape: tuple[int, ...]) -> Interval:
+        """Return numbers, each broadcast to a shape, one after the other along a new last axis."""
+        sides = zip(*(number._sides for number in numbers), strict=True)
+        return cls(*(np.stack([np.broadcast_to(own, shape) for own in side], axis=-1) for side in sides))
+
     @property
     def low(self) -> Any:
         """Lower end."""

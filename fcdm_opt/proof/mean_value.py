@@ -267,8 +267,7 @@ def _together(numbers: Sequence[Interval], count: int) -> Interval:
     shape = np.broadcast_shapes(
         (count, 1), *(np.shape(x.middle) for x in numbers), *(np.shape(x.radius) for x in numbers)
     )
-    sides = ([np.broadcast_to(getattr(x, side), shape) for x in numbers] for side in ("middle", "radius"))
-    return Interval(*(np.stack(side, axis=-1) for side in sides))
+    return Interval.stacked(numbers, shape)
 
 
 def _origin(motion: Motion, seed: Array) -> Array:

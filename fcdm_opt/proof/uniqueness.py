@@ -219,7 +219,11 @@ class _Equations:
     """The equations of all contacts of some problems, in order."""
 
     def __init__(self, problems: Problems) -> None:
-        self._own = [(_motion(problem), list(_equations(problem))) for problem in problems if problem.contacts]
+        self._own = [
+            (_motion(problem), [own for feature in problem.contacts for own in _equations(problem, feature)])
+            for problem in problems
+            if problem.contacts
+        ]
         self.count = sum(len(equations) for _, equations in self._own)
 
     def centred(self, boxes: Boxes) -> Interval:
@@ -228,12 +232,7 @@ class _Equations:
         for motion, equations in self._own:
             centre = motion.poses(boxes).centre
             found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
-        shape = (len(boxes.rows), 1)
-        sides = (
-            np.concatenate([np.broadcast_to(getattr(own, side), shape) for own in found], axis=1)
-            for side in ("middle", "radius")
-        )
-        return Interval(*sides)
+        return Interval.stacked(found, (len(boxes.rows), 1))[:, 0]
 
     def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
         """Return derivatives of all, or of those chosen, over boxes times their half widths, (n, equations, k)."""
@@ -257,12 +256,7 @@ def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) 
     found = []
     for kind, given in equations:
         (_, slopes), _ = _expression(kind).slopes(poses.over, given)
-        n = len(boxes.rows)
-        sides = (
-            np.stack([np.broadcast_to(getattr(x, side), (n, 1)) for x in slopes], axis=-1)
-            for side in ("middle", "radius")
-        )
-        own = Interval(*sides).contracted(poses.change)
+        own = Interval.stacked(slopes, (len(boxes.rows), 1)).contracted(poses.change)
         found.append(Interval(own.middle, np.where(poses.jumps[:, :, None], np.inf, own.radius)))
     return found
 
@@ -278,13 +272,8 @@ def _independent(slopes: Array, count: int) -> list[int]:
     return sorted(kept[:count])
 
 
-def _equations(problem: Problem) -> Iterator[Equation]:
-    """Yield the equations of all contacts."""
-    for feature in problem.contacts:
-        yield from _equations_of(problem, feature)
-
-
-def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
+def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
+    """Yield the equations of a contact."""
     own, other = (
         [Interval(scale) * (Interval(body.vertices[label - 1]) - body.seed) for label in element.vertices]
         for body, element, scale in (
@@ -300,20 +289,20 @@ def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
             yield "in two", [*_numbers(own[0], axis, other[0])]
     elif kinds[1] == "E" and (kinds[0] == "V" or flush):
         for point, axis in product(own, axes):
-            yield "in two", [*_numbers(point, _cross(_less(other[1], other[0]), axis), other[0])]
+            yield "in two", [*_numbers(point, _cross(other[1] - other[0], axis), other[0])]
     elif kinds == "EV":
         for axis in axes:
-            yield "in one", [*_numbers(other[0], _cross(_less(own[1], own[0]), axis), own[0])]
+            yield "in one", [*_numbers(other[0], _cross(own[1] - own[0], axis), own[0])]
     elif kinds == "EE":
-        yield "edges", [*_numbers(own[0], _less(own[1], own[0]), other[0], _less(other[1], other[0]))]
+        yield "edges", [*_numbers(own[0], own[1] - own[0], other[0], other[1] - other[0])]
     elif kinds[1] == "F":
         a, b, c = _corners(other)
         for point in own if kinds != "FF" else _corners(own):
-            yield "in two", [*_numbers(point, _cross(_less(b, a), _less(c, a)), a)]
+            yield "in two", [*_numbers(point, _cross(b - a, c - a), a)]
     elif kinds[0] == "F":
         a, b, c = _corners(own)
         for point in other:
-            yield "in one", [*_numbers(point, _cross(_less(b, a), _less(c, a)), a)]
+            yield "in one", [*_numbers(point, _cross(b - a, c - a), a)]
 
 
 def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
@@ -325,13 +314,9 @@ def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
     return points[one], points[two], points[three]
 
 
-def _less(u: Interval, v: Interval) -> Interval:
-    return u - v
-
-
 def _cross(u: Interval, v: Interval) -> Interval:
     rows = [u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3] for k in range(3)]
-    return Interval(*(np.array([getattr(row, side) for row in rows]) for side in ("middle", "radius")))
+    return Interval.stacked(rows, ())
 
 
 def _numbers(*vectors: Interval) -> Iterator[Interval]:

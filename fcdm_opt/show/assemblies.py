@@ -13,7 +13,7 @@ from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import parts_figure
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import UNPROVED, print_solutions, verdict_cell
+from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -30,9 +30,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
         if row.unproved:
             print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
         if solution.status.name != "SOLVED":
-            failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
-            checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            print_text(f"{name}: {solution.advice}{checks}", indent="   ")
+            print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
         for told in (*solution.stages, *solution.active) if not solution.usable else solution.stages:
             print_text(f"{name}: {told}", indent="   ")
         if solution.doubt:

@@ -123,12 +123,10 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
-            failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
-            checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
             advice = advised(row)
             if advice.startswith("Does not fit"):  # as the verdict says
                 advice = advice.partition(". ")[2]
-            notes = [f"{advice}{checks}", *notes]
+            notes = [f"{advice}{failed_text(solution)}", *notes]
         for text in notes:
             said.setdefault(text, []).append(solution.problem.name)
     for text, names in said.items():
@@ -166,6 +164,12 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
     }
+
+
+def failed_text(solution: Bounded) -> str:
+    """Return which checks of a motion that was found failed, as a sentence after another one; "" for none."""
+    failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
+    return f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
 
 
 def verdict_cell(solution: Bounded) -> str:

@@ -29,7 +29,7 @@ from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.stages.relaxation import choices
-from fcdm_opt.stages.together import among_others
+from fcdm_opt.stages.together import System, among_others
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
@@ -405,7 +405,7 @@ def _least(
 
     None alone where too many nodes were looked at.
     """
-    count, box = len(task.weights), _limits(task)
+    count, box = len(task.weights), System(task, ()).limits()
     everywhere = box.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
     starts = [everywhere.and_also(*rows) for _, rows in closings]
     choices = Choices.of_single_rows(list(walls.values()), count)
@@ -417,10 +417,3 @@ def _least(
     closing, pairs = closings[least.start][0], list(walls)
     decide = {pairs[group] for group in least.chosen} | ({closing} if closing is not None else set())
     return least.y, sorted(decide), len(least.rows.levels) - len(everywhere.levels)
-
-
-def _limits(task: Task) -> Rows:
-    """Return the limits."""
-    normals = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
-    levels = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
-    return Rows(normals[np.isfinite(levels)], levels[np.isfinite(levels)])

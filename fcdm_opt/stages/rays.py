@@ -20,7 +20,6 @@ from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.motion.motions import Step
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
@@ -212,11 +211,6 @@ def is_steady(task: Task, direction: Array) -> bool:
     return all(own is not None for _, own in moving) or (len(moving) == 1 and moving[0][0].bounded)
 
 
-def _stepped(task: Task) -> list[tuple[Step, str]]:
-    """Return the step that each parameter belongs to, and the parameter's kind."""
-    return [(step, kind) for step, (_, kind) in zip(task.motion.owners, task.motion.parameters, strict=True)]
-
-
 def steady_way(task: Task, direction: Array) -> Array:
     """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
     seed, rates = task.movable.seed, _rates(task)
@@ -309,9 +303,10 @@ def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None
 
 def reach(task: Task, direction: Array) -> float:
     """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
-    away = _away(task)
+    away, motion = _away(task), task.motion
     ends = [math.inf]
-    for (step, kind), slope, (low, high) in zip(_stepped(task), direction, task.limits, strict=True):
+    each = zip(motion.owners, motion.parameters, direction, task.limits, strict=True)
+    for step, (_, kind), slope, (low, high) in each:
         if slope != 0:
             first, last = ((low, high) if slope > 0 else (high, low)) / np.array(slope)
             ends.append(last)

@@ -195,7 +195,8 @@ class Relaxation:
             for i, j in np.argwhere(task.beside_joints(short > DEFAULT.cut * task.unit)).tolist():
                 parts = i, j
                 if parts in normals:
-                    added.append(self._hold_foremost(parts, q, normals[parts]))
+                    own, other = self._heights(parts, q, normals[parts])  # foremost along what parts the pair
+                    added += [self._hold(parts, 1, int(own.argmax())), self._hold(parts, 2, int(other.argmin()))]
                 else:
                     _, rows, separations = task.separations(parts, task.pose(q))
                     self.add_plane(parts, q, rows[int(np.argmax(separations)), :3])
@@ -298,11 +299,6 @@ class Relaxation:
         for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
             for vertex in order[:HELD]:
                 self._hold(parts, body, int(vertex))
-
-    def _hold_foremost(self, parts: Parts, q: Array, normal: Array) -> bool:
-        """Hold the vertices that reach furthest along a pair's separating direction."""
-        heights = self._heights(parts, q, normal)
-        return any([self._hold(parts, 1, int(np.argmax(heights[0]))), self._hold(parts, 2, int(np.argmin(heights[1])))])
 
     def _hold(self, parts: Parts, body: int, vertex: int) -> bool:
         """Keep a vertex on its body's side of the pair's separating plane."""

@@ -309,10 +309,6 @@ class System:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
         return replace(self.task, besides=self.features).meets(q, slack)
 
-    def at_borders(self, q: Array) -> bool:
-        """Tell whether a motion would meet all but for flush contacts that share less than when drawn."""
-        return System(replace(self.task, seats=()), self.features).meets(q, DEFAULT.requirement)
-
     def blocked(self, q: Array) -> set[Parts]:
         """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
         task, own = self.task, {feature.parts for feature in self.features}
@@ -426,12 +422,16 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
                 return None, False
             continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
-            return (z if exact or blocked or touching else _polished(systems, z)), sure
+            if not (exact or blocked or touching):  # a last step of Newton's method
+                values, slopes = _linearised(systems, q)
+                z = np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
+            return z, sure
         if only:
             return None, not all(own.meets(q, DEFAULT.line) for own in systems)
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
-            if exact and not shared and all(own.at_borders(q) for own in systems):
+            unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
+            if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
                 return least(systems, shared=True)[0], False
             return None, False
         blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
@@ -442,12 +442,6 @@ def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
     """Return values and derivatives of all systems, see `System.linearised`."""
     values, slopes = zip(*(own.linearised(q) for own in systems), strict=True)
     return np.concatenate(values), np.concatenate(slopes)
-
-
-def _polished(systems: Sequence[System], z: Array) -> Array:
-    """Return z after a last step of Newton's method."""
-    values, slopes = _linearised(systems, systems[0].q(z))
-    return np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
 
 
 def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float) -> Array:

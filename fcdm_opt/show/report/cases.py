@@ -15,6 +15,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
+from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
@@ -247,7 +248,8 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
     frames = Frames(problem, seen)
     poses = _poses(frames, problem, solution)
     motion = motion_family(frames, solution, share)
-    tolerance = tolerance_family(frames, _with_parts_of(solution, problem), solution, share)
+    taken = with_parts(problem, solution.problem.active_indices)  # other sizes take most of these too
+    tolerance = tolerance_family(frames, taken, solution, share)
     low, high = tolerance_box(problem)
     return {
         "scene": scene(problem, facing),
@@ -263,12 +265,6 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
         "feature_shapes": frames.shapes,
         "labels": frames.labels,
     }
-
-
-def _with_parts_of(solution: Solution, problem: Problem) -> Problem:
-    """Return the question with the parts of large bodies that its answer took: other sizes take most of them too."""
-    indices = solution.problem.active_indices
-    return problem if indices is None else problem.with_active_parts(indices)
 
 
 def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:
