@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.judge.multipliers import shows
+from fcdm_opt.judge.multipliers import _Contacts, shows
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.solution import Solution
 
@@ -112,3 +112,17 @@ def test_a_cube_on_top_of_a_wall_was_taken_to_be_in_its_corner() -> None:
     found = fo.conflicts(corner(motion=X >> Y >> Z, limits=half), relax=False, deviation=False)
     assert all(len(clash.names) == 2 and clash.names[0].startswith("upper limit") for clash in found.clashes)
     assert len(found.clashes) == 4
+
+
+@pytest.mark.parametrize("name", ["a turn, flush", "six parameters"])
+def test_motions_far_from_their_boxes_show_no_more_than_there_is(name: str) -> None:
+    """Each box holds the motion that restores the contacts: nothing proved from afar may exclude it."""
+    problem, amount = CASES[name]
+    solution, rng = fo.solve(problem), np.random.default_rng(0)
+    y = problem.weights * np.array([*solution.parameters.values()])
+    moves = problem.weights * rng.uniform(-1.5, 1.5, (60, len(y)))
+    low, high = np.tile(y - 1e-4, (60, 1)), np.tile(y + 1e-4, (60, 1))
+    contacts = _Contacts(problem, solution, np.array([low[0], high[0]]))
+    with np.errstate(all="ignore"):
+        shown = contacts.least(low, high, moves, np.inf)
+    assert shown.max() <= amount * (1.0 + 1e-9)

@@ -156,7 +156,8 @@ class _Contacts:
         """Return such amounts by some multipliers, (n, rows)."""
         k = low.shape[1]
         signed = ways * self._sides
-        n, both = len(low), (np.vstack([y, low]), np.vstack([y, high]))  # at the motions, then over the boxes
+        # at the motions, then over the boxes and the ways to them
+        n, both = len(low), (np.vstack([y, np.minimum(low, y)]), np.vstack([y, np.maximum(high, y)]))
         given = [Interval(np.tile(signed[:, j], 2)) for j in range(ways.shape[1])]
         (found,), jumps = self._total([Interval.between(both[0][:, j], both[1][:, j]) for j in range(k)], given)
         wide = [Interval(*(np.broadcast_to(side, 2 * n) for side in (x.middle, x.radius))) for x in found]
@@ -173,7 +174,8 @@ class _Contacts:
         by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
         by_bends = by_bends + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
-        empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < 0.0
+        closed = np.abs(ways[:, : self._listed]).sum(axis=1) * DEFAULT.touch * self._problem.size
+        empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < -closed  # what nearly closes counts as closed
         # the Lagrangian: its second derivatives are no less than `least` by Gershgorin's discs
         total = Interval(0.5) * sum((Interval(y[:, j]).square() for j in range(k)), Interval(0.0)) - value
         level = np.array(total.low)
