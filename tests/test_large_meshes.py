@@ -244,6 +244,17 @@ def shifted(x: float) -> np.ndarray:
     return T
 
 
+@pytest.mark.parametrize("decomposition", ["exact", "surface"])
+def test_a_fit_between_the_walls_of_a_surface_body_was_no_number(decomposition: str) -> None:
+    """2 % smaller, a key that fills the slot is open by .1 on both sides, and off the floor."""
+    body = fo.Body.convex([(a, b, c) for a in (10, 20) for b in (10, 25) for c in (1, 9)], seed=(15, 15, 5), name="key")
+    given = {"motion": XY, "goal": "fit", "contacts": "all", "target": (0.98, 1.0)}
+    solution = fo.solve(Problem(body, slotted(decomposition), **given), effort="quick")
+    assert solution.usable, solution.certificate
+    assert sorted(solution.contact_gaps.values()) == pytest.approx([0.1, 0.1, 0.1], abs=1e-9)
+    assert solution.amount == pytest.approx(0.0, abs=1e-9)
+
+
 def test_contact_rows_of_a_large_mesh_were_refused() -> None:
     """Rows of the parts near by: the clearances of planes that the parts keep, at rest and where they are restored."""
     problem = Problem(key((9.9, 19), (9.8, 25)), slotted("surface"), motion=XY, goal="clear", target=(1, 1))

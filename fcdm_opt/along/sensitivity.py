@@ -275,6 +275,10 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in zip(body.faces, shifts, strict=True)}
         seeds[key.strip()] = frozen(data[layout.seed(k)])
     clearance, *kept = data[layout.clearances].tolist()
+    sizes, motions = _by_size(problem, faces, vertices), _motions(problem, task, q)
+    if q is not None and problem.amount == "weighted" and task.amount(q) > 0.0:
+        for name in (name for name, x in sizes.items() if np.isnan(x)):  # corners of cuts alone are no data
+            sizes[name] = float((problem.weights**2 * q) @ motions["motion_by_size"][name]) / task.amount(q)
     limits = data[layout.limits].reshape(-1, 2).tolist()
     return Sensitivity(
         exists=not reasons,
@@ -290,10 +294,10 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         faces=faces,
         vertices=vertices,
         seeds=seeds,
-        sizes=_by_size(problem, faces, vertices),
+        sizes=sizes,
         multipliers=balance.multipliers,
         residual=balance.residual,
-        **_motions(problem, task, q),
+        **motions,
     )
 
 

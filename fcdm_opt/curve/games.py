@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
+from fcdm_opt.compiling import kernel, light
 
 ROUNDING = 64.0 * 2.0**-53  # of entries, relative to their spread: they take a few operations
 
 
+@light
 @kernel
 def game(W):
     """Return shares of the rows, >= 0 and together 1, whose mixture has the largest least entry, by the simplex method.

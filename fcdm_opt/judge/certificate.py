@@ -420,7 +420,7 @@ class _Judge:
         if kept_as_surface(*bodies):
             surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
             *near, self.outside = surfaces.looked_at()
-            if self.problem.goal not in TRACKING:  # others may be near on the way
+            if not (self.problem.goal in TRACKING or self.problem.contacts):  # else others may be near, or open
                 bodies = near[0], near[1]
         self.bodies = bodies
         self.scaled = scaled_pair(*bodies)

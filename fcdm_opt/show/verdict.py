@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -214,16 +213,17 @@ def _the(element: str) -> str:
 def fit_text(problem: Problem) -> str:
     """Return clearance, transition or interference of the pair as drawn, over its whole tolerance; "" without one.
 
-    Gaps are looked at where every part has an end of its tolerance; none of large bodies, whose curve is one of a few
-    parts.
+    None of large bodies, of which only some parts are looked at.
     """
+    from fcdm_opt.design.fixed_pose.scene import Scales
+    from fcdm_opt.design.sizes import Sizes
+
     if problem.tolerance is None or problem.partial:
         return ""
-    nominal = problem.nominal_pair
-    ends = nominal[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
-    corners = np.array(list(product(*ends)))
-    gaps = np.asarray(problem.curve.gap(corners))
-    low, high = float(gaps.min()), float(gaps.max())
+    ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
+    scene = Scales(problem.movable, problem.static, Sizes(ends))
+    extremes = scene.extremes(scene.rows(scene.pose(np.eye(4))))  # of several parts the largest gap may be within
+    low, high = extremes.least.gap, extremes.most.gap
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
     told = [

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, step
+from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.kernels import _at, _dot, _entry, _length, _minus, _times, _turned, _turned_back, facet_rows
 from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
@@ -23,6 +23,7 @@ _INF = np.inf
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
 
 
+@light
 @kernel
 def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
     """Return the rows of part pairs (i, j), one pair after the other, and where each one's begin."""
@@ -87,6 +88,7 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     return best * length
 
 
+@light
 @kernel
 def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
@@ -102,6 +104,7 @@ def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     return best, owner
 
 
+@light
 @kernel
 def gaps(rows, first, along_rows, sizes):
     """Return the signed gap of two bodies at sizes (m, k), the part pair that has each, and its direction, (m, 3)."""
@@ -113,6 +116,7 @@ def gaps(rows, first, along_rows, sizes):
     return found, owners, ways
 
 
+@light
 @kernel
 def gaps_of_pairs(rows, first, along_rows, sizes):
     """Return the signed distance of every part pair at sizes (m, k), (pairs, m)."""
