@@ -126,6 +126,12 @@ class Certificate(Plain, Shown):
             raise InputError("does not follow from the checks", key="certificate.passed", found=data["passed"])
         return found
 
+    def __str__(self) -> str:
+        """Return how many checks passed, and each that did not with its number and limit."""
+        failed = [f"  {own.name}: {own.value:.6g}, limit {own.limit:.6g}; {own.note}" for own in self.failed]
+        told = f"{len(self.checks) - len(failed)} of {len(self.checks)} checks passed"
+        return "\n".join([f"{told}; not:" if failed else told, *failed])
+
     @property
     def passed(self) -> bool:
         """Whether there are checks and every one passed."""
@@ -212,6 +218,16 @@ class Sensitivity(Plain):
     residual: float
     motion_by_pose: Array
     motion_by_size: Mapping[str, Array]
+
+    def __str__(self) -> str:
+        """Return the derivatives that there are as a table, by what they are; vertices and faces that count alone."""
+        each: dict[str, Any] = {"scales made": self.target, **self.sizes, "clearance": self.clearance}
+        each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
+        each |= {name: x for name, x in self.faces.items() if x}
+        known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
+        lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
+        first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
+        return "\n".join([first, *lines])
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:

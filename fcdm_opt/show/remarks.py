@@ -21,7 +21,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
 from fcdm_opt.show.verdict import name_of
 from fcdm_opt.tolerances import DEFAULT
 
@@ -176,7 +176,7 @@ def left_out(solution: Solution) -> list[str]:
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],
         impossible=math.isinf(solution.lower_bound),
-        closed=CLOSED,
+        proved=proved_least(solution),
         drawn=DEFAULT.drawn,
         least=bound_text(solution).splitlines()[0],
     )

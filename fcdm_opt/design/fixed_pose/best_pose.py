@@ -233,7 +233,9 @@ def best_pose(
         if asked_for:
             what = f"one pose for all pairs is about the gap of two bodies, and does not look at {key}"
             more = ', goal="touch"' if key == "contacts" else ""
-            raise InputError(what, key=key, found=found, allowed=f"problem.changed({key}={instead!r}{more})")
+            plain = f"no {key} in the file" + (' and goal = "touch"' if more else "")
+            allowed = f"{plain}; in Python problem.changed({key}={instead!r}{more})"
+            raise InputError(what, key=key, found=found, allowed=allowed)
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
