@@ -18,7 +18,10 @@ def main() -> None:
         signal.signal(signal.SIGINT, before)
     else:
         from fcdm_opt import cli
-    cli.main()
+    try:
+        cli.main()
+    except KeyboardInterrupt:  # before it listens itself
+        raise SystemExit(cli.guarding.INTERRUPTED) from None
 
 
 if __name__ == "__main__":
