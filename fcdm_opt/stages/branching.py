@@ -50,6 +50,7 @@ SOON = 2e6  # the same: about a second; of three parameters within limits less t
 SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
+AGAIN = 1e-2  # relative: nor those this near to one from where a search found nothing
 NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
 MANY_PAIRS = 32  # part pairs from which on a program that holds them all takes minutes
 MOST_PAIRS = 100_000  # part pairs with which cells are looked at: each cell keeps a row of every one in memory
@@ -288,15 +289,19 @@ def bounded(
         return answer, None
     known, upper = answer.q, _amount(task, answer)
     better: Answer | None = None
+    vain: list[Array] = []  # searched from without a gain
 
     def search(q: Array) -> Array | None:
         nonlocal better
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
+        if any(np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
+            return None
         found: Answer | None = None
         with suppress(pacing.TimeOverError):
             found = near(task, q)
         if found is None or not found.amount < upper * (1.0 - GAINED):
+            vain.append(q)
             return None
         better = found if better is None or found.amount < better.amount else better
         return found.q
