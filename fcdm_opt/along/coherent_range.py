@@ -20,7 +20,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.active_parts import need_all_parts
+from fcdm_opt.problem.active_parts import with_parts_on_the_way
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -150,7 +150,8 @@ def coherent_range(
     Parameters
     ----------
     problem : Problem
-        Its goal, target and path do not matter: what its nominal pair touches with is followed.
+        Its goal, target and path do not matter, nor what sizes are made: what its nominal pair touches with as drawn is
+        followed.
     direction : mapping of parameter name to value, (k,) array or number, optional
         Length units and radians a unit of x; parameters that a mapping leaves out stay. Default for a motion of one
         parameter: 1, so that x is the parameter.
@@ -165,12 +166,20 @@ def coherent_range(
     """
     expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
-    need_all_parts(problem, "a range of tracked contacts")
-    tracked = followed(problem)
+    problem = problem if problem.made is None else problem.changed(made=None)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
-    nearest = min(end.x for end in ends.values())
-    march = March(problem, tracked, ray_of(problem, along), problem.nominal_pair, nearest)
-    (first, before), (last, after) = (_ended(problem, march, tracked, along, *item) for item in ends.items())
+    nearest, clear = min(end.x for end in ends.values()), dict.fromkeys(ends, 0.0)
+    while True:
+        tracked, asked = followed(problem), problem
+        march = March(problem, tracked, ray_of(problem, along), problem.nominal_pair, nearest)
+        found = []
+        for side, end in ends.items():
+            found.append(_ended(asked, march, tracked, along, side, end))
+            until = min(abs(found[-1][0].x), end.x)
+            problem, clear[side] = with_parts_on_the_way(problem, side * along, march.near, clear[side], until)
+        if problem is asked:
+            break
+    (first, before), (last, after) = found
     return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
 
 

@@ -22,7 +22,7 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.seats import seat_of
+from fcdm_opt.model.seats import in_one_plane, seat_of
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -120,7 +120,7 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
             hosts = [
-                (_place(problem.movable.parts, one), _place(problem.static.parts, two), own)
+                (_place(problem.active[0].parts, one), _place(problem.active[1].parts, two), own)
                 for one, two, own in seat.hosts
             ]
             rests = [_flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in hosts]
@@ -134,7 +134,7 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
 
 def _scales(problem: Problem, parts: Parts, normal: Array) -> Array:
     """Return a and b of a contact line as drawn, of length 1."""
-    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    one, two = (body.parts[k] for body, k in zip(problem.active, parts, strict=True))
     a, b = ((one.vertices - one.seed) @ normal).max(), ((two.seed - two.vertices) @ normal).max()
     line = np.array([a, b])
     return line / max(float(np.linalg.norm(line)), np.finfo(float).tiny)
@@ -148,6 +148,7 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     movable, static = problem.active
     seat = seat_of(piece, seats) if _is_flush(piece) else None
     if seat is not None:
+        seat = max(in_one_plane(seat, seats, problem.nominal_pair), key=lambda own: own.dimension)
         hosts = [
             (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
             for one, two, contact in seat.hosts
