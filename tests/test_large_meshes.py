@@ -161,6 +161,7 @@ NOTCH = list(product((1, 2), (1, 2), (0, 1)))  # what an L has not of a block of
         ("stacked", {"TX": 1.0, "RY": 0.1}, 0.0, 0.0),
         ("nested", {"TX": 1.0, "TY": 1.0, "TZ": 0.2}, -5 / 6, math.inf),  # a cube in the notch, against both walls
         ("tip", {"TX": 1.0}, -1.5, 0.5),  # over three facets
+        ("bored", {"TZ": 1.0}, -5.0, 5.0),  # a peg of eight sides along the wall of its hole
     ],
 )
 def test_ranges_over_the_facets_of_a_surface_are_those_of_solids_cut(shapes, direction, low, high) -> None:
@@ -169,7 +170,11 @@ def test_ranges_over_the_facets_of_a_surface_are_those_of_solids_cut(shapes, dir
         corners, faces = ELL
         more = {"goal": "touch"}
         two = fo.Body.from_mesh(corners - top, faces, decomposition=kept, seed=(1.1, 1.0, -1.0))
-        if shapes == "stacked":
+        if shapes == "bored":
+            two = fo.Body.from_mesh(*prism_ring(8, HOLE, 20.0, DEEP), decomposition=kept)
+            off = (HOLE - PEG) * np.cos(np.pi / 8)
+            one = fo.Body.convex(prism(8, PEG, -1.0, 5.0).vertices + (off, 0.0, 0.0))
+        elif shapes == "stacked":
             one = fo.Body.from_mesh(corners + (0.3, 0.2, 0.0), faces, decomposition=kept, seed=(1.0, 1.0, 1.0))
         elif shapes == "nested":
             one = fo.Body.convex(NOTCH - top, seed=(1.5, 1.5, -0.5))

@@ -22,7 +22,7 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.seats import in_one_plane, seat_of
+from fcdm_opt.model.seats import seat_of
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -146,9 +146,10 @@ def _is_flush(piece: Piece) -> bool:
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
     movable, static = problem.active
-    seat = seat_of(piece, seats) if _is_flush(piece) else None
-    if seat is not None:
-        seat = max(in_one_plane(seat, seats, problem.nominal_pair), key=lambda own: own.dimension)
+    here = [seat_of(piece, seats), *(seat for seat in seats if _in_plane(seat, piece, problem.nominal_pair))]
+    known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
+    if known:
+        seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
         hosts = [
             (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
             for one, two, contact in seat.hosts
@@ -161,6 +162,12 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
     rests = [_rest(problem, feature, parts, site, piece.normal, k) for parts, site in sites]
     return Followed(feature, False, tuple(rests))
+
+
+def _in_plane(seat: Flush, piece: Piece, pair: Array) -> bool:
+    """Tell whether a flush contact lies in the plane of a piece of the curve that leads through a scale pair."""
+    aligned = seat.normal @ piece.normal > 1.0 - DEFAULT.nominal
+    return bool(aligned and abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)
 
 
 def _place(parts: Sequence[ConvexPart], part: ConvexPart) -> int:

@@ -101,14 +101,8 @@ def besides(seats: Sequence[Flush], tracked: Sequence[object], target: Array) ->
     own = [seat for seat in seats if seat in tracked]
     kept: list[Flush] = []
     for seat in seats:
-        same = seat.whole and in_one_plane(seat, [other for other in own + kept if other.whole], target)[1:]
-        if seat not in own and not same:
+        known = [other for other in own + kept if other.whole and other.normal @ seat.normal > 1.0 - DEFAULT.nominal]
+        same = any(abs(seat.gap(target) - other.gap(target)) <= DEFAULT.shared * seat.least for other in known)
+        if seat not in own and not (seat.whole and same):
             kept.append(seat)
     return tuple(kept)
-
-
-def in_one_plane(seat: Flush, others: Sequence[Flush], pair: Array) -> list[Flush]:
-    """Return a flush contact, then the others that lie in its plane at a scale pair."""
-    aligned = [other for other in others if other is not seat and other.normal @ seat.normal > 1.0 - DEFAULT.nominal]
-    off = seat.gap(pair)
-    return [seat, *(other for other in aligned if abs(off - other.gap(pair)) <= DEFAULT.shared * seat.least)]
