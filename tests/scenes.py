@@ -271,7 +271,7 @@ SCENES = {
     ),
     "loop": Scene(
         ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ",
-        range=(-10 / 11, 1.0),  # until the left one, at an eleventh of its size, is beside the floor; and over the other
+        range=(-10 / 11, 1.0),  # until the left one, an eleventh of its size, is beside the floor; over the other
         touches=(-2.01, -1.01, 0.01, 1.01),
     ),
     # to the first contacts of each pair

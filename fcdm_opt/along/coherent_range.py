@@ -204,8 +204,8 @@ def coherent_range(
     Parameters
     ----------
     problem : Problem or Assembly
-        Of an assembly each contact is followed, in the parameters of all motions: "part.parameter". Its goal, target and path do not matter, nor what sizes are made: what its nominal pair touches with as drawn is
-        followed.
+        Goal, target and path do not matter, nor what sizes are made: what the nominal pair touches with as drawn is
+        followed. Of an assembly each contact is, in the parameters of all motions: "part.parameter".
     direction : mapping of parameter name to value, (k,) array or number, optional
         Length units and radians a unit of x; parameters that a mapping leaves out stay. Default for a motion of one
         parameter: 1, so that x is the parameter.
@@ -220,15 +220,7 @@ def coherent_range(
     """
     expected(problem, (Problem, Assembly), "problem")
     if isinstance(problem, Assembly):
-        asked = [problem.questions[pair[:2]] for pair in problem.contacts]
-        along = checked_direction(asked[0], direction)
-        moving = {part for (part, _), x in zip(problem.parameters, along.tolist(), strict=True) if x}
-        each = {
-            str(pair): coherent_range(own, along, limit=limit)
-            for pair, own in zip(problem.contacts, asked, strict=True)
-            if moving & {*problem.involved(*pair[:2])}
-        }
-        return AssemblyRange(problem, asked[0].motion.by_name(along), each)
+        return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
     problem = problem if problem.made is None else problem.changed(made=None)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
@@ -245,6 +237,19 @@ def coherent_range(
             break
     (first, before), (last, after) = found
     return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
+
+
+def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> AssemblyRange:
+    """Return how far each contact lasts whose parts move against each other."""
+    asked = [assembly.questions[pair[:2]] for pair in assembly.contacts]
+    along = checked_direction(asked[0], direction)
+    moving = {part for (part, _), x in zip(assembly.parameters, along.tolist(), strict=True) if x}
+    each = {
+        str(pair): coherent_range(problem, along, limit=limit)
+        for pair, problem in zip(assembly.contacts, asked, strict=True)
+        if moving & {*assembly.involved(*pair[:2])}
+    }
+    return AssemblyRange(assembly, asked[0].motion.by_name(along), each)
 
 
 def _ended(

@@ -617,7 +617,7 @@ class _Examiner:
 
     @cached_property
     def _own_amount(self) -> AmountOfPieces:
-        return AmountOfPieces(self.problem.amount.function, self.problem.weights)  # type: ignore[union-attr]
+        return AmountOfPieces(self.problem.amount.function, self.problem.weights)
 
 
 def _where(what: str, point: tuple[int, Array] | None) -> str:

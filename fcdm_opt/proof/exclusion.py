@@ -271,6 +271,7 @@ class Exclusion:
 
     @cached_property
     def _own_amount(self) -> AmountOfPieces:
+        assert isinstance(self.task.amount_kind, OwnAmount)
         return AmountOfPieces(self.task.amount_kind.function, self.task.weights)
 
     def _displaced(self) -> Array:

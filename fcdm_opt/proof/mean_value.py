@@ -329,7 +329,7 @@ GROWTH: dict[str, Callable[..., Growing]] = {
     "SQ": lambda x: Growing(x.factor.square(), 2.0 * x.power),
     "SQRT": lambda x: Growing(ARITHMETIC["SQRT"](x.factor), 0.5 * x.power),
     **{
-        name: lambda x, name=name: Growing(ARITHMETIC[name](x.factor), x.power)  # type: ignore[misc]
+        name: lambda x, name=name: Growing(ARITHMETIC[name](x.factor), x.power)
         for name in ("ASSIGN", "NEG", "TWICE", "FABS")
     },
 }
