@@ -1,5 +1,6 @@
 """The public names, each once, with the module that it is from: `fcdm_opt/__init__.py` loads them when first used."""
 
+from fcdm_opt.along.coherent_range import AssemblyRange as AssemblyRange
 from fcdm_opt.along.coherent_range import CoherentRange as CoherentRange
 from fcdm_opt.along.coherent_range import coherent_range as coherent_range
 from fcdm_opt.along.contact_times import ContactTimes as ContactTimes

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -342,3 +344,48 @@ def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
             assert not value > high[row, 0] + 1e-12
     small = half[:, 0] < 1e-2  # over larger cells of some motions nothing is known
     assert (high[small, 0] - low[small, 0] < 1e3 * half[small, 0]).all()
+
+
+TIP = fo.Body.convex([(0, 0, 0), (1, 1, 2), (1, -1, 2), (-1, 1, 2), (-1, -1, 2)], seed=(0, 0, 1))
+TABLE = fo.Body.convex(list(product((-3, 3), (-3, 3), (-1, 0))))
+
+
+def raised(amount: Callable[[Any, Any], Any], goal: str) -> fo.Problem:
+    """A tip stands 0.075 in a table."""
+    x, z = casadi.SX.sym("TX"), casadi.SX.sym("TZ")
+    motion = fo.Translation("x") >> fo.Translation("z")
+    return fo.Problem(TIP, TABLE, motion=motion, goal=goal, tolerance=0.05, requirement="A", amount=amount(x, z))
+
+
+@pytest.mark.parametrize(
+    ("amount", "goal", "least"),
+    [
+        (lambda x, z: 100.0 * z**2 + x**2, "touch", 0.5625),
+        (lambda x, z: casadi.fmax(casadi.fabs(z), 3.0 * casadi.fabs(x)), "clear", 0.075),
+        (lambda x, z: casadi.sqrt(z**2 + x**2 + 0.01), "at", 0.125),
+    ],
+)
+def test_bounds_of_own_amounts_are_shown_and_no_higher_ones(amount, goal, least):
+    problem = raised(amount, goal)
+    solution = fo.solve(problem, certify=True)
+    evidence, bound = solution.evidence, solution.lower_bound
+    assert solution.amount == pytest.approx(least, rel=1e-6)
+    assert bound >= (1.0 - 1.1e-4) * least
+    assert Reason.BEYOND in evidence.reasons
+    assert failed(problem, evidence, bound) == set()
+    assert failed(problem, evidence, 1.001 * bound) & {"COSTLY", "BEYOND"}
+    rows = np.flatnonzero(~np.isin(evidence.reasons, [Reason.COSTLY, Reason.BEYOND]))
+    assert "COSTLY" in failed(problem, changed(evidence, reasons=(rows[0], Reason.COSTLY)), bound)
+    assert failed(raised(lambda x, z: 1e-3 * amount(x, z), goal), evidence, bound) & {"COSTLY", "BEYOND"}
+    assert "BEYOND" in failed(problem.changed(amount="weighted"), evidence, bound)
+
+
+def test_an_amount_that_falls_further_out_is_not_bounded_by_what_it_is_nearby():
+    """At 1e6 it is a hundredth of what it is where the parts come apart."""
+    z = casadi.SX.sym("TZ")
+    asked = raised(lambda *_: z**2, "clear").changed(motion=fo.Translation("z"), amount=z**2 / (1.0 + 1e-9 * z**6))
+    solution = fo.solve(asked, certify=True)
+    assert (solution.evidence, solution.lower_bound) == (None, 0.0)
+    within = fo.solve(asked.changed(limits={"TZ": (-1, 1)}), certify=True)
+    assert within.lower_bound == pytest.approx(0.075**2, rel=2e-4)
+    assert failed(within.problem, within.evidence, within.lower_bound) == set()

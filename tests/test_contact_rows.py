@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi
 import numpy as np
 import pytest
+from test_decomposition import VOXELS, surface_of
 
 import fcdm_opt as fo
 
@@ -122,6 +123,22 @@ def test_keep_outs_are_among_the_clearances():
     # a side of the probe, 2 y - z = 0.02 as made, and the post's nearest edge, y = 4 - 0.3 and z = 1 + 0.3
     assert float(apart["apart"][5:].full().min()) == pytest.approx((2 * 3.7 - 1.3 - 0.02) / 5**0.5 - 0.1, abs=1e-12)
     assert float(apart["unit"]) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(("up", "state"), [(0.0, "inside"), (6.51, "near"), (9.0, "far")])
+def test_rows_keep_parts_out_of_the_solid_of_a_surface(up, state):
+    """A cube of side 1 about the origin, raised; a block with a notch is from -6 to 6."""
+    corners, faces = surface_of(VOXELS["L"][0])
+    block = fo.Body.from_mesh(6.0 * (corners - (1, 1, 0.5)) * (1, 1, 2) - (3, 3, 0), faces, decomposition="surface")
+    cube = fo.Body.convex(0.5 * CUBE - (4.0, 4.0, 0.0), name="cube")
+    away = fo.Body.convex(CUBE + (0.0, 0.0, 30.0))
+    problem = fo.Problem(
+        cube, away, target=(1.0, 1.0), goal="clear", motion=SHIFT, keep_out=[fo.KeepOut(block, name="block")]
+    )
+    rows = fo.contact_rows(problem, at=(0.0, 0.0, up))
+    own = [row for row in rows.clearances if "block" in row.name]
+    apart = [float(np.min(row(q=(0.0, 0.0, up), plane=row.start)["apart"].full())) for row in own]
+    assert {"inside": min(apart, default=1) < -0.5, "near": 0 <= min(apart, default=-1) < 0.02, "far": not own}[state]
 
 
 def test_several_features_are_to_be_named():

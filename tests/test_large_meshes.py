@@ -149,6 +149,48 @@ def test_contacts_within_the_thickness_of_a_surface_were_listed() -> None:
     assert curve.crossings(0.35) == pytest.approx([(4.0 - 0.35 / 2.0) / 6.0])
 
 
+ELL = surface_of(VOXELS["L"][0])
+NOTCH = list(product((1, 2), (1, 2), (0, 1)))  # what an L has not of a block of 2 x 2 x 1
+
+
+@pytest.mark.parametrize(
+    ("shapes", "direction", "low", "high"),
+    [
+        ("stacked", {"TX": 1.0}, -2.3, 1.7),  # one L lies on another, a little aside
+        ("stacked", {"TZ": 1.0}, -23 / 12, math.inf),  # until they share nothing more: they shrink together
+        ("stacked", {"TX": 1.0, "RY": 0.1}, 0.0, 0.0),
+        ("nested", {"TX": 1.0, "TY": 1.0, "TZ": 0.2}, -5 / 6, math.inf),  # a cube in the notch, against both walls
+        ("tip", {"TX": 1.0}, -1.5, 0.5),  # over three facets
+        ("bored", {"TZ": 1.0}, -5.0, 5.0),  # a peg of eight sides along the wall of its hole
+    ],
+)
+def test_ranges_over_the_facets_of_a_surface_are_those_of_solids_cut(shapes, direction, low, high) -> None:
+    found, top = [], np.array([0.0, 0.0, 1.0])
+    for kept in ("surface", "exact"):
+        corners, faces = ELL
+        more = {"goal": "touch"}
+        two = fo.Body.from_mesh(corners - top, faces, decomposition=kept, seed=(1.1, 1.0, -1.0))
+        if shapes == "bored":
+            two = fo.Body.from_mesh(*prism_ring(8, HOLE, 20.0, DEEP), decomposition=kept)
+            off = (HOLE - PEG) * np.cos(np.pi / 8)
+            one = fo.Body.convex(prism(8, PEG, -1.0, 5.0).vertices + np.array([off, 0.0, 0.0]))
+        elif shapes == "stacked":
+            one = fo.Body.from_mesh(corners + np.array([0.3, 0.2, 0.0]), faces, decomposition=kept, seed=(1.0, 1.0, 1.0))
+        elif shapes == "nested":
+            one = fo.Body.convex(NOTCH - top, seed=(1.5, 1.5, -0.5))
+            two = fo.Body.from_mesh(corners - top, faces, decomposition=kept, seed=(0.5, 0.5, -0.5))
+            more = {"goal": "at", "contacts": "all"}
+        else:
+            one = fo.Body.convex([(1.5, 0.6, 0), (1, 0, 2), (2, 0, 2), (1, 1, 2), (2, 1, 2)], seed=(1.5, 0.6, 1.0))
+        motion = Translation("x") >> Translation("y") >> Translation("z") >> fo.Rotation("y")
+        problem = Problem(one, two, tolerance=0.01, requirement="A", motion=motion, **more)
+        found.append(fo.coherent_range(problem, direction))
+        assert (found[-1].low, found[-1].high) == pytest.approx((low, high), abs=1e-12)
+        assert found[-1].proved
+    assert found[0].features == found[1].features
+    assert [event.kind for event in found[0].events] == [event.kind for event in found[1].events]
+
+
 def test_questions_that_take_all_parts_are_refused(bored: fo.Body) -> None:
     problem = Problem(
         prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"

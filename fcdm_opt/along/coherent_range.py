@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, overload
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.active_parts import need_all_parts
+from fcdm_opt.problem.active_parts import with_parts_on_the_way
 from fcdm_opt.problem.arguments import LARGEST
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -69,8 +70,30 @@ class Event(Plain):
     successors: tuple[Feature, ...] = ()
 
 
+class Ends:
+    """Base of what lasts along motions x * direction, from `low` to `high`."""
+
+    first: Event
+    last: Event
+
+    @property
+    def low(self) -> float:
+        """Lower end, at most 0."""
+        return self.first.x
+
+    @property
+    def high(self) -> float:
+        """Upper end, at least 0."""
+        return self.last.x
+
+    @property
+    def events(self) -> tuple[Event, Event]:
+        """The events at low and high."""
+        return self.first, self.last
+
+
 @dataclass(frozen=True, eq=False)
-class CoherentRange(Plain, Shown):
+class CoherentRange(Ends, Plain, Shown):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
@@ -99,21 +122,6 @@ class CoherentRange(Plain, Shown):
     proved: bool
     _followed: tuple[Followed, ...] = field(repr=False, default=())
 
-    @property
-    def low(self) -> float:
-        """Lower end, at most 0."""
-        return self.first.x
-
-    @property
-    def high(self) -> float:
-        """Upper end, at least 0."""
-        return self.last.x
-
-    @property
-    def events(self) -> tuple[Event, Event]:
-        """The events at low and high."""
-        return self.first, self.last
-
     def transform(self, x: float) -> Array:
         """Return the 4x4 transform of body 1 at x."""
         problem = self.problem
@@ -141,16 +149,63 @@ class CoherentRange(Plain, Shown):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
+@dataclass(frozen=True, eq=False)
+class AssemblyRange(Ends, Plain):
+    """Interval low <= x <= high of motions x * direction of an assembly's parts over which all of its contacts last.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    direction : dict
+        By the names of all motions' parameters, "part.parameter".
+    contacts : dict of str to CoherentRange
+        Of each contact, "A - B", whose parts move against each other, at sizes at which these two touch; others last.
+    """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "low", "high", "events", "proved", "contacts")
+
+    assembly: Assembly
+    direction: Mapping[str, float]
+    contacts: Mapping[str, CoherentRange]
+
+    @property
+    def first(self) -> Event:  # type: ignore[override]
+        """The event at low, which tells of which contact it is."""
+        return max((own for own, _ in self._events), key=lambda event: event.x)
+
+    @property
+    def last(self) -> Event:  # type: ignore[override]
+        """The event at high."""
+        return min((own for _, own in self._events), key=lambda event: event.x)
+
+    @property
+    def proved(self) -> bool:
+        """Whether those of all contacts are."""
+        return all(own.proved for own in self.contacts.values())
+
+    @property
+    def _events(self) -> list[list[Event]]:
+        return [
+            [replace(event, what=f"{name}: {event.what}") for event in own.events]
+            for name, own in self.contacts.items()
+        ]
+
+
+@overload
+def coherent_range(problem: Problem, direction: Any = None, *, limit: float | None = None) -> CoherentRange: ...
+@overload
+def coherent_range(problem: Assembly, direction: Any = None, *, limit: float | None = None) -> AssemblyRange: ...
 @known_arguments
 def coherent_range(
-    problem: Problem, direction: Mapping[str, float] | Any = None, *, limit: float | None = None
-) -> CoherentRange:
+    problem: Problem | Assembly, direction: Mapping[str, float] | Any = None, *, limit: float | None = None
+) -> CoherentRange | AssemblyRange:
     """Return how far the tracked features stay the real contact along motions q = x * direction, both ways.
 
     Parameters
     ----------
-    problem : Problem
-        Its goal, target and path do not matter: what its nominal pair touches with is followed.
+    problem : Problem or Assembly
+        Goal, target and path do not matter, nor what sizes are made: what the nominal pair touches with as drawn is
+        followed. Of an assembly each contact is, in the parameters of all motions: "part.parameter".
     direction : mapping of parameter name to value, (k,) array or number, optional
         Length units and radians a unit of x; parameters that a mapping leaves out stay. Default for a motion of one
         parameter: 1, so that x is the parameter.
@@ -163,15 +218,38 @@ def coherent_range(
     InputError
         For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
     """
-    expected(problem, Problem, "problem")
+    expected(problem, (Problem, Assembly), "problem")
+    if isinstance(problem, Assembly):
+        return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
-    need_all_parts(problem, "a range of tracked contacts")
-    tracked = followed(problem)
+    problem = problem if problem.made is None else problem.changed(made=None)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
-    nearest = min(end.x for end in ends.values())
-    march = March(problem, tracked, ray_of(problem, along), problem.nominal_pair, nearest)
-    (first, before), (last, after) = (_ended(problem, march, tracked, along, *item) for item in ends.items())
+    nearest, clear = min(end.x for end in ends.values()), dict.fromkeys(ends, 0.0)
+    while True:
+        tracked, asked = followed(problem), problem
+        march = March(problem, tracked, ray_of(problem, along), problem.nominal_pair, nearest)
+        found = []
+        for side, end in ends.items():
+            found.append(_ended(asked, march, tracked, along, side, end))
+            until = min(abs(found[-1][0].x), end.x)
+            problem, clear[side] = with_parts_on_the_way(problem, side * along, march.near, clear[side], until)
+        if problem is asked:
+            break
+    (first, before), (last, after) = found
     return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
+
+
+def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> AssemblyRange:
+    """Return how far each contact lasts whose parts move against each other."""
+    asked = [assembly.questions[pair[:2]] for pair in assembly.contacts]
+    along = checked_direction(asked[0], direction)
+    moving = {part for (part, _), x in zip(assembly.parameters, along.tolist(), strict=True) if x}
+    each = {
+        str(pair): coherent_range(problem, along, limit=limit)
+        for pair, problem in zip(assembly.contacts, asked, strict=True)
+        if moving & {*assembly.involved(*pair[:2])}
+    }
+    return AssemblyRange(assembly, asked[0].motion.by_name(along), each)
 
 
 def _ended(

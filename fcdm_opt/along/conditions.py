@@ -181,6 +181,29 @@ class RayStretch:
         with np.errstate(all="ignore"):
             return np.asarray(self._terms[1:3, 0] / self._terms[0, 0])
 
+    def changes(self, to: float, one: float, two: float) -> float:
+        """Return how much (d + rho_2 w - rho_1 R v) / (rho_1 + rho_2) is off its value at x + `to` at most.
+
+        Of points |v| <= one and |w| <= two about the seeds; infinite where it has no bounds.
+        """
+        names = ["DET d", "NUM2", "NUM1 R"]
+        rows = [self._terms[_PLACES[name] : _PLACES[name] + _SIZES[name]] for name in names]
+        scales = self._terms[_PLACES["NUM1"]] + self._terms[_PLACES["NUM2"]]
+        bend = 0.5 * self.span * self.span
+
+        def at(x: float, own: Array) -> Array:
+            return np.asarray(own[..., 0] + x * own[..., 1])
+
+        with np.errstate(all="ignore"):
+            least = min(at(0.0, scales), at(self.span, scales)) - bend * scales[2]
+            total = 0.0
+            for own, far in zip(rows, (1.0, two, one), strict=True):
+                share = (at(to, own) / at(to, scales))[:, None]
+                off = np.hstack([own[:, :2] - share * scales[:2], own[:, 2:3] + np.abs(share) * scales[2]])
+                most = np.maximum(np.abs(at(0.0, off)), np.abs(at(self.span, off))) + bend * off[:, 2]
+                total += far * float(np.linalg.norm(most))
+            return float(total / least) if least > 0.0 and np.isfinite(total) else np.inf
+
     def expanded(self, conditions: Conditions) -> Array:
         """Return the expansions of conditions, (n, 4)."""
         factors = conditions.coefficients[:, : len(self._terms)]

@@ -29,7 +29,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.active_parts import with_parts_on_the_way
+from fcdm_opt.problem.active_parts import moving_at_most, with_parts_on_the_way
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -226,11 +226,14 @@ def _to_first_contacts(
     if not problem.partial:
         return problem, limit
     ends = [_span_of(problem, sign * along, pair, reach(problem, sign * along, limit)) for sign in (-1.0, 1.0)]
+    moving = moving_at_most(problem, along, pair)
     x, unit = 0.0, FIRST / max(ray_of(problem, along).natural_step[1] / problem.size, 1.0 / max(ends))
     while x < max(ends):
         before, x = x, min(max(WIDEN * x, unit), max(ends))
-        for low, high in ((-x, -before), (before, x)):
-            problem = with_parts_on_the_way(problem, along, pair, low, high)
+        for sign in (-1.0, 1.0):
+            clear = before if math.isfinite(moving(0.0, x)[1]) else x
+            while clear < x:
+                problem, clear = with_parts_on_the_way(problem, sign * along, moving, clear, x)
         both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
         if all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
             break

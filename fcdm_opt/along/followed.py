@@ -120,7 +120,7 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
             hosts = [
-                (_place(problem.movable.parts, one), _place(problem.static.parts, two), own)
+                (_place(problem.active[0].parts, one), _place(problem.active[1].parts, two), own)
                 for one, two, own in seat.hosts
             ]
             rests = [_flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in hosts]
@@ -134,7 +134,7 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
 
 def _scales(problem: Problem, parts: Parts, normal: Array) -> Array:
     """Return a and b of a contact line as drawn, of length 1."""
-    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    one, two = (body.parts[k] for body, k in zip(problem.active, parts, strict=True))
     a, b = ((one.vertices - one.seed) @ normal).max(), ((two.seed - two.vertices) @ normal).max()
     line = np.array([a, b])
     return line / max(float(np.linalg.norm(line)), np.finfo(float).tiny)
@@ -146,8 +146,10 @@ def _is_flush(piece: Piece) -> bool:
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
     movable, static = problem.active
-    seat = seat_of(piece, seats) if _is_flush(piece) else None
-    if seat is not None:
+    here = [seat_of(piece, seats), *(seat for seat in seats if _in_plane(seat, piece, problem.nominal_pair))]
+    known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
+    if known:
+        seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
         hosts = [
             (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
             for one, two, contact in seat.hosts
@@ -160,6 +162,12 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
     rests = [_rest(problem, feature, parts, site, piece.normal, k) for parts, site in sites]
     return Followed(feature, False, tuple(rests))
+
+
+def _in_plane(seat: Flush, piece: Piece, pair: Array) -> bool:
+    """Tell whether a flush contact lies in the plane of a piece of the curve that leads through a scale pair."""
+    aligned = seat.normal @ piece.normal > 1.0 - DEFAULT.nominal
+    return bool(aligned and abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)
 
 
 def _place(parts: Sequence[ConvexPart], part: ConvexPart) -> int:

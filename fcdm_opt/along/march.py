@@ -86,6 +86,17 @@ class March:
             stop = self.advanced(stop.x)
         return stop
 
+    def near(self, low: float, high: float) -> tuple[Array, float]:
+        """Return the scale pair in the middle of a stretch, and how near what touches on it is there, at most.
+
+        With f = 1 / (rho_1 + rho_2) the way between two points, f (d + rho_2 w - rho_1 R v), changes by what its terms
+        do: however far out, where all grows in proportion, that is little.
+        """
+        here = self._stretch(low, high - low)
+        rho = self._stretch(0.5 * (low + high)).rho
+        far = [float(np.linalg.norm(body.vertices - body.seed, axis=1).max()) for body in self._problem.bodies[:2]]
+        return rho, float(rho.sum()) * here.changes(0.5 * (high - low), *far)
+
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
         key = tuple(map(id, rests))
@@ -269,12 +280,21 @@ class Others:
         (c1, r1), (c2, r2) = _balls(movable), _balls(static)
         i, j = np.array(self._pairs).T
         self._spheres = c1[i], c2[j], np.column_stack([r1[i], r2[j]])
+        self._points = [np.concatenate([part.vertices for part in body.parts]) - body.seed for body in self._bodies]
+        self._planes: list[tuple[Conditions, Conditions]] = []
 
     def beside(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
         """Return those without the part pairs that are tracked, which give the scale pair."""
         made = copy(self)
         made._tracked = parts
         made._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+        made._planes = [
+            (
+                Conditions.of(forms.OWN, k, v=self._points[0] - line[7:10], sign=-1.0),
+                Conditions.of(forms.OTHER, k, w=self._points[1] - line[10:]),
+            )
+            for k, line in enumerate(pair.lines)
+        ]
         return made
 
     def vanishing(self, conditions: Conditions) -> Array:
@@ -287,8 +307,9 @@ class Others:
     def bound(self, at: RayStretch, step: float) -> PairBound:
         """Return how far none overlaps but those tracked, at most a given step.
 
-        Spheres about the parts settle most pairs; of the others the direction that separates them best at x does, as
-        long as it still separates: where they come to touch, steps close in on that as fast as Newton's.
+        Spheres about the parts settle most pairs, and planes of tracked features between them; of the others the
+        direction that separates them best at x does, as long as it still separates: where they come to touch, steps
+        close in on that as fast as Newton's.
         """
         best = PairBound(step)
         if len(self._tracked) == len(self._pairs) or step <= 0:
@@ -297,12 +318,30 @@ class Others:
         ways = at.d[0] + rho[1] * w - rho[0] * v @ at.R[0].T
         ways /= np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)[:, None]
         steps = safe_steps(at.expanded(Conditions.of(forms.ALONG, v=v, w=w, m=ways, radii=radii)), at.span)
+        if steps.min() >= best.step:
+            return best
+        steps = np.maximum(steps, self._in_planes(at))
         for k in np.argsort(steps):
             if steps[k] >= best.step:
                 break
             if self._pairs[k] not in self._tracked:
                 bound = self._pair_bound(self._pairs[k], at)
                 best = bound if bound.step < best.step else best
+        return best
+
+    def _in_planes(self, at: RayStretch) -> Array:
+        """Return how far either part of each pair stays on its side of a tracked feature's plane, (pairs,)."""
+        best, rows = np.full(len(self._pairs), -1.0), np.array(self._pairs).T
+        for both in self._planes:
+            held = []
+            for own, body, row in zip(both, self._bodies, rows, strict=True):
+                expanded = at.expanded(own)
+                tied = is_tied(expanded)
+                tied[tied] = self.vanishing(own.chosen(tied))
+                steps = np.where(tied, np.inf, safe_steps(expanded, at.span))
+                starts = np.cumsum([0, *(len(part.vertices) for part in body.parts[:-1])])
+                held.append(np.minimum.reduceat(steps, starts)[row])
+            best = np.maximum(best, np.minimum(*held))
         return best
 
     def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> PairBound:

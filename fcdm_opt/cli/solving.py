@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Bounded, Effort
     from fcdm_opt.show.solved import SolvedCase
 
@@ -107,39 +106,49 @@ def range_command(
     out: Out = None,
     case: Cases = None,
 ) -> None:
-    """Print how far the tracked features stay the contact along a motion, and what ends that on both sides."""
-    from fcdm_opt.along.coherent_range import coherent_range
+    """Print how far the tracked features stay the contact along a motion, and what ends that on both sides.
+
+    Of a file of an assembly that of each contact whose parts move against each other; parameters are "part.parameter".
+    """
+    from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.show.family import family_figure
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
 
-    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes | str]:
+    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange, Any]]:
         along = _default_direction(file, problem) if asked is None else asked
-        coherent, times = coherent_range(problem, along), contact_times_told(problem, along)
-        told = {"error": times} if isinstance(times, str) else times.to_dict()
-        entry |= {**coherent.to_dict(), "contact_times": told}
+        found = coherent_range(problem, along)
+        times = contact_times_told(problem, along)
+        entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}
+        several = isinstance(found, AssemblyRange)
+        each = [*found.contacts.values()] if several else [found]
         if inquiry.pictures:
-            figure = family_figure(coherent, title=f"{file.name}: case {problem.name}, coherent range")
-            inquiry.pictures.add(f"{file.path.stem}-{problem.name}", figure, ending="-range")
-        return coherent, times
+            for own in each:
+                figure = family_figure(own, title=f"{file.name}: case {own.problem.name}, coherent range")
+                inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
+        return [(own, contact_times_told(own.problem, along) if several else times) for own in each]
 
-    def contact_times_told(problem: Problem, along: Any) -> ContactTimes | str:
+    def contact_times_told(problem: Any, along: Any) -> ContactTimes | str:
         try:
             return contact_times(problem, along)
         except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
             return f"not told: {reason}"
 
-    inquiry.ask(answered, print_ranges)
+    inquiry.ask(answered, lambda rows: print_ranges([pair for each in rows for pair in each]))
 
 
-def _default_direction(file: OpenedFile, problem: Problem) -> Any:
+def _default_direction(file: OpenedFile, problem: Any) -> Any:
     """Return the direction of a range where none is asked for; None for a motion of one parameter."""
-    if len(problem.motion.parameters) == 1:
+    from fcdm_opt.problem.assembly import Assembly
+
+    several = isinstance(problem, Assembly)
+    motion = next(iter(problem.questions.values())).motion if several else problem.motion
+    if len(motion.parameters) == 1:
         return None
-    if problem.published is not None and any(problem.published):
+    if not several and problem.published is not None and any(problem.published):
         return problem.published
     from fcdm_opt.solver import solve
 
@@ -147,11 +156,14 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
     if not solution.status.found or not solution.amount > 0:
         advice = "the case is solved without any motion" if solution.status.found else solution.advice
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"
-        names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in problem.motion.parameters)
+        names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in motion.parameters)
         raise InputError(what, key="--direction", found="none", allowed=f"NAME=VALUE,... as {names}")
-    motion = problem.motion.describe(list(solution.parameters.values()), unit=problem.unit)
-    say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {motion}")
-    return solution.parameters
+    found = solution.parameters
+    if several:
+        found = {f"{part}.{name}": x for part, own in found.items() for name, x in own.items()}
+    along = motion.describe(list(found.values()), unit=problem.unit)
+    say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {along}")
+    return found
 
 
 def _direction(text: str) -> dict[str, float]:

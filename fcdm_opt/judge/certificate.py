@@ -200,7 +200,7 @@ def _unproved(solution: Solution) -> str:
     problem = solution.problem
     for holds, why in (
         (bool(problem.contacts), NOT_BY_EQUATIONS),
-        (problem.amount != "weighted", "only the weighted amount is checked"),
+        (problem.amount == "displacement", "cells of motions are of the weighted amount, or one given"),
         (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
         (problem.partial, "of large meshes only parts within reach are looked at"),
     ):

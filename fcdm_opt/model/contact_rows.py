@@ -13,7 +13,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
-from fcdm_opt.problem.active_parts import with_near_parts
+from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
@@ -139,21 +139,18 @@ def contact_rows(
     at : (k,) floats, optional
         Motion at which features and first planes are looked for; default no motion.
     within : float, optional
-        Only parts that are no further apart than this there have rows, length units. By default all have, and of large
-        meshes those within a sixteenth of the size.
+        Only parts that are no further apart than this there have rows, length units. By default all have, and of
+        bodies and keep-outs kept as surfaces those within a sixteenth of the size. Their parts bar the way into the
+        solid; where a body lies in it at `at`, a part of what is inside has rows too.
 
     Raises
     ------
     InputError
-        Where the problem leaves open which two of several features it tracks, for a wrong number of parameters, and for
-        keep-outs kept as a surface: rows of the surface alone would not keep a part out of the solid.
+        Where the problem leaves open which two of several features it tracks, and for a wrong number of parameters.
     """
     if isinstance(problem, Assembly):
         return _of_assembly(problem, at, within)
     expected(problem, Problem, "problem")
-    if hollow := [own.name for own in problem.keep_out if own.body.hollow]:
-        what = "rows keep parts out of a surface, and not of the solid in it"
-        raise InputError(what, key="keep_out", found=hollow[0], allowed="a solid cut into parts")
     if within is not None and not (is_real(within) and within >= 0.0):
         raise InputError("not a distance", key="within", found=within, allowed="a number >= 0, or None")
     if pairs := problem.feature_pairs:
@@ -164,8 +161,9 @@ def contact_rows(
     if q.shape != task.rest.shape:
         names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
-    if problem.partial:
+    if problem.partial or any(own.body.hollow for own in problem.keep_out):
         within = problem.size / 16.0 if within is None else within
+        problem = with_insides(problem, task.transform(q)) or problem
         task = Task.of(with_near_parts(problem, task.transform(q), within))
     seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
     near = np.argwhere(task.pair_gaps(q) <= (np.inf if within is None else within)).tolist()

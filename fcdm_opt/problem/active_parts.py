@@ -9,7 +9,7 @@ from it. That those left out are apart is judged on the whole surfaces, see `fcd
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakKeyDictionary
@@ -151,25 +151,44 @@ def with_parts(problem: Problem, wanted: Indices | Ints | None) -> Problem:
     return problem.with_active_parts((np.append(known[0], one), np.append(known[1], two)))  # those known come first
 
 
-def with_parts_on_the_way(problem: Problem, along: Array, rho: Array, low: float, high: float) -> Problem:
-    """Return the problem with all parts active that may touch after some motion q = x * along, low <= x <= high.
+def with_parts_on_the_way(
+    problem: Problem, along: Array, near: Callable[[float, float], tuple[Array, float]], low: float, high: float
+) -> tuple[Problem, float]:
+    """Return the problem with parts active that may touch next after some motion q = x * along, low <= x <= high.
 
-    At a scale pair. Stretches are halved until nothing moves far on them.
+    Parameters
+    ----------
+    problem : Problem
+    along : (k,) array
+    near : callable
+        Takes both ends of a stretch of x; returns the scale pair in its middle, and how near parts are there at most
+        that touch anywhere on it. Stretches are halved until that is not far.
+    low, high : float
+
+    Returns
+    -------
+    problem, x
+        The same problem where no more parts may touch, and up to where that is so.
     """
-    fastest = float(_rates(problem) @ np.abs(along))
-    if not (problem.partial and math.isfinite(fastest)):
-        return problem
-    stretches = [(low, high)]
+    stretches, least = [(low, high)] if problem.partial and high > low else [], DEFAULT.point * high
     while stretches:
         pacing.check()
-        low, high = stretches.pop()
-        middle, band = (low + high) / 2.0, fastest * (high - low) / 2.0
-        if band > WIDEST * problem.size:
-            stretches += [(low, middle), (middle, high)]
+        low, top = stretches.pop()
+        middle, (rho, band) = 0.5 * (low + top), near(low, top)
+        if band > WIDEST * problem.size * rho.max() and top - low > least:
+            stretches += [(middle, top), (low, middle)]
             continue
         pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
-        problem = with_near_parts(problem, pose, band, rho)
-    return problem
+        fuller = with_near_parts(problem, pose, min(band, WIDEST * problem.size * float(rho.max())), rho)
+        if fuller is not problem:
+            return fuller, low
+    return problem, high
+
+
+def moving_at_most(problem: Problem, along: Array, rho: Array) -> Callable[[float, float], tuple[Array, float]]:
+    """Return how near parts of one scale pair are, see `with_parts_on_the_way`; infinite where no rate is known."""
+    fastest = float(_rates(problem) @ np.abs(along))
+    return lambda low, high: (rho, 0.5 * fastest * (high - low))
 
 
 def expand_active_parts(

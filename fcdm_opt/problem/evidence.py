@@ -42,6 +42,7 @@ class Reason(IntEnum):
     NEAR: a point of body 1 stays nearer to a point of an opponent than the clearance asked for. Row: part of body 1,
     opponent, the one point about the moved seed in the axes of body 1 at the target scale, the other about s_2.
     COSTLY: the amount, which is not the weighted one, is at least the bound. Row: empty.
+    BEYOND: so it is of all motions further out in the same directions.
 
     A direction: kind (0: face of body 1, 1: face of body 2, 2: two edges), sign, three vectors and the part pair; the
     vectors are the unit normal in the axes of the face's body, from body 1 to body 2 (for edges the direction of that
@@ -57,6 +58,7 @@ class Reason(IntEnum):
     OUTSIDE = 6
     COSTLY = 7
     NEAR = 8
+    BEYOND = 9
 
 
 class ProofData:

@@ -23,12 +23,13 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import besides, held, seat_of
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.proof import conditions
 from fcdm_opt.proof.intervals import Interval
-from fcdm_opt.proof.mean_value import Pieces, Place, Poses, PosesOfPieces
+from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces, Place, Poses, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
@@ -36,6 +37,7 @@ Bools = NDArray[np.bool_]
 HALVINGS = 34  # times that a cell is halved at most: to one in ten thousand million of its width all of it is shown
 PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
 BATCH = 4096  # pieces of cells looked at together
+ACCURACY = 1e-9  # relative, to which the user's own amount is what is claimed
 FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats gave
 
 
@@ -45,7 +47,6 @@ def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> 
     Parameters
     ----------
     problem : Problem
-        With the weighted amount.
     evidence : Evidence
         Taken at its word in nothing.
     lower_bound : float
@@ -60,7 +61,7 @@ def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> 
     if flaw:
         return (Check("proof well-formed", False, 1.0, 0.0, flaw),)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
-        judge = _Examiner(problem, evidence)
+        judge = _Examiner(problem, evidence, lower_bound)
         return (*judge.cover(), judge.bound(lower_bound), *judge.reasons())
 
 
@@ -82,8 +83,8 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     for name, shape in shapes.items():
         if getattr(evidence, name).shape != shape:
             return f"{name} are of shape {getattr(evidence, name).shape}, not {shape}"
-    if problem.amount != "weighted":
-        return "the amount is not the weighted one"
+    if problem.amount == "displacement":
+        return "the amount is neither the weighted one nor the user's own"
     for name in ("faces", "column_faces"):
         if not np.isin(getattr(evidence, name), np.arange(2 * k)).all():
             return f"{name} name no face of the cube"
@@ -162,8 +163,8 @@ class TrackedCrossing:
 class _Examiner:
     """What a problem asks of a motion, and why the cells of a proof are said not to do it."""
 
-    def __init__(self, problem: Problem, evidence: Evidence | None) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, evidence: Evidence | None, claimed: float = np.inf) -> None:
+        self.problem, self.claimed = problem, claimed
         if evidence is not None:
             self.evidence = evidence
         self.kinematics = PosesOfPieces(problem)
@@ -250,7 +251,7 @@ class _Examiner:
         half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
         for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
             low, high = limits[k]
-            if step.closed and around[k]:
+            if step.closed and around[k] and not isinstance(problem.amount, OwnAmount):
                 limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
             elif direction is not None:
                 limits[k] = max(low, -reach), min(high, reach)
@@ -297,7 +298,7 @@ class _Examiner:
     @cached_property
     def closing(self) -> frozenset[Reason]:
         """Reasons that exclude every motion further out in the same direction."""
-        found = set()
+        found = {Reason.BEYOND}
         if self.coherent:
             found |= {Reason.LOOSE} | ({Reason.LEFT} if self.features[1] == 2 else set())
         if (self.limits[:, 0] <= 0).all() and (self.limits[:, 1] >= 0).all():
@@ -347,7 +348,9 @@ class _Examiner:
         least = np.maximum(np.maximum(low, -high), 0.0)
         lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
         value = float((self.evidence.fronts * lengths).min(initial=np.inf))
-        if value * (1.0 - FLOATS) > _norm(Interval(self.problem.weights * np.abs(self.problem.limits).max(axis=1))):
+        if self.problem.amount != "weighted":  # which may be less further out: all is to be excluded, or COSTLY
+            value = self.claimed if np.isinf(value) else 0.0
+        elif value * (1.0 - FLOATS) > _norm(Interval(self.problem.weights * np.abs(self.problem.limits).max(axis=1))):
             value = np.inf  # the limits allow no motion as large
         passed = value * (1.0 + FLOATS) >= claimed
         return Check("proof: lower bound", bool(passed), value, float(claimed), "least amount that the cells leave")
@@ -365,6 +368,8 @@ class _Examiner:
             Reason.OUTSIDE: self.outside,
             Reason.NEAR: self.near,
         }
+        if isinstance(self.problem.amount, OwnAmount):
+            tests |= {Reason.COSTLY: self.costly, Reason.BEYOND: self.beyond}
         for code in np.unique(self.evidence.reasons).tolist():
             rows = np.flatnonzero(self.evidence.reasons == code)
             test = next((test for reason, test in tests.items() if reason == code), None)
@@ -601,6 +606,18 @@ class _Examiner:
             )
             margin[here] = np.where(need > 0, low[:, 0], -np.inf)
         return margin
+
+    def costly(self, poses: Poses) -> Array:
+        """Return by how much the amount, the user's own, is more than what is claimed."""
+        return self._own_amount.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+
+    def beyond(self, poses: Poses) -> Array:
+        """Return the same of all motions from here on outwards."""
+        return self._own_amount.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+
+    @cached_property
+    def _own_amount(self) -> AmountOfPieces:
+        return AmountOfPieces(self.problem.amount.function, self.problem.weights)
 
 
 def _where(what: str, point: tuple[int, Array] | None) -> str:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.task import Task
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.proof.exclusion import Cells, Exclusion
 from fcdm_opt.tolerances import DEFAULT
@@ -197,6 +198,8 @@ def prove(
     if not np.isfinite(search_.upper):
         _close_beyond(scene, columns, record)
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
+    if isinstance(task.amount_kind, OwnAmount) and not columns.closed.all():
+        bound = 0.0  # it may be less further out
     return Proof(bound, search_.q, total, record.evidence(columns, scene.domain))
 
 
@@ -283,6 +286,8 @@ def _advance(scene: Exclusion, columns: Columns, record: Record, rows: Ints, eno
     elif stalled.any():  # the amount may be less further out: such a cell is left open, and passed
         passed = columns.cells(rows[stalled], front[stalled] + strides[stalled])
         record.open += scene.amounts(passed, scene.poses(passed)).tolist()
+        every, codes = np.arange(len(passed.faces)), np.full(len(passed.faces), int(Reason.COSTLY))
+        record.add(passed, every, codes, np.zeros((len(every), 1, WITNESS)))
         reached[stalled] += strides[stalled]
         step[stalled] = strides[stalled]
     columns.closed[rows[closed]] = True

@@ -14,11 +14,11 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Task
-from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Reason
 from fcdm_opt.proof import cells as tests
 from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
+from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces
 from fcdm_opt.tolerances import DEFAULT
 
 BETWEEN = (0.25, 0.5, 0.75)  # of two faces, the directions in which their edge is moved out
@@ -57,6 +57,12 @@ class Cells:
             before, after = (products[j].data if 0 <= j < count - 1 else own for j in (axis - 1, axis))
             made.append(Enclosure(np.where(axes == axis, own, np.where(axes < axis, before, after))))
         return made
+
+    @property
+    def pieces(self) -> Pieces:
+        """The same for interval arithmetic."""
+        low, high = (np.column_stack([self.stretch[:, k], own]) for k, own in enumerate((self.low, self.high)))
+        return Pieces(np.arange(len(self.faces)), self.faces, low, high)
 
     @property
     def nearest(self) -> Array:
@@ -222,7 +228,7 @@ class Exclusion:
     @cached_property
     def closing(self) -> list[int]:
         """Reasons that exclude all motions further out in the same direction."""
-        own: list[int] = [Reason.LOOSE, Reason.LEFT] if self.task.coherent else []
+        own: list[int] = [Reason.BEYOND, *((Reason.LOOSE, Reason.LEFT) if self.task.coherent else ())]
         return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
 
     @cached_property
@@ -262,6 +268,11 @@ class Exclusion:
                     if direction is not None:
                         limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
         return limits
+
+    @cached_property
+    def _own_amount(self) -> AmountOfPieces:
+        assert isinstance(self.task.amount_kind, OwnAmount)
+        return AmountOfPieces(self.task.amount_kind.function, self.task.weights)
 
     def _displaced(self) -> Array:
         """Return how far each parameter may be from zero for no vertex to be displaced by more than `upper`, (k,).
@@ -312,10 +323,8 @@ class Exclusion:
         if task.weighted:
             return cells.stretch[:, 0] * cells.nearest
         if isinstance(task.amount_kind, OwnAmount):
-            q = [y * (1.0 / w) for y, w in zip(cells.coordinates(), task.weights.tolist(), strict=True)]
             with np.errstate(all="ignore"):
-                (amount,) = interpreted(task.amount_kind.function, q)
-            return np.asarray(amount.low if isinstance(amount, Enclosure) else np.full(len(T), amount))
+                return np.nan_to_num(self._own_amount.least(cells.pieces), nan=-np.inf)
         # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
         points = np.concatenate([solid[0] for solid in self.movable])
         turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
@@ -341,7 +350,10 @@ class Exclusion:
         T = self.poses(cells)
         T[~np.isfinite(T).all(axis=(1, 2))] = np.nan
         if not self.task.weighted:
-            codes[(codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
+            codes[costly := (codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
+            if isinstance(self.task.amount_kind, OwnAmount):
+                with np.errstate(all="ignore"):
+                    codes[costly & (self._own_amount.least_beyond(cells.pieces) >= enough)] = Reason.BEYOND
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
         if np.isfinite(self.needs).any():

@@ -21,6 +21,7 @@ UP = 1.0 + 2.0**-49  # more than the rounding of the few operations that a radiu
 LEAST = 1e-300  # more than what underflow can take from a result
 SUMS = 2.0**-47  # error of a sum of up to twenty products, relative to the sum of their sizes
 LIBRARY = 2.0**-48  # error of a library function: sixteen units in the last place of its result
+WIDE = 2.0**-10  # radius, relative to the middle, from which on a square is found from its ends
 WHOLE_TURNS = 1e6  # sines of larger angles are bounded by 1 alone
 
 
@@ -143,8 +144,10 @@ class Interval:
     def square(self) -> Interval:
         """Return x x."""
         middle, radius = self.middle * self.middle, self.radius
-        spread = radius * (2.0 * np.abs(self.middle) + radius)
-        return Interval(middle, (spread + UNIT * middle) * UP + LEAST)
+        spread = (radius * (2.0 * np.abs(self.middle) + radius) + UNIT * middle) * UP + LEAST
+        ends = self.magnitude().increasing(np.square)  # narrower, but for the rounding of a library
+        wide = radius > WIDE * np.abs(self.middle)
+        return Interval(np.where(wide, ends.middle, middle), np.where(wide, ends.radius, spread))
 
     def magnitude(self) -> Interval:
         """Return |x|."""

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.motion.instructions import Instructions
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.proof.intervals import Interval, IntervalFunction
+from fcdm_opt.proof.intervals import ARITHMETIC, Interval, IntervalFunction
 
 Bools = NDArray[np.bool_]
 
@@ -96,7 +97,8 @@ class Pieces:
         """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
         (n, k), (s, v) = self.low.shape, self.directions(over=True)
         by_s = slopes.contracted(v.shaped((n, k, 1)))
-        others = slopes.taken(np.broadcast_to(self.others[:, None, :], (n, POSE, k - 1))) * s.shaped((n, 1, 1))
+        shape = n, slopes.middle.shape[1], k - 1
+        others = slopes.taken(np.broadcast_to(self.others[:, None, :], shape)) * s.shaped((n, 1, 1))
         return by_s.beside(others) * Interval(self.half[:, None, :])
 
 
@@ -250,6 +252,88 @@ class PosesOfPieces:
                 Interval(np.where(broken, wide.middle, tight.middle), np.where(broken, wide.radius, tight.radius))
             )
         return Poses(pieces, still, over, change, broken)
+
+
+class AmountOfPieces:
+    """An amount of the user's own over pieces of cells: a function of the parameters q = y / weights."""
+
+    def __init__(self, amount: Any, weights: Array) -> None:
+        import casadi
+
+        y = casadi.SX.sym("y", len(weights))
+        value = amount(y / weights)
+        slopes = casadi.densify(casadi.jacobian(value, y))
+        made = [casadi.Function("amount", [y], [own], OPTIONS) for own in (value, slopes)]
+        self._value, self._slopes = map(IntervalFunction, made)
+        self._beyond = Instructions.of(made[0])
+
+    def least(self, pieces: Pieces) -> Array:
+        """Return a lower bound over each piece, (n,)."""
+        n, y = len(pieces.low), pieces.coordinates(over=True)
+        ((centre,),), _ = self._value(pieces.coordinates(over=False))
+        ((natural,),), jumps = self._value(y)
+        (slopes,), _ = self._slopes(y)
+        change = pieces.changes(_together([_column(x, n) for x in slopes], n))
+        wide, near = _column(natural, n).low[:, 0], _spread(_column(centre, n), change).low[:, 0]
+        return np.where(jumps, wide, np.fmax(wide, near))
+
+    def least_beyond(self, pieces: Pieces) -> Array:
+        """Return a lower bound over all motions in each piece and further out in the same directions, (n,)."""
+        s, v = pieces.directions(over=True)
+        y = [Growing(s.low * v[:, k], 1.0) for k in range(pieces.low.shape[1])]
+        ((value,),) = self._beyond.carried_out(GROWTH, y)
+        low = np.asarray(value.factor.low) * np.ones(len(pieces.low))
+        return np.where(low >= 0.0, low * (value.power >= 0.0), low if value.power <= 0.0 else -np.inf)
+
+
+class Growing(NamedTuple):
+    """Numbers factor * t^power for all t >= 1."""
+
+    factor: Interval
+    power: float
+
+
+def _combined(function: Callable[[Interval, Interval], Interval]) -> Callable[[Growing, Growing], Growing]:
+    """Return a function of two numbers that is homogeneous: of what they are relative to the larger power."""
+
+    def combined(x: Growing, y: Growing) -> Growing:
+        power = max(x.power, y.power)
+        return Growing(function(*(f if p == power else f.hull(Interval(0.0)) for f, p in (x, y))), power)
+
+    return combined
+
+
+def _unknown(*_: Growing) -> Growing:
+    return Growing(Interval(0.0, np.inf), 0.0)
+
+
+def _settled(name: str) -> Callable[..., Growing]:
+    """Return any function of numbers that do not grow."""
+
+    def settled(*given: Growing) -> Growing:
+        return _unknown() if any(x.power for x in given) else Growing(ARITHMETIC[name](*(x.factor for x in given)), 0.0)
+
+    return settled
+
+
+GROWTH: dict[str, Callable[..., Growing]] = {
+    **{name: _settled(name) for name in ARITHMETIC},
+    "CONST": lambda x: Growing(Interval(x), 0.0),
+    "UNKNOWN": _unknown,
+    **{name: _combined(ARITHMETIC[name]) for name in ("ADD", "SUB", "FMIN", "FMAX")},
+    "MUL": lambda x, y: Growing(x.factor * y.factor, x.power + y.power),
+    "DIV": lambda x, y: Growing(x.factor / y.factor, x.power - y.power),
+    "INV": lambda x: Growing(x.factor.reciprocal(), -x.power),
+    "POW": lambda x, n: Growing(x.factor.power(n.factor), x.power * float(np.max(n.factor.middle)))
+    if not n.power and np.ndim(n.factor.middle) == 0 else _settled("POW")(x, n),
+    "SQ": lambda x: Growing(x.factor.square(), 2.0 * x.power),
+    "SQRT": lambda x: Growing(ARITHMETIC["SQRT"](x.factor), 0.5 * x.power),
+    **{
+        name: lambda x, name=name: Growing(ARITHMETIC[name](x.factor), x.power)
+        for name in ("ASSIGN", "NEG", "TWICE", "FABS")
+    },
+}
+"""Interval arithmetic of numbers that grow."""
 
 
 def _spread(centre: Interval, change: Interval) -> Interval:

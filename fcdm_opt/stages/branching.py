@@ -322,8 +322,10 @@ def bounded(
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
     bound, kept = min(bound, _amount(task, answer)), None
-    if checked and task.weighted and len(task.weights) <= MOST_CHECKED:
+    if checked and len(task.weights) <= MOST_CHECKED:
         shown = proof.evidence.bound if proof.evidence.bound <= most else np.inf
+        if not task.weighted:  # which may be less further out
+            shown = proof.lower_bound if np.isinf(shown) else -np.inf
         if bound <= shown * (1.0 + 2.0 * GAP):  # what is claimed is what can be checked; else no evidence goes with it
             bound, kept = min(bound, shown), proof.evidence
     return replace(answer, lower_bound=bound), kept
