@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
-from fcdm_opt.design.stack.spread import _Draw, _scores, moments, spreads
+from fcdm_opt.design.stack.spread import spreads
 from fcdm_opt.problem.entries import SizeEntry
 from fcdm_opt.problem.schema import checked
 from fcdm_opt.show.printing import console
@@ -173,32 +173,6 @@ def test_distributions_have_their_moments(distribution: Any, deviation: float, m
     assert (told.mean, told.deviation) == (pytest.approx(0.03 - mean), pytest.approx(deviation))
     assert drawn.mean == pytest.approx(0.03 - mean, abs=5 * deviation / np.sqrt(3e5))
     assert drawn.deviation == pytest.approx(deviation, rel=0.01)
-
-
-def test_scores_are_normal_and_independent() -> None:
-    count = 2**20
-    scores = _scores(np.random.Generator(np.random.SFC64(3)), count).astype(float)
-    for power, moment, spread in ((1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)):
-        assert abs(np.mean(scores**power) - moment) < 5.0 * np.sqrt(spread / count)
-    one, two = scores.reshape(2, -1)  # of one distance from the middle
-    for f, g in ((one, two), (one**2 - 1.0, two**2 - 1.0), (one[1:], one[:-1])):
-        assert abs(np.mean(f * g)) < 5.0 * f.std() * g.std() / np.sqrt(len(f))
-    for end in (-3.0, -1.0, 0.0, 0.5, 2.0, 4.0):
-        share = ndtr(end)
-        assert abs(np.mean(scores < end) - share) < 5.0 * np.sqrt(share * (1.0 - share) / count)
-
-
-def test_rows_of_more_sizes_than_rows_are_drawn_as_they_are() -> None:
-    rng = np.random.default_rng(5)
-    rows = np.column_stack([rng.normal(size=3), rng.normal(size=(3, 9))])
-    sources = spreads([fo.Size(f"{k}", "movable", scale="x", tolerance=(-0.1 * k, 0.2)) for k in range(9)])
-    draw = _Draw.of(rows, sources, None, 0.5)
-    heights = np.concatenate([draw(rng).T.astype(float) for _ in range(100)])
-    means, deviations = moments(sources)
-    spread = rows[:, 1:] @ np.diag(deviations**2) @ rows[:, 1:].T
-    near = 5.0 / np.sqrt(len(heights))
-    assert heights.mean(axis=0) == pytest.approx(rows[:, 0] - 0.5 + rows[:, 1:] @ means, abs=near * spread.max() ** 0.5)
-    assert np.cov(heights.T) == pytest.approx(spread, abs=2.0 * near * spread.max())
 
 
 def test_correlated_sizes_add_or_cancel() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.stack.contributions import mixture
 from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
@@ -99,7 +100,7 @@ def allocated(
             held = lowers
             for _ in range(ROUNDS if share is None and lowers else 0):
                 t = found[1]
-                mixed = [_mix(pair, t) for pair in pairs]
+                mixed = [mixture(pair, t) @ pair for pair in pairs]
                 again = program.solved(mixed, low, upper, high)
                 if again is None or again[0] >= found[0] * (1.0 - DEFAULT.requirement):
                     break
@@ -133,19 +134,6 @@ def _choices(pairs: Sequence[Array], most: Array, low: float) -> list[list[Array
         return [list(rows) for rows in product(*usable)]
     likely = [max(rows, key=lambda row: row[0] - np.abs(row[1:]) @ most / 2.0) for rows in usable if rows]
     return [likely] if len(likely) == len(pairs) else []
-
-
-def _mix(rows: Array, t: Array) -> Array:
-    """Return the mix of rows whose least over the tolerances is largest: that least, by duality, is the pair's own."""
-    from scipy.optimize import linprog
-
-    count, size = len(rows), len(t)
-    # weights w >= 0 that add up to 1, and s >= |sum w c|
-    cost = np.concatenate([-rows[:, 0], t])
-    wall = np.vstack([np.column_stack([sign * rows[:, 1:].T, -np.eye(size)]) for sign in (1.0, -1.0)])
-    total = np.concatenate([np.ones(count), np.zeros(size)])[None]
-    answer = linprog(cost, wall, np.zeros(2 * size), total, [1.0])
-    return np.asarray(answer.x[:count] @ rows)
 
 
 class _Program:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
-from fcdm_opt.design.stack.spread import moments, spreads
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.stack.spread import at_shares, least_of_largest, moments, spreads
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
 
 CHUNK = 2**11  # pairs of parts that are drawn at a time
@@ -66,30 +66,24 @@ def gap_spread(touching: TouchingSizes, row: Array) -> GapSpread:
     for _ in range(0, draws, CHUNK):
         u = sequence.random(CHUNK).T
         x, y = (
-            np.array([np.full(CHUNK, own) if isinstance(own, float) else own.quantile(share)
-                      for own, share in zip(sources, shares, strict=True)])
+            np.array([at_shares(own, share) for own, share in zip(sources, shares, strict=True)])
             for shares in (u[:count], u[count : 2 * count])
-        )  # fmt: skip
+        )
         heights = rows[:, 1:] @ x + rows[:, :1]
-        first = before = _least_of_largest(heights, starts)
+        first = before = least_of_largest(heights, starts)
         deciding = heights == first
         slopes += rows[:, 1:].T @ (deciding / deciding.sum(axis=0)).sum(axis=1)
         elsewhere += np.count_nonzero(np.abs(row[0] + row[1:] @ x - first) > near)
         changes = np.empty_like(x)
         for own in u[2 * count :].argsort(axis=0):
             heights += rows[:, 1 + own] * (y[own, each] - x[own, each])
-            after = _least_of_largest(heights, starts)
+            after = least_of_largest(heights, starts)
             changes[own, each], before = before - after, after
         straight = slopes / CHUNK if straight is None else straight
         linear = straight[:, None] * (x - y)
         variances += (changes * (first - before) - linear * linear.sum(axis=0)).sum(axis=1)
     variances = variances / (2.0 * draws) + ((0.0 if straight is None else straight) * deviations) ** 2
     return GapSpread(slopes[own_column] / draws, np.maximum(variances, 0.0)[own_column], float(elsewhere / draws))
-
-
-def _least_of_largest(heights: Array, starts: Ints) -> Array:
-    """Return the least over part pairs of the largest of their rows' heights."""
-    return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=0), axis=0)
 
 
 def worst_rows(touching: TouchingSizes) -> tuple[Array, Array]:
@@ -103,11 +97,13 @@ def worst_rows(touching: TouchingSizes) -> tuple[Array, Array]:
     near = DEFAULT.tie * max(body.size for body in touching.bodies)
     found: list[tuple[Array, Array]] = []
     for pair, (own, _) in zip(touching.pairs, touching.leasts, strict=True):
-        lows = pair.values[:, 0] + pair.values[:, 1:] @ middle - np.abs(pair.values[:, 1:]) @ half
         if own > least + near:
             continue
-        alone = np.flatnonzero(lows >= own - near)
-        found += [(pair.values[[k]], np.ones(1)) for k in alone] or [_mixture(pair, middle, half)]
+        rates = pair.values[:, 1:]
+        heights = pair.values[:, 0] + rates @ middle
+        alone = np.flatnonzero(heights - np.abs(rates) @ half >= own - near)
+        shares = np.eye(len(heights))[alone] if len(alone) else [mixture(np.column_stack([heights, rates]), half)]
+        found += [(pair.values[share > 0.0], share[share > 0.0] / share.sum()) for share in shares]
     distinct: list[tuple[Array, Array]] = []
     for rows, weights in found:
         same = (weights @ rows - other @ those for those, other in distinct)
@@ -116,16 +112,16 @@ def worst_rows(touching: TouchingSizes) -> tuple[Array, Array]:
     return np.vstack([rows for rows, _ in distinct]), np.concatenate([own for _, own in distinct]) / len(distinct)
 
 
-def _mixture(pair: PairRows, middle: Array, half: Array) -> tuple[Array, Array]:
-    """Return rows of a pair and their weights such that their mixture's least in the box is the pair's, by duality."""
+def mixture(rows: Array, half: Array) -> Array:
+    """Return the weights of the mix of rows (m, 1 + k) whose least over all sizes within `half` of zero is largest.
+
+    They are >= 0 and add up to 1; by duality that least is the one of the largest row.
+    """
     from scipy.optimize import linprog
 
-    rows, count = pair.values, len(middle)
-    heights = rows[:, 0] + rows[:, 1:] @ middle
-    scaled = rows[:, 1:] * half
-    # the largest of mixture . heights - sum of s, s >= |mixture . scaled|
-    cost = np.concatenate([-heights, np.ones(count)])
+    scaled, count = rows[:, 1:] * half, len(half)
+    # the largest of mixture . gaps - sum of s, s >= |mixture . scaled|
+    cost = np.concatenate([-rows[:, 0], np.ones(count)])
     left = np.vstack([np.hstack([sign * scaled.T, -np.eye(count)]) for sign in (1.0, -1.0)])
     found = linprog(cost, left, np.zeros(2 * count), np.concatenate([np.ones(len(rows)), np.zeros(count)])[None], [1.0])
-    weights = found.x[: len(rows)]
-    return rows[weights > 0.0], weights[weights > 0.0] / weights.sum()
+    return np.asarray(found.x[: len(rows)])

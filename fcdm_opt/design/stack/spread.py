@@ -12,7 +12,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.distributions import ALL, Distribution, Measured, Normal, Uniform
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError, placed
-from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims, ShareClaim
 from fcdm_opt.plain import Plain
@@ -192,21 +192,17 @@ def drawn_gaps(
     swing = np.abs(rows[:, 1:]) @ half
     heights = rows[:, 0] + rows[:, 1:] @ middle
     zero = next((end for end in limits if np.isfinite(end)), float(heights.mean()))  # that it is met is told exactly
-    heights = heights - zero
     low, high = limits[0] - zero, limits[1] - zero
-    ends = float((heights - swing).min()), float((heights + swing).max())
+    ends = float((heights - swing).min()) - zero, float((heights + swing).max()) - zero
     edges = np.linspace(ends[0], ends[1] if ends[1] > ends[0] else ends[0] + 1.0, BINS + 1)
     counts, total, square = np.zeros(BINS, np.int64), 0.0, 0.0
     within = [(low, high), (low + off[1], high - off[0]), (low - off[0], high + off[1])]
     passed = np.zeros(3, np.int64)
     least, largest = np.inf, -np.inf
-    draw = _Draw.of(rows, spreads(touching.sizes), correlation, zero)
+    sources, mixed = spreads(touching.sizes), _mixed(correlation, len(touching.sizes))
     for begin in range(0, count, CHUNK):
-        products = draw(rng)
-        if len(starts) > 1:
-            products = np.maximum.reduceat(products, starts, axis=0)
-        best = np.minimum if len(starts) > 1 else np.maximum
-        gaps = best.reduce(products, axis=0)[: count - begin].astype(float)
+        drawn = rows[:, 1:] @ _drawn(rng, sources, CHUNK, mixed) + (rows[:, :1] - zero)
+        gaps = least_of_largest(drawn, starts)[: count - begin]
         passed += [np.count_nonzero((gaps >= a) & (gaps <= b)) for a, b in within]
         least, largest = min(least, float(gaps.min())), max(largest, float(gaps.max()))
         total += float(gaps.sum())
@@ -224,83 +220,14 @@ def drawn_gaps(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _Draw:
-    """Draws the heights of rows: of normal sizes together, of others each.
-
-    Rows of more normal sizes than there are rows are as those of as many as rows. Seven digits of how much sizes
-    deviate are enough where their distributions are smooth; of measured sizes all are kept.
-    """
-
-    heights: Any
-    factor: Any
-    normal: int
-    others: tuple[Distribution | float, ...]
-    mixed: Array | None
-    room: tuple[Any, Any]
-
-    @classmethod
-    def of(cls, rows: Array, sources: Sequence[Distribution | float], correlation: Any, zero: float) -> _Draw:
-        """Return it; `zero` is subtracted from the heights."""
-        mixed, rates = _mixed(correlation, len(sources)), rows[:, 1:]
-        straight = [isinstance(own, float) or (isinstance(own, Normal) and _whole(own)) for own in sources]
-        if mixed is not None and not all(straight):  # they are tied by their ranks
-            straight = [False] * len(sources)
-        means, deviations = moments(sources)
-        scores = rates[:, straight] * deviations[straight]
-        if mixed is not None and all(straight):
-            scores, mixed = scores @ mixed, None
-        scores = scores[:, scores.any(axis=0)]
-        if scores.shape[1] > len(rows):
-            scores = np.linalg.qr(scores.T)[1].T
-        others = [k for k, own in enumerate(straight) if not own]
-        fine = np.float32 if all(isinstance(sources[k], Uniform) for k in others) and mixed is None else np.float64
-        factor = np.column_stack([scores, rates[:, others]]).astype(fine)
-        heights = (rows[:, 0] - zero + rates[:, straight] @ means[straight])[:, None]
-        for k in others if fine is np.float32 else ():
-            heights = heights + rates[:, k : k + 1] * means[k]
-        room = np.empty((factor.shape[1], CHUNK), fine), np.empty((len(rows), CHUNK), fine)
-        return cls(heights.astype(fine), factor, scores.shape[1], tuple(sources[k] for k in others), mixed, room)
-
-    def __call__(self, rng: np.random.Generator) -> Any:
-        places, products = self.room
-        if self.normal:
-            places[: self.normal] = _scores(rng, self.normal * CHUNK).reshape(self.normal, CHUNK)
-        if products.dtype == np.float32:
-            for row, source in zip(places[self.normal :], self.others, strict=True):
-                assert isinstance(source, Uniform)
-                rng.random(dtype=np.float32, out=row)
-                row -= np.float32(0.5)
-                row *= np.float32(source.high - source.low)
-        else:
-            _draw(rng, self.others, self.mixed, places[self.normal :])
-        np.matmul(self.factor, places, out=products)
-        products += self.heights
-        return products
-
-
-def _scores(rng: np.random.Generator, count: int) -> Any:
-    """Return standard normal numbers by Box and Muller, up to 6.7 and with seven digits."""
-    drawn = rng.bit_generator.random_raw(count // 2).view(np.uint32).astype(np.float32)
-    drawn += np.float32(0.5)
-    drawn *= np.float32(2.0**-32)
-    away, angle = drawn[: count // 2], drawn[count // 2 :]
-    np.log(away, out=away)
-    away *= np.float32(-2.0)
-    np.sqrt(away, out=away)
-    angle *= np.float32(2.0 * np.pi)
-    across = np.sin(angle)
-    np.cos(angle, out=angle)
-    angle *= away
-    away *= across
-    return drawn
+def least_of_largest(heights: Array, starts: Ints) -> Array:
+    """Return the least over part pairs, which begin at `starts`, of the largest of their rows' heights, (m, n)."""
+    return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=0), axis=0)
 
 
 def draws(sizes: Sequence[Size], count: int, seed: int) -> Array:
     """Return deviations as sizes are distributed, independently, (count, k)."""
-    found = np.empty((len(sizes), count))
-    _draw(np.random.Generator(np.random.SFC64(seed)), spreads(sizes), None, found)
-    return found.T
+    return _drawn(np.random.Generator(np.random.SFC64(seed)), spreads(sizes), count).T
 
 
 def _whole(source: Normal) -> bool:
@@ -323,28 +250,23 @@ def _mixed(correlation: Any, count: int) -> Array | None:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _draw(rng: np.random.Generator, sources: Sequence[Distribution | float], mixed: Array | None, out: Array) -> None:
-    """Fill rows of an array with draws."""
+def _drawn(
+    rng: np.random.Generator, sources: Sequence[Distribution | float], count: int, mixed: Array | None = None
+) -> Array:
+    """Return deviations drawn, (k, count): independently, or tied by the normal scores of their ranks."""
+    found = np.empty((len(sources), count))
     if mixed is not None:
         from scipy.special import ndtr
 
-        scores = mixed @ rng.standard_normal(out.shape)
+        shares = ndtr(mixed @ rng.standard_normal(found.shape))
     for k, source in enumerate(sources):
-        row = out[k]
-        if isinstance(source, float):
-            row[:] = source
-        elif isinstance(source, Normal) and _whole(source):
-            if mixed is None:
-                rng.standard_normal(out=row)
-            else:
-                row[:] = scores[k]
-            row *= source.deviation
-            row += source.mean
-        elif mixed is not None:
-            row[:] = source.quantile(ndtr(scores[k]))
-        elif isinstance(source, Uniform):
-            rng.random(out=row)
-            row *= source.high - source.low
-            row += source.low
+        if mixed is None and isinstance(source, Normal) and _whole(source):  # the quickest way
+            found[k] = source.mean + source.deviation * rng.standard_normal(count)
         else:
-            row[:] = source.quantile(rng.random(len(row)))
+            found[k] = at_shares(source, rng.random(count) if mixed is None else shares[k])
+    return found
+
+
+def at_shares(source: Distribution | float, shares: Array) -> Array:
+    """Return the deviations below which shares of all lie; the one that there is where there is just one."""
+    return np.full(shares.shape, source) if isinstance(source, float) else source.quantile(shares)
