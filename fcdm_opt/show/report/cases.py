@@ -46,8 +46,8 @@ from fcdm_opt.tolerances import DEFAULT
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ANSWERED = (
-    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound", "doubt", "pair_state",
-    "usable",
+    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound", "doubt",
+    "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
 STACKED = 3.0  # seconds that a stack-up may take: beside an answer
