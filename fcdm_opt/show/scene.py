@@ -58,6 +58,9 @@ MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
+OVERLAP = "where they overlap"
+"""What the key calls it."""
+
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
@@ -471,7 +474,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
-        if len(flat) > 2 and abs(float(contact.normal @ toward)) > EDGE_ON:
+        if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
             middle = flat.mean(axis=0)
             solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
@@ -479,15 +482,16 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
             axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
         else:
             axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
-    areas.fill(solid, GREEN, 0)
+    colour, label = contacts[0].colour, label if contacts[0].across is None else OVERLAP
+    areas.fill(solid, colour, 0)
     if areas.covered.any():
         rows, columns = areas.covered.shape
         x = left + (np.arange(columns) + 0.5) * (right - left) / columns
         y = bottom + (np.arange(rows) + 0.5) * (top - bottom) / rows
         soft = gaussian_filter(areas.covered.astype(float), 1.0)
-        axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[GREEN], alpha=VEIL, zorder=4)
-        axes.contour(x, y, soft, levels=[0.3], colors=[GREEN], linewidths=1.2, zorder=4)
-    axes.scatter([], [], s=40, marker="s", color=GREEN, label=label)
+        axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[colour], alpha=VEIL, zorder=4)
+        axes.contour(x, y, soft, levels=[0.3], colors=[colour], linewidths=1.2, zorder=4)
+    axes.scatter([], [], s=40, marker="s", color=colour, label=label)
 
 
 def sharp_edges(body: Body) -> Array:

@@ -27,6 +27,7 @@ from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import view_of
+from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import (
@@ -300,9 +301,14 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             note = "at the scales of the tracked contact, after the motion"
             at = solution.rho, solution.transform, solution.rho
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
+    made = problem.movable.scaled(problem.target[0]), problem.static.scaled(problem.target[1])
+    overlap = pacing.in_time(Touching.overlap, *made, late=None)
     return {
         "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),
-        "rescaled": frames.frame(problem.target, note="the parts made, no motion"),
+        "rescaled": {
+            **frames.frame(problem.target, note="the parts made, no motion"),
+            "overlap": drawn([] if overlap is None else np.concatenate(overlap.pieces)),
+        },
         "corrected": corrected,
         "tracked": tracked,
     }
