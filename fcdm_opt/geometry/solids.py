@@ -364,10 +364,17 @@ class PlacedSolids:
 
     def deep_in(self, pieces: list[tuple[Array, Ints]]) -> Array:
         """Return the nearest points of both surfaces, (2, 3), to a point deep in what the solids have in common."""
-        points = self._within_common(pieces)
-        depths = self._depths(points)
-        as_deep = points[depths >= (1.0 - DEFAULT.tie) * depths.max()]
-        point = as_deep[int(norms(as_deep - as_deep.mean(axis=0)).argmin())]
+        points = [self._within_common(pieces)]
+        for corners, rows in pieces:  # of one bent about a body, its middle is outside
+            triangles = corners[rows]
+            large = np.argsort(-norms(cross(*np.diff(triangles, axis=1).swapaxes(0, 1))))[:CORNERS]
+            middles = triangles[large].mean(axis=1)
+            points.append((middles[:, None] + middles).reshape(-1, 3) / 2.0)
+        every = np.concatenate(points)
+        depths = self._depths(every)
+        as_deep = every[depths >= (1.0 - DEFAULT.snap) * depths.max()]
+        inner = [min(self._near(which, point, 0.0)[1].min() for which in range(2)) for point in as_deep]
+        point = as_deep[int(np.argmax(inner))]
         near = (self._near(which, point, 0.0) for which in range(2))
         return np.array([_nearest(point, corners[far.argmin()][None])[0] for corners, far in near])
 
