@@ -154,5 +154,5 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     shown = ShownPair.of(
         problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
     )
-    contacts = [overlap] if overlap else contacts_of(moved, rho, shown)
+    contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
     return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

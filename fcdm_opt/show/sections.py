@@ -44,11 +44,14 @@ class Touching(NamedTuple):
         Across it, a unit vector.
     across : (2, 3) array, optional
         Of an overlap, whose surface the pieces are: points of both bodies' surfaces where it is deep.
+    number : int
+        As texts and tables count contacts, 0 where it is the only one.
     """
 
     pieces: tuple[Array, ...]
     normal: Array
     across: Array | None = None
+    number: int = 0
 
     @property
     def middle(self) -> Array:
@@ -104,7 +107,6 @@ def draw_section(
     moved: ArrayLike | None,
     page: Array,
     inch: float,
-    number: int | None,
     unit: str,
 ) -> Array:
     """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
@@ -123,8 +125,6 @@ def draw_section(
         Directions of the scene's page, right and up.
     inch : float
         Inches a length in the scene beside it.
-    number : int, optional
-        Of the contact, where there are several.
     unit : str
     """
     from matplotlib.patches import PathPatch
@@ -167,8 +167,8 @@ def draw_section(
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
-    which = "overlap" if contact.across is not None else "contact" if number is None else f"contact {number}"
-    axes.set_title(f"{which}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
+    which = "overlap" if contact.across is not None else f"contact {contact.number or ''}"
+    axes.set_title(f"{which.strip()}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
     k = int(np.abs(facing).argmax())
     if abs(facing[k]) > ALONG_AXIS:
         seen = VIEWS[k][int(facing[k] > 0.0)]
