@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -373,38 +374,49 @@ def test_planted_overlap_and_cut_are_seen(wide):
         wide.page.evaluate(move, "")
 
 
-def test_paper_shows_the_chosen_case_alone_unless_all_are_wanted(wide):
-    wide.page.emulate_media(media="print")
-    wide.page.wait_for_selector("html.printing", state="attached")
-    assert [wide.page.is_visible(f"#case-{number}") for number in range(len(CASES))] == [True, False]
-    wide.page.emulate_media(media="screen")
-    wide.page.wait_for_selector("html:not(.printing)", state="attached")
+@contextmanager
+def on_paper(opened, wanted, **options):
+    """Show a page as it is printed, with what is wanted chosen at its head."""
+    opened.page.select_option("#print", wanted)
+    opened.page.emulate_media(media="print", **options)
+    opened.page.wait_for_selector("html.printing", state="attached")
+    yield lambda size: len(
+        re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format=size, prefer_css_page_size=True))
+    )
+    opened.page.emulate_media(media="screen", color_scheme="light")
+    opened.page.wait_for_selector("html:not(.printing)", state="attached")
+    opened.page.select_option("#print", "sheets")
 
 
-def test_one_case_fits_four_pages(wide):
-    wide.page.emulate_media(media="print")
-    wide.page.wait_for_selector("html.printing", state="attached")
-    pages = wide.page.pdf(format="A4", prefer_css_page_size=True)
-    assert 1 <= len(re.findall(rb"/Type\s*/Page[^s]", pages)) <= 4
-    wide.page.emulate_media(media="screen")
-    wide.page.wait_for_selector("html:not(.printing)", state="attached")
+def test_a_shop_gets_a_sheet_a_case_with_room_to_sign(wide, payload):
+    """Figures were cut, headings stood alone, half of the pages were blank."""
+    with on_paper(wide, "sheets") as pages:
+        assert [pages(size) for size in ("A4", "Letter")] == [len(CASES)] * 2
+        for number, case in enumerate(payload["cases"]):
+            sheet = wide.page.locator(f'.answer[data-case="{number}"]')
+            for told in ("Revision", "Approved", case["motion"], *case["extents"][0][1:3]):
+                assert told in sheet.inner_text()
+            assert sheet.locator(".drawn-picture").bounding_box()["height"] > 200
+        for hidden in ("#slider", "button >> nth=0", "#choose", "#details", "#chooser"):
+            assert not wide.page.is_visible(hidden)
+
+
+def test_paper_shows_the_details_of_the_chosen_case_where_they_are_wanted(wide):
+    with on_paper(wide, "case") as pages:
+        assert [wide.page.is_visible(f"#case-{number}") for number in range(len(CASES))] == [True, False]
+        assert pages("A4") <= 4
 
 
 def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
-    wide.page.check("#print-all")
-    wide.page.emulate_media(media="print", color_scheme="dark")
-    wide.page.wait_for_selector("html.printing", state="attached")
-    for number in range(len(payload["cases"])):
-        assert wide.page.is_visible(f'.answer[data-case="{number}"]')
-        assert wide.page.is_visible(f"#case-{number} >> text=Checks of the judge")
-    assert not wide.page.is_visible("text=Relative tolerances and their reasons")  # folded away: many, and no answer
-    assert not wide.page.is_visible("#slider")
-    assert wide.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    wide.until("document.getElementById('curve').layout.font.color", "#16191d")
-    assert wide.page.evaluate(OVERLAPS) == []
-    wide.page.emulate_media(media="screen", color_scheme="light")
-    wide.page.wait_for_selector("html:not(.printing)", state="attached")
-    wide.page.uncheck("#print-all")
+    with on_paper(wide, "all", color_scheme="dark"):
+        for number in range(len(payload["cases"])):
+            assert wide.page.is_visible(f'.answer[data-case="{number}"]')
+            assert wide.page.is_visible(f"#case-{number} >> text=Checks of the judge")
+        assert not wide.page.is_visible("text=Relative tolerances and their reasons")  # folded away: no answer
+        assert not wide.page.is_visible("#slider")
+        assert wide.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        wide.until("document.getElementById('curve').layout.font.color", "#16191d")
+        assert wide.page.evaluate(OVERLAPS) == []
     assert not wide.page.is_visible("text=Relative tolerances and their reasons")
 
 
@@ -422,6 +434,8 @@ def test_phone_in_the_dark_without_webgl(browser, address):
     options = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark", "is_mobile": True}
     opened = Opened(browser, address, **options)
     assert opened.page.evaluate("document.documentElement.scrollWidth") == 390
+    all_cases, answer = (opened.page.locator(name).bounding_box() for name in ("#chooser", ".answer.chosen"))
+    assert all_cases["y"] + all_cases["height"] <= answer["y"]  # all cases came last
     assert opened.page.evaluate(CUT_OFF) == []
     assert opened.page.evaluate(OVERLAPS) == []
     opened.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")

@@ -284,6 +284,20 @@ def test_case_without_motion_tells_from_which_size_on_there_is_none():
 # ------------------------------------------------------------------------------------------------------------- scenes
 
 
+def test_where_parts_overlap_that_no_motion_parts_is_drawn():
+    """Cubes side by side, one 10 % larger: 0.05 of it is in the other; the sizes drawn were shown, and no overlap."""
+    corners = (list(itertools.product((x, x + 1.0), (0.0, 1.0), (0.0, 1.0))) for x in (0.0, 1.0))
+    one, two = (fo.Body.convex(own, seed="box") for own in corners)
+    held = fo.Problem(one, two, target=(1.1, 1.0), motion=fo.Translation("x"), goal="touch", limits={"TX": (0, 1e-3)})
+    case = of_problem(held)
+    assert case["amount"] is None
+    corners = np.reshape(case["poses"]["rescaled"]["overlap"], (-1, 3, 3))
+    assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(0.05, rel=1e-9)  # times 1 x 1, as large as the other is
+    assert np.ptp(corners.reshape(-1, 3), axis=0) == pytest.approx([0.05, 1.0, 1.0])
+    assert "where they overlap" in case["picture"]["key"]
+    assert "overlap, cut open" in case["picture"]["insets"][0]
+
+
 @pytest.mark.parametrize("names", [("example1",), ("example2",), LID])
 def test_points_are_shown_where_scaling_and_moving_the_bodies_puts_them(names):
     for problem, case in zip(opened(*names).problems, gathered(*names)["cases"], strict=True):

@@ -326,7 +326,7 @@ class PlacedSolids:
         either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
         cross, or where only a way round leads out.
         """
-        starts = np.array(self._common()).reshape(-1, 3)
+        starts = self._within_common(self.common())
         values, best = self._depths(starts), 0.0
         for k in np.argsort(-values, kind="stable")[:STARTS].tolist():
             if pacing.over():  # each bounds it, the more the nearer
@@ -334,8 +334,8 @@ class PlacedSolids:
             best = max(best, self._deepest(starts[k], float(values[k])))
         return best
 
-    def _common(self) -> list[Array]:
-        """Return points of what the solids have in common: in the middle of each piece, and towards its corners."""
+    def common(self) -> list[tuple[Array, Ints]]:
+        """Return the surface of each piece of what the solids have in common: corners, and triangles of these."""
         from manifold3d import Manifold, Mesh64, OpType
 
         solids = []
@@ -350,13 +350,33 @@ class PlacedSolids:
                 mesh = Mesh64(np.ascontiguousarray(points[used]), faces.reshape(-1, 3).astype(np.uint64))
                 pieces.append(Manifold(mesh))
             solids.append(Manifold.batch_boolean(pieces, OpType.Add) if len(pieces) > 1 else pieces[0])
+        meshes = [piece.to_mesh64() for piece in (solids[0] ^ solids[1]).decompose()]
+        return [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
+
+    def _within_common(self, pieces: list[tuple[Array, Ints]]) -> Array:
+        """Return points of these pieces, (m, 3): in the middle of each, and towards its corners."""
         found = []
-        for piece in (solids[0] ^ solids[1]).decompose():
-            corners = np.asarray(piece.to_mesh64().vert_properties)[:, :3]
+        for corners, _ in pieces:
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
             some = corners[:: max(1, len(corners) // CORNERS)]
             found += [middle, corners.mean(axis=0), *((middle + some) / 2.0), *some]
-        return found
+        return np.array(found).reshape(-1, 3)
+
+    def deep_in(self, pieces: list[tuple[Array, Ints]]) -> Array:
+        """Return the nearest points of both surfaces, (2, 3), to a point deep in what the solids have in common."""
+        points = [self._within_common(pieces)]
+        for corners, rows in pieces:  # of one bent about a body, its middle is outside
+            triangles = corners[rows]
+            large = np.argsort(-norms(cross(*np.diff(triangles, axis=1).swapaxes(0, 1))))[:CORNERS]
+            middles = triangles[large].mean(axis=1)
+            points.append((middles[:, None] + middles).reshape(-1, 3) / 2.0)
+        every = np.concatenate(points)
+        depths = self._depths(every)
+        as_deep = every[depths >= (1.0 - DEFAULT.snap) * depths.max()]
+        inner = [min(self._near(which, point, 0.0)[1].min() for which in range(2)) for point in as_deep]
+        point = as_deep[int(np.argmax(inner))]
+        near = (self._near(which, point, 0.0) for which in range(2))
+        return np.array([_nearest(point, corners[far.argmin()][None])[0] for corners, far in near])
 
     def _depths(self, points: Array) -> Array:
         """Return the sum of points' depths in both solids, (m,); minus infinity outside of one."""

@@ -18,6 +18,7 @@ from fcdm_opt.show import Figure, save
 from fcdm_opt.show.assemblies import assembly_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.scene import ScenePieces, ShownPair, contacts_of, scene_figure, scene_pieces, view_of
+from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.texts import asked_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
@@ -126,12 +127,11 @@ def solution_figure(
         Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
-    shown = "shown unmoved" if solution.transform is None else "shown"
+    shown = "shown unmoved" if drawn["moved"] is None else "shown"
     at = "the sizes drawn" if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times the sizes drawn"
     sizes = f" ({shown} at {at})"
-    return scene_figure(
-        **drawn, said=motion_said(solution), title=title, caption=caption.replace("{sizes}", sizes)
-    )
+    said = motion_said(solution) if drawn["moved"] is not None else ""
+    return scene_figure(**drawn, said=said, title=title, caption=caption.replace("{sizes}", sizes))
 
 
 def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = None) -> ScenePieces:
@@ -142,12 +142,17 @@ def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = No
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
     """Return what is drawn of an answer, and at which sizes."""
     problem = solution.problem
-    rho = problem.nominal_pair if solution.rho is None else solution.rho
-    moved = problem.curve_after(solution.transform, rho)
+    rho, transform = problem.nominal_pair if solution.rho is None else solution.rho, solution.transform
+    overlap = None
+    if transform is None or solution.status.name == "OUTSIDE_FIT":  # why there is no motion to use
+        at_rest = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])
+        if (overlap := pacing.in_time(Touching.overlap, *at_rest, late=None)) is not None:
+            rho, transform = solution.pair, None
+    moved = problem.curve_after(transform, rho)
     keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
     view = view or view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     shown = ShownPair.of(
-        problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
+        problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
     )
-    contacts = contacts_of(moved, rho, shown)
-    return {"shown": shown, "contacts": contacts, "moved": solution.transform, "unit": problem.unit}, rho
+    contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
+    return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

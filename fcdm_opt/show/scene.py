@@ -58,6 +58,9 @@ MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
+OVERLAP = "where they overlap"
+"""What the key calls it."""
+
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
@@ -113,9 +116,9 @@ def scene_figure(
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     inch, page = _inches_a_length(axes), page_directions(*shown.view)
-    for k, (number, contact) in enumerate(insets):
+    for k, contact in enumerate(insets):
         top = sheet.size[1] - k * (INSET + 0.45) - 0.12
-        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, page, inch, number, unit)
+        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, page, inch, unit)
     return sheet.figure
 
 
@@ -151,21 +154,21 @@ def scene_pieces(
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
     facings = []
-    for number, contact in _magnified(contacts):
+    for contact in _magnified(contacts):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
-        facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, number, unit))
+        facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit))
         insets.append(part.figure)
     facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
     return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]), facing)
 
 
-def _magnified(contacts: Sequence[Touching]) -> list[tuple[int | None, Touching]]:
-    """Return the contacts that get an inset, one of those that look alike, with their numbers where there are two."""
-    insets: list[tuple[int | None, Touching]] = []
-    for k, contact in enumerate(contacts, 1):
-        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
-            insets.append((k, contact))
-    return insets[:MOST_INSETS] if len(insets) > 1 else [(None, contact) for _, contact in insets]
+def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
+    """Return the contacts that get an inset, one of those that look alike."""
+    insets: list[Touching] = []
+    for contact in contacts:
+        if all(abs(float(contact.normal @ other.normal)) < ALIKE for other in insets):
+            insets.append(contact)
+    return insets[:MOST_INSETS]
 
 
 def _inches_a_length(axes: Any) -> float:
@@ -471,7 +474,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
-        if len(flat) > 2 and abs(float(contact.normal @ toward)) > EDGE_ON:
+        if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
             middle = flat.mean(axis=0)
             solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
@@ -479,15 +482,21 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
             axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
         else:
             axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
-    areas.fill(solid, GREEN, 0)
+    colour, label = contacts[0].colour, label if contacts[0].across is None else OVERLAP
+    areas.fill(solid, colour, 0)
     if areas.covered.any():
         rows, columns = areas.covered.shape
         x = left + (np.arange(columns) + 0.5) * (right - left) / columns
         y = bottom + (np.arange(rows) + 0.5) * (top - bottom) / rows
         soft = gaussian_filter(areas.covered.astype(float), 1.0)
-        axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[GREEN], alpha=VEIL, zorder=4)
-        axes.contour(x, y, soft, levels=[0.3], colors=[GREEN], linewidths=1.2, zorder=4)
-    axes.scatter([], [], s=40, marker="s", color=GREEN, label=label)
+        axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[colour], alpha=VEIL, zorder=4)
+        axes.contour(x, y, soft, levels=[0.3], colors=[colour], linewidths=1.2, zorder=4)
+    axes.scatter([], [], s=40, marker="s", color=colour, label=label)
+    names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
+    for place in places.values():
+        names.keep(place, 6.0)
+    for number, place in places.items():
+        names.put(str(number), place, (0.0, 1.0), colour=BLACK)
 
 
 def sharp_edges(body: Body) -> Array:
@@ -601,18 +610,28 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
 
-def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[Touching]:
-    """Return what bodies that are shown share at a scale pair on their curve, each place once."""
+def contacts_of(
+    curve: DecisionCurve, rho: ArrayLike, shown: ShownPair, counted: Sequence[Feature] = ()
+) -> list[Touching]:
+    """Return what bodies that are shown share at a scale pair on their curve, each place once.
+
+    Several are numbered as they are `counted` elsewhere, others after these.
+    """
+    features = [*counted]
     met = [(contact.feature, own) for contact, own in pacing.in_time(curve.touching, rho, late=())]
     near = 1e-6 * max(body.size for body in shown.bodies)
     whole = {feature: _shared_by_faces(feature, shown.bodies) for feature, _ in met}
-    made = [Touching.of(feature, list(pieces), *shown.bodies) for feature, pieces in whole.items() if len(pieces)]
-    for feature, corners in met:
+    made = {feature: [Touching.of(feature, list(own), *shown.bodies)] for feature, own in whole.items() if len(own)}
+    for feature, corners in sorted(met, key=lambda own: own[0] not in features):
         if len(whole[feature]):
             continue
-        if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for one in made):
-            made.append(Touching.of(feature, [corners], *shown.bodies))
-    return made
+        if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for own in made.values() for one in own):
+            made.setdefault(feature, []).append(Touching.of(feature, [corners], *shown.bodies))
+    features += [feature for feature in made if feature not in features]
+    found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
+    if len(found) == 1:
+        return [found[0][1]]
+    return [one._replace(number=number) for number, one in sorted(found, key=lambda own: own[0])]
 
 
 def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, VERMILLION
+from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped
+from fcdm_opt.tolerances import DEFAULT
 
 INSET = 1.55
 """Inches across of an inset."""
@@ -32,7 +34,7 @@ VIEWS = (("from the left", "from the right"), ("from the front", "from the back"
 
 
 class Touching(NamedTuple):
-    """Where two bodies touch.
+    """Where two bodies touch, or overlap.
 
     Attributes
     ----------
@@ -40,16 +42,41 @@ class Touching(NamedTuple):
         Corners of convex polygons that make up the area that they share, or of the line or point, world frame.
     normal : (3,) array
         Across it, a unit vector.
+    across : (2, 3) array, optional
+        Of an overlap, whose surface the pieces are: points of both bodies' surfaces where it is deep.
+    number : int
+        As texts and tables count contacts, 0 where it is the only one.
     """
 
     pieces: tuple[Array, ...]
     normal: Array
+    across: Array | None = None
+    number: int = 0
 
     @property
     def middle(self) -> Array:
         """A point of the contact, as near its middle as any."""
+        if self.across is not None:
+            return np.asarray(self.across.mean(axis=0))
         middles = np.array([piece.mean(axis=0) for piece in self.pieces])
         return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
+
+    @property
+    def colour(self) -> str:
+        """What it is drawn in."""
+        return GREEN if self.across is None else PURPLE
+
+    @classmethod
+    def overlap(cls, movable: Body, static: Body) -> Touching | None:
+        """Return what bodies as they are shown have in common, None where that is nothing."""
+        solids = PlacedSolids(movable, static, np.ones(2), np.eye(4))
+        pieces = solids.common()
+        across = solids.deep_in(pieces) + static.seed if pieces else np.zeros((2, 3))
+        depth = float(np.linalg.norm(across[1] - across[0]))
+        if not depth > DEFAULT.touch * solids.size:
+            return None
+        surface = [static.seed + triangle for corners, rows in pieces for triangle in corners[rows]]
+        return cls(tuple(surface), (across[1] - across[0]) / depth, across)
 
     @classmethod
     def of(cls, feature: Feature, pieces: Sequence[Array], movable: Body, static: Body) -> Touching:
@@ -80,7 +107,6 @@ def draw_section(
     moved: ArrayLike | None,
     page: Array,
     inch: float,
-    number: int | None,
     unit: str,
 ) -> Array:
     """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
@@ -99,8 +125,6 @@ def draw_section(
         Directions of the scene's page, right and up.
     inch : float
         Inches a length in the scene beside it.
-    number : int, optional
-        Of the contact, where there are several.
     unit : str
     """
     from matplotlib.patches import PathPatch
@@ -113,7 +137,8 @@ def draw_section(
     facing, plane = _section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))
-    half = min(STEPS * long, LARGEST * size) if long > 1e-9 * size else STILL * size
+    deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
+    half = min(STEPS * max(long, deep), LARGEST * size) if max(long, deep) > 1e-9 * size else STILL * size
     axes = sheet.axes(*corner, INSET, INSET)
     for body, colour, look in (
         (static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35}),
@@ -130,10 +155,10 @@ def draw_section(
         arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
-    flat = (np.vstack(contact.pieces) - middle) @ plane
+    flat = ((np.vstack(contact.pieces) if contact.across is None else contact.across) - middle) @ plane
     ends = flat[[end(flat @ np.ptp(flat, axis=0)) for end in (np.argmin, np.argmax)]]
-    axes.plot(*ends.T, color=GREEN, linewidth=3.0, alpha=0.8)
-    axes.plot([0.0], [0.0], "o", color=GREEN, markersize=4.0)
+    axes.plot(*ends.T, color=contact.colour, linewidth=3.0, alpha=0.8)
+    axes.plot([0.0], [0.0], "o", color=contact.colour, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     longest = CORNER * half
     power = 10.0 ** np.floor(np.log10(longest))
@@ -142,8 +167,8 @@ def draw_section(
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
-    which = "contact" if number is None else f"contact {number}"
-    axes.set_title(f"{which}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
+    which = "overlap" if contact.across is not None else f"contact {contact.number or ''}"
+    axes.set_title(f"{which.strip()}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
     k = int(np.abs(facing).argmax())
     if abs(facing[k]) > ALONG_AXIS:
         seen = VIEWS[k][int(facing[k] > 0.0)]

@@ -123,10 +123,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
-            advice = advised(row)
-            if advice.startswith("Does not fit"):  # as the verdict says
-                advice = advice.partition(". ")[2]
-            notes = [f"{advice}{failed_text(solution)}", *notes]
+            notes = [f"{advised(row)}{failed_text(solution)}", *notes]
         for text in notes:
             said.setdefault(text, []).append(solution.problem.name)
     for text, names in said.items():

@@ -192,8 +192,13 @@ def outcome_text(solution: Solution) -> str:
 
 
 def advised(case: SolvedCase) -> str:
-    """Return a case's advice, and up to which tolerance the parts fit where that is known."""
+    """Return a case's advice, and up to which tolerance the parts fit where that is known.
+
+    Without how they do not fit, which the verdict says.
+    """
     told, fits = case.solution.advice, case.fits_up_to
+    if told.startswith("Does not fit"):
+        told = told.partition(". ")[2]
     if fits is None:
         return told
     table = case.solution.problem.tolerance

@@ -17,6 +17,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.fit import drawn_bodies, misfit
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import inline_svg
@@ -26,17 +27,28 @@ from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import view_of
+from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import advised, asked_text, bound_text, listed, motion_text, parameter_texts, shown, telling
-from fcdm_opt.show.verdict import fit_text, verdict_text
+from fcdm_opt.show.texts import (
+    advised,
+    asked_text,
+    bound_text,
+    listed,
+    motion_text,
+    outcome_text,
+    parameter_texts,
+    shown,
+    telling,
+)
+from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ANSWERED = (
-    "status", "outside", "motion", "verdict", "amount_unit", "least", "amount", "lower_bound", "doubt", "pair_state",
-    "usable",
+    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound", "doubt",
+    "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
 STACKED = 3.0  # seconds that a stack-up may take: beside an answer
@@ -76,6 +88,7 @@ def answered(solution: Solution) -> dict[str, Any]:
         "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
         "verdict": verdict_text(solution),
+        "outcome": "does not fit" if misfit(solution.problem) else outcome_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
@@ -84,7 +97,7 @@ def answered(solution: Solution) -> dict[str, Any]:
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
-    solution, advice = case.solution, advised(case)
+    solution = case.solution
     every = remarks(solution)
     said = [text for text in every if not isinstance(text, GoodNews)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
@@ -96,9 +109,9 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
-        "advice": advice,
+        "extents": _extents(problem, solution),
         "fit": fit_text(problem),
-        "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *said],
+        "told": [*([] if solution.status.name in UNREMARKABLE else [advised(case)]), *said],
         "settled": [text for text in every if text not in said],
         **answered(solution),
         **{
@@ -114,6 +127,18 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
+
+
+def _extents(problem: Problem, solution: Solution) -> list[list[str]]:
+    """Return of each part its name, its lengths along the axes as drawn and as made, and by which factors they grew."""
+    told = []
+    made = problem.movable, problem.static
+    for k, (body, drawn_body) in enumerate(zip(made, drawn_bodies(problem), strict=True)):
+        was, now = np.ptp(drawn_body.vertices, axis=0), np.ptp(body.vertices, axis=0) * solution.pair[k]
+        *lengths, factors = (" x ".join(f"{x:.6g}" for x in own.tolist()) for own in (was, now, now / was))
+        alike = set(factors.split(" x "))
+        told.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
+    return told
 
 
 def _sizes(problem: Problem) -> list[dict[str, Any]]:
@@ -276,9 +301,14 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             note = "at the scales of the tracked contact, after the motion"
             at = solution.rho, solution.transform, solution.rho
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
+    made = problem.movable.scaled(problem.target[0]), problem.static.scaled(problem.target[1])
+    overlap = pacing.in_time(Touching.overlap, *made, late=None)
     return {
         "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),
-        "rescaled": frames.frame(problem.target, note="the parts made, no motion"),
+        "rescaled": {
+            **frames.frame(problem.target, note="the parts made, no motion"),
+            "overlap": drawn([] if overlap is None else np.concatenate(overlap.pieces)),
+        },
         "corrected": corrected,
         "tracked": tracked,
     }

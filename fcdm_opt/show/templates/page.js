@@ -49,6 +49,7 @@ function fillKeys() {
   element("key-movable").textContent = bodies[0].name;
   element("key-static").textContent = bodies[1].name;
   element("key-keep-out").hidden = bodies.length < 3;
+  element("key-overlap").hidden = !poses.rescaled.overlap?.length;
   element("key-snug").hidden = !frames.some(frame => frame?.curve.some(segment => segment[5]));
   element("key-tolerance").hidden = !box;
   element("key-quadrant").hidden = !quadrant;

@@ -37,6 +37,7 @@ function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies");
   const traces = [
     ...bodyTraces(frame, colours), ...before(frame, colours), ...featureTraces(frame, colours), ...areaTraces(frame, colours),
+    ...overlapTraces(frame, colours),
     ...triad(colours),
   ];
   if (frame.contacts?.length) {
@@ -149,6 +150,15 @@ function before(frame, colours) {
     ...lines(placed(object.points, 0, { ...frame, transform: null }), object.edges),
     line: { color: colours.movable, width: 2, dash: "dash" },
   }];
+}
+
+/** Where the parts made overlap: a surface of triangles, which the see-through parts do not hide. */
+function overlapTraces(frame, colours) {
+  const points = frame.overlap ?? [], rows = points.filter((_, k) => k % 3 === 0).map((_, k) => [3 * k, 3 * k + 1, 3 * k + 2]);
+  return points.length ? [{
+    type: "mesh3d", name: "overlap", ...columns(points), ...corners(rows), color: colours.violet, flatshading: true,
+    lighting: { ambient: 0.9, diffuse: 0.1 }, hoverinfo: "text", text: points.map(() => "where the parts made overlap"),
+  }] : [];
 }
 
 /** What both bodies share: areas and lines, not all of the faces that touch. */
