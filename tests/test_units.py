@@ -248,7 +248,7 @@ def test_report_says_it(tmp_path: Path) -> None:
     html = re.sub(r"<script.*?</script>|<style.*?</style>|<!--.*?-->", "", page(payload), flags=re.DOTALL)
     amount = f"{payload['cases'][0]['amount']:.4g}"
     for text in (
-        *(f"<dd>TZ {amount} mm</dd>", f"<dd>{amount} mm</dd>", f"amount {amount} mm<", f"<td>{amount} mm</td>"),
+        *(f"<dd>TZ {amount} mm</dd>", f"<dd>{amount} mm<", f">TZ {amount} mm<", f"<td>{amount} mm</td>"),
         *("lengths in mm", ">amount, mm<", "<td>mm</td>"),
     ):
         assert text in html, text

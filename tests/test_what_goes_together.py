@@ -95,8 +95,6 @@ def test_a_range_refuses_keep_outs_that_it_cannot_answer_for() -> None:
     hollow = fo.Body.from_mesh(*surface_of(VOXELS[name][0]), decomposition="surface", name="shell")
     with pytest.raises(InputError, match="only the surface is kept, and it has a range of scales"):
         fo.contact_times(touching(keep_out=(fo.KeepOut(hollow, (0.9, 1.1)),)))
-    with pytest.raises(InputError, match="not of the solid in it"):
-        fo.contact_rows(touching(keep_out=(hollow,)))
 
 
 def test_what_a_range_cannot_answer_leaves_the_rest_of_it() -> None:
