@@ -76,7 +76,7 @@ def stability_command(
 ) -> None:
     """Map where each method fails: families of hard cases, every method in a process of its own.
 
-    The quick form takes about two minutes, the full form about twenty.
+    The quick form takes about a minute, the full form about twenty.
     """
     from fcdm_opt_benchmarks.stability.failures import replay as asked_again
     from fcdm_opt_benchmarks.stability.grid import grid

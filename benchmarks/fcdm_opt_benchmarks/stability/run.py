@@ -36,7 +36,7 @@ MODULES = tuple(f"{__package__}.{name}" for name in ("contacts", "bodies", "prog
 LIMITS = {True: 20.0, False: 60.0}
 """Seconds a case, quick or not."""
 
-BUDGETS = {True: 90.0, False: 1500.0}
+BUDGETS = {True: 60.0, False: 1500.0}
 """Seconds in all, quick or not, after which no case is begun."""
 
 SHARE, SHORTEST = 1.0, 4.0
@@ -247,7 +247,7 @@ class _Lanes:
             left = [queue for queue in self._queues if queue.pending]
             if not left or monotonic() >= self._end:
                 return None
-            queue = min(left, key=lambda own: (own.lanes, not own.ours, own.used))
+            queue = min(left, key=lambda own: (not own.ours, own.lanes, own.used))
             queue.lanes += 1
             return queue
 
