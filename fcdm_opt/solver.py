@@ -32,6 +32,7 @@ from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, pr
 from fcdm_opt.stages.order import STAGES, StageName, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone, proof_of
+from fcdm_opt.tolerances import DEFAULT
 
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
@@ -135,12 +136,23 @@ def _solved_all(problem: Problem, how: _How) -> Solution:
     asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
     if how.seconds is not None:
         how = how._replace(seconds=how.seconds / len(asked))
-    return _least_of([_outside_of_solids(one, how) for one in asked])
+    if len(asked) == 1:
+        return _outside_of_solids(asked[0], how)
+    known = [None if one.partial else _least_motion(Task.of(one), how.model) for one in asked]
+    solutions, bounds = list[Solution](), list[float]()
+    pairs = zip(known, asked, strict=True)
+    for answer, one in sorted(pairs, key=lambda pair: 0.0 if pair[0] is None else pair[0].amount):
+        least = min((solution.amount for solution in solutions if solution.usable), default=math.inf)
+        if answer is not None and least < math.inf and answer.lower_bound >= least * (1.0 - DEFAULT.tie):
+            bounds.append(answer.lower_bound)  # not to be proved and judged: another is no larger
+        else:
+            solutions.append(_outside_of_solids(one, how, answer))
+    return _least_of(solutions, bounds)
 
 
-def _outside_of_solids(problem: Problem, how: _How) -> Solution:
+def _outside_of_solids(problem: Problem, how: _How, answer: Answer | None = None) -> Solution:
     """Return the solution with what is inside of solids that are kept as surfaces, where it is needed."""
-    asked, solution = problem, _with_all_that_matters(problem, how)
+    asked, solution = problem, _with_all_that_matters(problem, how, answer)
     for _ in range(MOST_INSIDES):
         pose = np.eye(4) if solution.transform is None else solution.transform
         lies = pacing.in_time(with_insides, problem, pose, late=None)
@@ -158,11 +170,11 @@ def _outside_of_solids(problem: Problem, how: _How) -> Solution:
     return solution.with_certificate(certificate, solution.seconds)
 
 
-def _with_all_that_matters(problem: Problem, how: _How) -> Solution:
+def _with_all_that_matters(problem: Problem, how: _How, answer: Answer | None = None) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
     problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
     if not problem.partial:
-        return _solved(problem, how)
+        return _solved(problem, how, answer)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
     while True:
         answer = _least_motion(task := Task.of(problem), how.model)
@@ -264,10 +276,13 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
-def _least_of(solutions: list[Solution]) -> Solution:
-    """Return the least of the solutions that track two of several features each; its problem names them."""
+def _least_of(solutions: list[Solution], others: list[float]) -> Solution:
+    """Return the least of the solutions that track two of several features each; its problem names them.
+
+    `others`: lower bounds of those that were not proved and judged.
+    """
     best = min(solutions, key=lambda solution: (not solution.usable, not solution.status.found, solution.amount))
-    bound = min(solution.lower_bound for solution in solutions)
+    bound = min([*others, *(solution.lower_bound for solution in solutions)])
     return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 

@@ -605,8 +605,10 @@ class Task:
 
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
         exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
-
         """
+        key = q.tobytes()
+        if key in self._faultless:
+            return []
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
         for s in self._telling(q):
             rho, pose, tracked = self.tracked_contact(q, s)
@@ -621,7 +623,14 @@ class Task:
                     worst[fault.key] = (float(s), pose, fault)
             if first and worst:
                 break
+        if not worst:
+            self._faultless.add(key)
         return list(worst.values())
+
+    @cached_property
+    def _faultless(self) -> set[bytes]:
+        """Motions that a search found without any and asks about again."""
+        return set()
 
     def _telling(self, q: Array) -> Sequence[float]:
         """Return path positions, from the end back, one of which shows a fault if there is any."""
