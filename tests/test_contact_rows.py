@@ -131,7 +131,7 @@ def test_rows_keep_parts_out_of_the_solid_of_a_surface(up, state):
     corners, faces = surface_of(VOXELS["L"][0])
     block = fo.Body.from_mesh(6.0 * (corners - (1, 1, 0.5)) * (1, 1, 2) - (3, 3, 0), faces, decomposition="surface")
     cube = fo.Body.convex(0.5 * CUBE - (4.0, 4.0, 0.0), name="cube")
-    away = fo.Body.convex(CUBE + (0.0, 0.0, 30.0))
+    away = fo.Body.convex(CUBE + np.array((0.0, 0.0, 30.0)))
     problem = fo.Problem(
         cube, away, target=(1.0, 1.0), goal="clear", motion=SHIFT, keep_out=[fo.KeepOut(block, name="block")]
     )

@@ -175,7 +175,7 @@ def test_ranges_over_the_facets_of_a_surface_are_those_of_solids_cut(shapes, dir
             off = (HOLE - PEG) * np.cos(np.pi / 8)
             one = fo.Body.convex(prism(8, PEG, -1.0, 5.0).vertices + np.array([off, 0.0, 0.0]))
         elif shapes == "stacked":
-            one = fo.Body.from_mesh(corners + np.array([0.3, 0.2, 0.0]), faces, decomposition=kept, seed=(1.0, 1.0, 1.0))
+            one = fo.Body.from_mesh(corners + np.array([0.3, 0.2, 0]), faces, decomposition=kept, seed=(1.0, 1.0, 1.0))
         elif shapes == "nested":
             one = fo.Body.convex(NOTCH - top, seed=(1.5, 1.5, -0.5))
             two = fo.Body.from_mesh(corners - top, faces, decomposition=kept, seed=(0.5, 0.5, -0.5))
