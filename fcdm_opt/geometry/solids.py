@@ -364,6 +364,7 @@ class PlacedSolids:
 
     def deep_in(self, pieces: list[tuple[Array, Ints]]) -> Array:
         """Return the nearest points of both surfaces, (2, 3), to a point deep in what the solids have in common."""
+        pieces = sorted(pieces, key=_thickness)[-STARTS:]
         points = [self._within_common(pieces)]
         for corners, rows in pieces:  # of one bent about a body, its middle is outside
             triangles = corners[rows]
@@ -439,6 +440,13 @@ class PlacedSolids:
             if step <= DEFAULT.snap * self.size:
                 break
         return value
+
+
+def _thickness(piece: tuple[Array, Ints]) -> float:
+    """Return the volume of a closed surface by its area."""
+    triangles = piece[0][piece[1]]
+    across = cross(*np.diff(triangles, axis=1).swapaxes(0, 1))
+    return float(abs((triangles[:, 0] * across).sum()) / norms(across).sum())
 
 
 def _slopes(point: Array, corners: Array, far: Array) -> Array:
