@@ -9,18 +9,21 @@
   again. Steps, and functions whose names start with an underscore, are taken in: those are to be small, or called once.
 - what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
-  once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`).
+  once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). Whoever asks again
+  and again gets them compiled: what plain Python took in all runs is noted beside the code.
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
 """
 
 from __future__ import annotations
 
+import atexit
 import glob
 import hashlib
 import logging
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -60,10 +63,12 @@ Needed = dict[tuple[str, str, tuple[Any, ...]], str]
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
 PATIENCE = 4.0  # seconds of plain Python that a light kernel may take: compiling the larger ones takes longer
-IN_ALL = 12.0  # that they may take together
+IN_ALL = 12.0  # that they may take together in one run
+IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
 CALLS = 4000  # that it may answer so, however short
 LITTLE = 40000  # entries of all its arrays up to which it is light
 _left = [IN_ALL]  # seconds
+_taken = [0.0]  # seconds of this run
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -161,6 +166,7 @@ class _Compiled(_Dispatcher):
         return entry
 
     def _is_little(self, args: tuple[Any, ...]) -> bool:
+        _count_runs()
         if isinstance(self._cache, NullCache):  # the first call
             self._find_files()
             kept: Any = self._cache
@@ -187,8 +193,23 @@ class _Compiled(_Dispatcher):
             took = thread_time() - clock
             self.patience -= max(took, PATIENCE / CALLS)
             _left[0] -= took
+            _taken[0] += took
             pacing.spare(perf_counter() - start)
         return self(*args)
+
+
+@cache
+def _count_runs() -> None:
+    """Allow plain Python what earlier runs left of it, and note at the end what this one took."""
+    with suppress(RuntimeError, OSError, ValueError):  # nowhere to write, or not written by this
+        note = Path(_Files(_count_runs.__wrapped__)._cache_path) / "seconds-of-plain-python"
+        atexit.register(_note, note)
+        _left[0] = min(_left[0], IN_RUNS - sum(map(float, note.read_text("ascii").split())))
+
+
+def _note(note: Path) -> None:
+    with suppress(OSError), note.open("a", encoding="ascii") as file:
+        file.write(f"{_taken[0]:.1f}\n")
 
 
 class _Inner(_Compiled):

@@ -203,6 +203,26 @@ def test_a_first_run_compiled_for_most_of_a_minute_what_small_bodies_need_for_se
     assert "smallest possible (proved)" in done.stdout
     assert "compiling" not in done.stderr
     assert not list(tmp_path.rglob("*.nbc"))
+    (note,) = tmp_path.rglob("seconds-of-plain-python")
+    assert 0.0 < float(note.read_text()) < compiling.IN_ALL
+
+
+def test_whoever_asked_again_and_again_never_got_compiled_code(tmp_path: Path) -> None:
+    program = f"""
+from fcdm_opt import compiling
+note = compiling.Path(compiling._Files(compiling._count_runs.__wrapped__)._cache_path) / "seconds-of-plain-python"
+note.write_text("{compiling.IN_RUNS / 2}\\n" * 2)
+compiling._count_runs()
+print(compiling._left[0])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "0.0\n"
 
 
 def test_processes_that_compile_at_once_do_not_mix_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
