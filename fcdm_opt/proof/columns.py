@@ -189,7 +189,8 @@ def prove(
                 rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
                 looked += _advance(scene, columns, record, rows, enough)
                 if pacing.heard():
-                    pacing.at(f"proving: at least {bounds.min():.4g}, found {search_.upper:.4g}")
+                    found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
+                    pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
                 search_.beside(columns)
         total += looked
         closed = columns.bounds.min() >= search_.enough(aims[-1][0])
