@@ -30,6 +30,7 @@ TURN_ERROR, HEIGHT_ERROR = (3.0 + 16.0 * EPSILON) * EPSILON, (7.0 + 56.0 * EPSIL
 STARTS, STEPS, ROWS = 3, 40, 1000  # of the search for the deepest point: places, steps from each, rows of a program
 FEW = 64  # points for each of which all triangles are looked at
 REACHED = 0.9  # of the way to the surface, by convex bodies inside
+PIECES = 8  # of what two solids have in common, in which it starts
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
 
 
@@ -326,7 +327,7 @@ class PlacedSolids:
         either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
         cross, or where only a way round leads out.
         """
-        starts = self._within_common(self.common())
+        starts = self._within_common(self._deepest_pieces())
         values, best = self._depths(starts), 0.0
         for k in np.argsort(-values, kind="stable")[:STARTS].tolist():
             if pacing.over():  # each bounds it, the more the nearer
@@ -352,6 +353,19 @@ class PlacedSolids:
             solids.append(Manifold.batch_boolean(pieces, OpType.Add) if len(pieces) > 1 else pieces[0])
         meshes = [piece.to_mesh64() for piece in (solids[0] ^ solids[1]).decompose()]
         return [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
+
+    def _deepest_pieces(self) -> list[tuple[Array, Ints]]:
+        """Return the pieces of what the solids have in common that are deepest in their middle, or the thickest.
+
+        Round faces that hardly differ have hundreds in common.
+        """
+        pieces = self.common()
+        if len(pieces) <= PIECES:
+            return pieces
+        depths = self._depths(np.array([corners.mean(axis=0) for corners, _ in pieces]))
+        thick = np.array([_thickness(piece) for piece in pieces])
+        kept = {*np.argsort(-depths)[:PIECES].tolist(), *np.argsort(-thick)[:PIECES].tolist()}
+        return [pieces[k] for k in sorted(kept)]
 
     def _within_common(self, pieces: list[tuple[Array, Ints]]) -> Array:
         """Return points of these pieces, (m, 3): in the middle of each, and towards its corners."""
