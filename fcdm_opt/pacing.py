@@ -38,10 +38,9 @@ JUDGED = 1.1
 class TimeOverError(FcdmError):
     """Raised where the time given is over and nothing is there yet to go on with."""
 
-    def __init__(self) -> None:
-        limit, doing = _limit.get(), _doing.get()
-        self.limit = limit.seconds
-        super().__init__(f"the time limit of {limit.seconds:g} s was met{f' while {doing}' if doing else ''}")
+    def __init__(self, text: str = "") -> None:  # the text of one that another process raised
+        self.limit, doing = _limit.get().seconds, _doing.get()
+        super().__init__(text or f"the time limit of {self.limit:g} s was met{f' while {doing}' if doing else ''}")
 
 
 class _Given(NamedTuple):

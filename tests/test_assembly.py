@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation as Turn
 from scripts import loaded
 from typer.testing import CliRunner
@@ -20,6 +21,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.show.assemblies import assembly_verdict
 
 X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 
@@ -744,6 +746,25 @@ def test_an_assembly_took_no_keep_outs(keep_out, beside, questions) -> None:
     unasked = fo.solve(posts())
     forged = fo.verify(replace(unasked, assembly=assembly)).failed
     assert any(check.name.endswith(f"keep-out '{keep_out[0].name}': clearance") for check in forged)
+
+
+@pytest.mark.parametrize("kept", ["exact", "surface"])
+def test_a_part_went_through_a_third_one_without_a_word(kept: str) -> None:
+    """A slider is to reach a stop 4.5 away, through a bar: that is said. Through a ring about it, it leaves the fit."""
+    ends = (("it", 0.0), ("stop", 6.5))
+    slider, stop = (fo.Body.convex(block((x - 1, -1, -1), (x + 1, 1, 1)), name=name) for name, x in ends)
+    asked = {"contacts": [{"parts": ("it", "stop"), "goal": "touch"}], "motions": {"it": X}}
+    plate, bore, bar = (
+        trimesh.creation.box(bounds=ends)
+        for ends in (((-3, -3, -1), (3, 3, 1)), ((-1.2, -1.2, -2), (1.2, 1.2, 2)), ((2.5, -3, -3), (3, 3, 3)))
+    )
+    third = fo.Body.from_mesh(bar, decomposition=kept, name="bar")
+    for more in ({"parts": [slider, stop, third]}, {"parts": [slider, stop], "keep_out": [third]}):
+        solution = fo.solve(fo.Assembly(**asked, **more))
+        assert solution.parameters == {"it": {"TX": pytest.approx(4.5)}}
+        assert "straight there it goes through bar, and no other way is looked for" in assembly_verdict(solution)
+    ring = fo.Body.from_mesh(trimesh.boolean.difference([plate, bore]), decomposition=kept, name="ring")
+    assert fo.solve(fo.Assembly([slider, stop, ring], **asked)).status is Status.OUTSIDE_FIT
 
 
 def test_a_part_goes_in_steps_of_the_machine_and_one_in_a_loop_is_refused() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from functools import cache
 from typing import Any
@@ -251,9 +252,10 @@ def test_bad_input_is_named(arguments: dict[str, Any], said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("goal", "corner", "rate"), [("touch", "worst", 1.5), ("touch", "loosest", 1.0), ("clear", "worst", 1.5)]
+    ("goal", "corner", "rate", "word"),
+    [("touch", "worst", 1.5, "sampled"), ("touch", "loosest", 1.0, "sampled"), ("clear", "worst", 1.5, "proved")],
 )
-def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: float) -> None:
+def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: float, word: str) -> None:
     """A cube on a table: its foot is off by up to tau, the table's top by 0 to tau / 2; their sum is taken back."""
     cube, table = box((-1, -1, 0), (1, 1, 2), "cube"), box((-3, -3, -1), (3, 3, 0), "table")
     foot = Size("foot", "movable", faces="-z", tolerance=(-0.05, 0.05))
@@ -265,5 +267,30 @@ def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: flo
     assert found.sizes == ("foot", "top")
     np.testing.assert_allclose(found.table, [[-tau, tau], [0.0, tau / 2]], rtol=1e-8)
     assert found.amount == pytest.approx(0.06, abs=1e-8)
-    assert str(found).startswith(f"{corner}: up to {tau:.6g} mm (sampled: foot -{tau:.6g} to +{tau:.6g}, top +0 to ")
+    assert str(found).startswith(f"{corner}: up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to ")
     assert found.to_dict()["sizes"] == ["foot", "top"]
+
+
+def bush() -> Problem:
+    """A square peg of 2 in a square hole of 2.2 between four walls, which sizes of both move."""
+    corners = np.array(list(itertools.product([-1.0, 1.0], repeat=3)))
+    walls = [corners * [0.95, 3.0, 1.0] + [2.05 * s, 0.0, 0.0] for s in (-1, 1)]
+    walls += [corners * [3.0, 0.95, 1.0] + [0.0, 2.05 * s, 0.0] for s in (-1, 1)]
+    peg, plate = Body.convex(corners, name="peg"), Body.from_parts(walls, name="plate", seed=np.zeros(3))
+    inner = [f"F{k + 1}" for k, (n, x) in enumerate(zip(*plate.face_planes, strict=True)) if -1.2 < n @ x < -1.0]
+    sizes = [
+        Size("peg", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.02),
+        Size("hole", "static", faces=inner, each=-0.5, tolerance=0.02),
+    ]
+    return Problem(peg, plate, sizes=sizes, motion=X >> Translation("y"), goal="clear", target=(1, 1), unit="mm")
+
+
+def test_tolerances_whose_parts_lie_in_larger_ones_were_all_looked_at_and_what_ends_them_was_not_said() -> None:
+    """Both walls of 2.2 - 2 close at a tolerance of .2: .1 each; what has more play is clear as drawn."""
+    found = budget(bush(), None, largest=0.15, accuracy=1e-6)
+    worst, loosest = found["worst"], found["loosest"]
+    assert worst.tolerance == pytest.approx(0.1, rel=1e-5)
+    assert (worst.proved, loosest.proved, loosest.end, loosest.tolerance) == (True, True, End.LARGEST, 0.15)
+    assert (worst.points < 24, loosest.points) == (True, 2)
+    assert "does not fit: peg" in worst.advice
+    assert worst.advice in str(found)

@@ -170,6 +170,12 @@ def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     assert run("map", PROBLEMS / "example1.toml", "--case", "A", "--out", tmp_path)[0] == 2  # "beyond" jumps
 
 
+def test_a_pose_printed_a_table_before_it_refused() -> None:
+    code, printed, said = run("pose", PROBLEMS / "locating.toml", "--case", "A")
+    assert (code, "does not look at contacts" in said) == (2, True)
+    assert "clearance" not in printed
+
+
 def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> None:
     (tmp_path / "sizes.csv").write_text("peg,hole\n1.0,1.0\n1.01,1.0\n0.99,1.0\n")
     sizes = ("--sizes", tmp_path / "sizes.csv", "--columns", "peg,hole")

@@ -248,6 +248,26 @@ def test_a_command_without_time_says_so(monkeypatch: pytest.MonkeyPatch) -> None
     assert pacing.left() == math.inf
 
 
+def test_a_report_drew_cases_when_its_time_was_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each page took its second of drawing whatever was left: what is not begun by then is left out, and said."""
+    read, out = ProblemFile.problems, tmp_path / "r.html"
+
+    def in_time(*asked: Any) -> Any:
+        with pacing.unlimited():
+            return read(*asked)
+
+    monkeypatch.setattr(ProblemFile, "problems", in_time)
+    cases = ["close the gap", "slanted", "both made larger"]
+    chosen = itertools.chain(*(("--case", name) for name in cases))
+    asked = ["report", str(EXAMPLE.parent / "boxes.toml"), *chosen, "--time", "1e-9", "--out", str(out)]
+    told = CliRunner().invoke(app, asked)
+    assert (told.exit_code, out.exists()) == (1, True)
+    for name in cases[1:]:
+        assert f"case '{name}': left out: the time limit of 1e-09 s was met" in told.stderr
+        assert f"case &#39;{name}&#39;: left out" in out.read_text()
+    assert f"case '{cases[0]}': left out" not in told.stderr
+
+
 def test_pose_range_and_stack_had_no_time_limit() -> None:
     asked = [own for own in itertools.chain(*(each.values() for each in COMMANDS.values())) if callable(own)]
     without = [own.__name__ for own in asked if "time" not in inspect.signature(own).parameters]

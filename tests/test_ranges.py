@@ -20,6 +20,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.show.family import family_figure
+from fcdm_opt.show.verdict import range_texts
 
 WIDE = ((0.05, 20.0), (0.05, 20.0))
 # tip at x = 1/2 of body 1 before the face x = 1 of a plate 4 wide and high: rho_1 / 2 + rho_2 / 4 = 5/4
@@ -376,6 +377,24 @@ def test_a_motion_of_two_parameters_needs_a_direction_and_ranges_a_contact():
 
 def run(*arguments: object) -> Any:
     return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def test_nothing_was_said_to_end_the_contact_of_a_plug_on_its_seat():
+    """Along z it lasts at other sizes alone, (1 + .8 z, 1 + .4 z), until 1.2 + .48 z, a wall, is at 1 + .8 z."""
+    corners = 2.0 * np.indices((2, 2, 2)).reshape(3, 8).T - 1.0
+    floor = corners * [3, 3, 0.5] - [0, 0, 1.5]
+    walls = [corners * [0.9, 3, 0.75] + [side * 2.1, 0, -0.25] for side in (-1, 1)]
+    plug, seat = fo.Body.convex(corners), fo.Body.from_parts([floor, *walls], name="seat", seed=(0, 0, -1.5))
+    asked = {"target": (1, 1), "goal": "seat"}
+    across = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("z"), **asked))
+    assert (across.low, across.high) == pytest.approx((-1.25, 0.625))
+    head, down, up = range_texts(across)
+    assert "at sizes that change with the motion (parts of one size leave it at once), until" in head
+    assert down == "backwards: move 1.25 along -z; there, a size would be zero, and no other contact ends it before"
+    assert up.startswith("forwards: move 0.625 along +z; beyond, ")
+    along = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("x"), **asked))
+    assert (along.low, along.high) == pytest.approx((-0.2, 0.2))
+    assert "sizes" not in range_texts(along)[0]
 
 
 def test_the_command_prints_both_ends_and_gives_them_as_json():

@@ -292,11 +292,12 @@ def test_hidden_edges_are_not_drawn() -> None:
     assert seen(cube, box(-20.0 * toward, 5.0)) == pytest.approx(0.75, abs=0.02)
 
 
-def test_cuts_within_a_solid_were_drawn_as_edges() -> None:
+@pytest.mark.parametrize("kept", ["exact", "surface"])
+def test_cuts_within_a_solid_were_drawn_as_edges(kept: str) -> None:
     """A tray is cut inside its walls: these lines showed as dots on its faces."""
     x = (0.0, 1.0, 9.0, 10.0)
     blocks = [trimesh.creation.box(bounds=ends) for ends in (((0, 0, 0), (10, 10, 5)), ((1, 1, 1), (9, 9, 6)))]
-    edges = sharp_edges(Body.from_mesh(trimesh.boolean.difference(blocks)))
+    edges = sharp_edges(Body.from_mesh(trimesh.boolean.difference(blocks), decomposition=kept))
     assert len(edges) == 24
     assert np.isin(edges[..., :2], x).all()
 

@@ -224,9 +224,9 @@ def pose_command(
     within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        best = best_pose(problem, sizes=pairs, box=within, clearance=ends)  # what it refuses is said before any table
         drawn = clearances(problem, sizes=pairs, box=within)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
-        best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
         yield "best pose", best, tables.print_said
         if best.transform is not None:
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)

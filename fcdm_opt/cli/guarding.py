@@ -46,7 +46,12 @@ ENDS: dict[str, dict[int, str]] = {
     "curve": {SOLVED: "all well", **_BAD},
     "solve": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
     "range": {SOLVED: "all well", **_BAD},
-    "report": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
+    "report": {
+        **_SOLVED,
+        NO_MOTION: "a case without a motion to use, or left out as the time given was over",
+        **_BAD,
+        **_NOT_VERIFIED,
+    },
     "whatif": {
         SOLVED: "answered: that nothing can be done is an answer, too",
         NO_MOTION: "with --set the changed question has no motion; without options the motion leaves the fit; or the "

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
-from fcdm_opt.cli.guarding import BAD_INPUT, say
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -70,7 +70,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
         return "", [BAD_INPUT]
     with pacing.sharing(GATHERED):
         payload = gather(opened, certify=certify, say=say)
-    codes = [BAD_INPUT for file in payload["files"] if file.get("error")]
+    codes = [NO_MOTION if file.get("late") else BAD_INPUT for file in payload["files"] if file.get("error")]
     return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
 
 

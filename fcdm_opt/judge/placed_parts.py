@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import hypot, isfinite, nan
 
@@ -24,9 +24,10 @@ from fcdm_opt.judge.certificate import (
     solids_gap,
     verify,
 )
-from fcdm_opt.judge.engagement import leaves_fit
+from fcdm_opt.judge.engagement import goes_through, leaves_fit
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -117,20 +118,36 @@ def placed(solution: AssemblySolution) -> AssemblySolution:
 
 def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list[tuple[str, str]]:
     """Return the two parts each of which one leaves the fit in which it is drawn in the other."""
-    assembly, found = solution.assembly, list[tuple[str, str]]()
-    for one, two in assembly.pairs():
+    return [(one, two) for one, two, problem, q in _moved(solution, poses) if leaves_fit(problem, q)]
+
+
+def gone_through(solution: AssemblySolution) -> list[tuple[str, str]]:
+    """Return parts and what each goes through on the straight way of its motion: other parts, and keep-outs."""
+    moved, found = list(_moved(solution, solution.transforms)), list[tuple[str, str]]()
+    for one, two, problem, q in moved:
+        found += [(one, two)] if goes_through(problem, q) else []
+        found += [(one, own.name) for own in problem.keep_out if goes_through(problem, q, own)]
+    return found
+
+
+def _moved(
+    solution: AssemblySolution, poses: Mapping[str, Array]
+) -> Iterator[tuple[str, str, Problem, tuple[float, ...]]]:
+    """Yield two parts each that may meet on their ways, with the question about them and its parameters."""
+    assembly = solution.assembly
+    for pair in assembly.pairs():
+        one, two = pair[::-1] if pair[0] in assembly.fixed else pair
         bodies, T = (assembly.bodies_made[one], assembly.bodies_made[two]), _seen(poses, one, two)
         start, end = (bodies[0].placed_vertices(assembly.scales[one], pose) for pose in (np.eye(4), T))
         others = bodies[1].placed_vertices(assembly.scales[two], np.eye(4))
         swept = np.concatenate([start, end])
-        near = (swept.min(axis=0) <= others.max(axis=0)) & (swept.max(axis=0) >= others.min(axis=0))
-        if not near.all() or np.abs(end - start).max() <= DEFAULT.side * assembly.size:
+        near = ((swept.min(axis=0) <= others.max(axis=0)) & (swept.max(axis=0) >= others.min(axis=0))).all()
+        rests = np.abs(end - start).max() <= DEFAULT.side * assembly.size
+        if rests or not (near or assembly.keeps_out(one, two)):
             continue
         parts = assembly.involved(one, two)
         problem = assembly.problem(JoinedPair(one, two, CLEAR), parts)
-        if leaves_fit(problem, tuple(x for part in parts for x in solution.parameters[part].values())):
-            found.append((one, two))
-    return found
+        yield one, two, problem, tuple(x for part in parts for x in solution.parameters[part].values())
 
 
 def _seen(poses: Mapping[str, Array], one: str, two: str) -> Array:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.solids import contains
@@ -46,10 +48,15 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     movable, static = drawn = drawn_bodies(problem)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
         return np.empty((0, 3)), np.empty((0, 2), np.int64)
-    both, slack = (*movable.packed, *static.packed), DEFAULT.snap * problem.size
-    placed = relative_pose(movable, static, REST), problem.nominal_pair
+    slack = DEFAULT.snap * problem.size
+    kept = _near_parts(drawn, problem.nominal_pair, most + slack)
+    if not all(map(len, kept)):
+        return np.empty((0, 3)), np.empty((0, 2), np.int64)
+    near = [body.subset(own.tolist()).packed for body, own in zip(drawn, kept, strict=True)]
+    both, placed = (*near[0], *near[1]), (relative_pose(movable, static, REST), problem.nominal_pair)
     pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
     rows = kernels.widest_rows(*both, *placed, pairs)
+    pairs = np.column_stack([own[pairs[:, k]] for k, own in enumerate(kept)])
     gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
     walls = gaps >= -slack
     hair = np.flatnonzero(~walls & (gaps >= -HAIR * min(movable.size, static.size)))
@@ -57,6 +64,23 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     for body, side, own in ((movable, 1.0, pairs[:, 0]), (static, -1.0, pairs[:, 1])):
         walls[hair] &= ~_cut([body.parts[k] for k in own[hair].tolist()], side * rows[hair, :3], body)
     return rows[walls, :3], pairs[walls]
+
+
+def _near_parts(bodies: tuple[Body, Body], rho: Array, most: float) -> list[Ints]:
+    """Return the parts of either body whose boxes come as near as a length to one of the other's, at a scale pair."""
+    if most == np.inf:
+        return [np.arange(len(body.parts)) for body in bodies]
+    boxes = []
+    for body, scale in zip(bodies, rho.tolist(), strict=True):
+        starts = np.cumsum([0, *(len(part.vertices) for part in body.parts[:-1])])
+        points = body.seed + scale * (np.concatenate([part.vertices for part in body.parts]) - body.seed)
+        boxes.append((np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)))
+    low, high = (np.concatenate(ends) for ends in zip(*boxes, strict=True))
+    first = len(bodies[0].parts)
+    met = np.zeros(len(low), np.bool_)
+    for one, two in overlapping(low - most / 2.0, high + most / 2.0, np.arange(len(low)) >= first):
+        met[one] = met[two] = True
+    return [np.flatnonzero(met[:first]), np.flatnonzero(met[first:])]
 
 
 def _cut(parts: list[ConvexPart], normals: Array, body: Body) -> Flags:
@@ -136,8 +160,11 @@ def misfit(problem: Problem) -> Misfit | None:
 
     Part pairs that keep apart as drawn along opposite normals: the sum of their gaps does not depend on any shift. Of
     all that are closed at the target sizes, and were not as drawn, those that lack most. A gap closes by no more than
-    `_change`, so that none that is larger twice over makes up such a sum.
+    `_change`, so that none that is larger twice over makes up such a sum. Large
+    bodies are looked at while there is time.
     """
+    if problem.partial and pacing.over():
+        return None
     normals, places = _walls(problem, 2.0 * _change(problem))
     if not len(normals):
         return None
@@ -146,8 +173,9 @@ def misfit(problem: Problem) -> Misfit | None:
     for k, (body, rho, side) in enumerate(
         zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
     ):
-        ways = side * normals
-        reaches[:, k] = ways @ body.seed + rho * kernels.heights(*body.packed, places[:, k], ways)
+        ways, (own, rows) = side * normals, np.unique(places[:, k], return_inverse=True)
+        heights = kernels.heights(*body.subset(own.tolist()).packed, rows.reshape(-1), ways)
+        reaches[:, k] = ways @ body.seed + rho * heights
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
     gaps = -reaches.sum(axis=1)
     order = np.argsort(gaps, kind="stable")

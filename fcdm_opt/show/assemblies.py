@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
@@ -33,8 +35,8 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
             print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
         for told in (*solution.stages, *solution.active) if not solution.usable else solution.stages:
             print_text(f"{name}: {told}", indent="   ")
-        if solution.doubt:
-            print_text(f"{name}: {solution.doubt}", indent="   ")
+        for told in filter(None, (solution.doubt, *through(solution))):
+            print_text(f"{name}: {told}", indent="   ")
     print_text()
 
 
@@ -66,7 +68,13 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
     least = solution.doubt or proved
     unit = f" (lengths in {assembly.unit})" if assembly.unit else ""
-    return f"move {', '.join(moved)}{unit}: then every contact is closed; {least}"
+    return "; ".join([f"move {', '.join(moved)}{unit}: then every contact is closed", least, *through(solution)])
+
+
+def through(solution: AssemblySolution) -> list[str]:
+    """Return in words what parts go through on their straight way."""
+    told = pacing.in_time(gone_through, solution, late=[]) if solution.usable else []
+    return [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in told]
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:

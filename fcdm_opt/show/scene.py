@@ -505,17 +505,25 @@ def sharp_edges(body: Body) -> Array:
     Nor those that lie within the body, where it was cut into parts.
     """
     normals = normals_of_faces(body)
+    if body.skin:
+        looks, sides = np.array(list(normals.values())), np.array([own for face in body.skin for own in face])
+        ends = np.sort(sides[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+        faces = np.repeat(body.face_triangles[1], 3)[np.argsort(own.reshape(-1), kind="stable")]
+        last = np.cumsum(counts) - 1
+        one, two = looks[faces[last - counts + 1]], looks[faces[last]]
+        return body.vertices[edges[(counts != 2) | ((one * two).sum(axis=1) < TANGENT)]]
     around: dict[int, set[tuple[int, ...]]] = {}
     for face in body.faces:
         for corner in face:
             around.setdefault(corner, set()).add(face)
     kept = []
     for (one, two), ends in true_edges(body).items():
-        faces = around.get(one, set()) & around.get(two, set())
-        sides = [normals[face] for face in faces if face in normals]
-        if not faces:
+        met = around.get(one, set()) & around.get(two, set())
+        beside = [normals[face] for face in met if face in normals]
+        if not met:
             continue
-        if len(sides) != 2 or float(sides[0] @ sides[1]) < TANGENT:
+        if len(beside) != 2 or float(beside[0] @ beside[1]) < TANGENT:
             kept.append(ends)
     return np.array(kept).reshape(-1, 2, 3)
 

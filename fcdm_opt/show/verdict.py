@@ -27,6 +27,7 @@ from fcdm_opt.show.texts import (
     steps_text,
     telling,
 )
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -98,7 +99,7 @@ def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tupl
 def range_texts(coherent: CoherentRange) -> list[str]:
     """Return from where to where the contact meant lasts, and what ends it on both sides, a sentence each.
 
-    An end at which a part would be of no size is none that matters to parts.
+    Where the motion leads across the contact it lasts at sizes that change on the way, down to a size of zero at most.
     """
     problem = coherent.problem
     ends = []
@@ -108,16 +109,26 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         deeds = " and ".join(" ".join(deed) for deed in _done(problem, values, far)) if values else ""
         ends.append((event, deeds or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist(), 1.0)
-    told = [f"along {along}, {contact_text(problem, coherent.features)}, until"]
+    sizes = " at sizes that change with the motion (parts of one size leave it at once)" if _across(coherent) else ""
+    told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
     for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
-        if not deeds or event.kind == "scale":
-            what = "nothing that matters to parts ends it" + (" (only a size of zero)" if deeds else "")
+        if not deeds:
+            what = "nothing ends it"
+        elif event.kind == "scale":
+            what = f"{deeds}; there, a size would be zero, and no other contact ends it before"
         elif event.successors:
             what = f"{deeds}; beyond, {contact_text(problem, event.successors)} instead"
         else:
             what = f"{deeds}; there, {event.what}"
         told.append(f"{side}: {what}")
     return told
+
+
+def _across(coherent: CoherentRange) -> bool:
+    """Tell whether the contact meant lasts along a range at other sizes than where it begins."""
+    step = coherent.natural_step
+    x = max(np.clip([coherent.low, coherent.high], -step, step).tolist(), key=abs) / 2.0
+    return bool(np.abs(coherent.rho(x) - coherent.rho(0.0)).max() > DEFAULT.nominal)
 
 
 def _steps(solution: Solution) -> list[tuple[str, str]]:

@@ -23,6 +23,7 @@ from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.keys import Corner, Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
@@ -47,6 +48,7 @@ class End(Enum):
     LIMIT = "the least amount exceeds the limit"
     NO_MOTION = "there is no motion"
     OUTSIDE_FIT = "the motion leaves the fit"
+    MISFIT = "the parts do not go together"
     NOT_VERIFIED = "the judge rejects the motion"
     LARGEST = "the largest tolerance looked at is still good"
 
@@ -134,8 +136,9 @@ class Budget(Plain):
 
     @property
     def advice(self) -> str:
-        """What ends it, in words."""
-        return self.end.value
+        """What ends it, in words, with the widths where the parts do not go together."""
+        why = "" if self.above is None or self.above.usable else verdict(self.above.problem)
+        return f"{self.end.value}: {why}" if why else self.end.value
 
     @property
     def end_proved(self) -> bool:
@@ -149,7 +152,7 @@ class Budget(Plain):
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
         sizes = f": {self.sizes_text()}" if self.sizes else ""
-        return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.end.value}"
+        return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -357,14 +360,15 @@ class _Tolerances:
 
     def budget(self) -> Budget:
         """Return the budget."""
-        lie, why = order(self.asked(self.largest))
+        spacing, (lie, why) = 0.0, order(self.asked(self.largest))
+        if lie is not Order.ANY:
+            low, high = self._nested(lie)
+            if low is not None:  # the corner of a box of sizes may be another one there
+                lie, why = order(self.asked(low.tau))
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
             low, high = self._scanned()
             why += f": sampled every {spacing:.3g} from {first:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
-        else:
-            spacing = 0.0
-            low, high = self._nested(lie)
         tolerance = 0.0 if low is None else low.tau
         return Budget(
             requirement=self.letter,
@@ -390,7 +394,9 @@ class _Tolerances:
             return End.NO_MOTION
         if high.solution.status.name == "OUTSIDE_FIT":
             return End.OUTSIDE_FIT
-        return End.LIMIT if high.solution.usable else End.NOT_VERIFIED
+        if high.solution.usable:
+            return End.LIMIT
+        return End.NOT_VERIFIED if misfit(high.solution.problem) is None else End.MISFIT
 
     def _nested(self, lie: Order) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance where there is one stretch of good ones at most."""

@@ -103,15 +103,20 @@ def order(problem: Problem) -> tuple[Order, str]:
     problem : Problem
         With a requirement, at any tolerance of the shape asked about.
     """
-    changes = np.sign(problem.target - problem.nominal_pair)
+    changes = problem.target - problem.nominal_pair
     grows, shrinks = bool((changes >= 0).all()), bool((changes <= 0).all())
     alone = not problem.keep_out and problem.pair == "any"
-    if by_name(problem):
-        return Order.ANY, UNKNOWN
     if problem.resolution is not None:
         return Order.ANY, "rounding to steps of the machine"
     if isinstance(problem.amount, str) and problem.amount == "displacement":
         return Order.ANY, "the displacement of the part made depends on its size"
+    if by_name(problem) and problem.goal == "clear" and problem.pair != "touch":
+        if problem.motion.shifts and _has_most_material(problem):  # the length that weighs turns may follow sizes
+            return Order.FROM_ZERO, "faces only move outwards: a motion that clears larger parts clears smaller ones"
+        if problem.request["made"] == "loosest" and alone and _is_clear_as_drawn(problem):
+            return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"
+    if by_name(problem):
+        return Order.ANY, UNKNOWN
     if problem.goal == "beyond" and alone:
         return Order.FROM_ZERO, "a motion beyond a larger tolerance is beyond every smaller one"
     weighted = problem.amount == "weighted"
@@ -132,6 +137,21 @@ def order(problem: Problem) -> tuple[Order, str]:
                 "on the way to where more deviation touches, star-shaped bodies with less touch first",
             )
     return Order.ANY, UNKNOWN
+
+
+def _has_most_material(problem: Problem) -> bool:
+    """Tell whether each size moves faces one way, outwards as far as its tolerance allows: smaller ones lie within."""
+    for size in problem.sizes:
+        out, ends = size.offsets(problem.request[size.body]), np.array(size.tolerance or (0.0, 0.0))
+        if not size.is_length or (problem.made[size.name] * out < np.outer([0.0, *ends], out).max(axis=0)).any():
+            return False
+    return True
+
+
+def _is_clear_as_drawn(problem: Problem) -> bool:
+    """Tell whether a problem of sizes needs no motion where all are as drawn."""
+    gap = float(problem.changed(made=None).curve.gap(problem.target))
+    return bool((problem.target == 1.0).all()) and gap >= problem.clearance - problem.contact_slack
 
 
 def _is_star(body: Body) -> bool:

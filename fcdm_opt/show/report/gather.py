@@ -72,6 +72,8 @@ def gather(
     def case(number: int) -> dict[str, Any]:
         problem, part = asked[number], min(1.0, together / (len(asked) - number))
         with pacing.working_on(f"case {problem.name}"), pacing.sharing(part):
+            if number >= together:  # those before are drawn whatever the time is
+                pacing.check()
             with pacing.sharing(SOLVED):
                 proved = certify and not problem.partial  # of large meshes the checker takes long
                 solved = solved_case(problem, certify=proved, seconds=min(PROOFS / len(asked), PROOF))
@@ -87,12 +89,13 @@ def gather(
         facets_known(problem)
         with pacing.telling():
             view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    pacing.at("solving and drawing the cases before it")
     answers = beside.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         errors = [file.error] if file.error else []
-        first, known = len(cases), list[Problem]()
+        first, known, late = len(cases), list[Problem](), not file.error
         for problem in file.problems:
             if say:
                 say(f"{file.path.name}: case {problem.name}")
@@ -101,14 +104,17 @@ def gather(
                     pacing.at("solving and drawing", len(cases), len(asked))
                     cases.append({"file": number, **next(answers)()})
                 known.append(problem)
-            except InputError as reason:
-                errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
+            except (InputError, pacing.TimeOverError) as reason:
+                over = isinstance(reason, pacing.TimeOverError)
+                told = InputError(f"left out: {reason}; allow more time") if over else reason
+                late = late and over
+                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
         tables += [{"file": number, **table} for table in matrices(known, cases, first)]
         listed.append({**head(file), "meshes": meshes, "cases": list(range(first, len(cases)))})
         if errors:
-            listed[-1]["error"] = "; ".join(errors)
+            listed[-1] |= {"error": "; ".join(errors), "late": late}
     return {
         **_title(listed),
         "made": made(),
@@ -156,11 +162,14 @@ def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first
 def _missing(leading: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {leading.name} is"
+    empty = {"case": None, "amount": None, "status": "", "published": None}
+    if pacing.over():
+        return {**empty, "note": pacing.stopped()}
     try:
         asked = leading.changed(requirement=letter, name="", published=None, published_text="")
         solution = solve(asked, effort="quick", time=BESIDE)
-    except InputError as reason:
-        return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
+    except (InputError, pacing.TimeOverError) as reason:
+        return {**empty, "note": f"{note}; {reason}"}
     return _cell(None, answered(solution), "", note=f"{note}; {solution.stopped}" if solution.stopped else note)
 
 
