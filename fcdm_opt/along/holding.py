@@ -18,6 +18,7 @@ from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedSce
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
 from fcdm_opt.curve.contact import Contact, contact_at, contact_set, is_own, located, supporting_contact
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -205,10 +206,7 @@ class Holding:
 
     def _pair_states(self) -> list[Alternatives]:
         """Return what keeps pairs apart, and the pair that must touch."""
-        task = self.task
-        near = task.beside_joints(task.pair_gaps(self.q) - task.needs <= self.slack)
-        ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
-        ways = self._each_once({parts: found for parts, found in ways.items() if found})
+        task, ways = self.task, self._near_pairs()
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
         closes = task.must_touch and not task.joints
         touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if closes else []
@@ -219,6 +217,28 @@ class Holding:
             for chosen in product(self._closing(parts, ways[parts]), *others):
                 closings.append(tuple(rate for rates in chosen for rate in rates))
         return [*groups, closings] if closings else groups
+
+    def near_features(self) -> list[tuple[Parts, Feature]]:
+        """Return the part pairs that are just as far apart as they must be, each with what of them meets there."""
+        near = self._near_pairs(every=True)
+        return [(parts, self._met(parts, ways[0], DEFAULT.touch).feature) for parts, ways in near.items()]
+
+    def _near_pairs(self, *, every: bool = False) -> dict[Parts, list[Facing]]:
+        """Return the directions in which part pairs are just as far apart as they must be; `every`: of joints too."""
+        near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
+        near = near if every else self.task.beside_joints(near)
+        ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
+        return self._each_once({parts: found for parts, found in ways.items() if found})
+
+    def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
+        """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""
+        opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
+        one, two = self.task.movable.parts[parts[0]], opponent.part
+        rho = np.array([self.task.target[0], opponent.scale])
+        if opponent.need > self.slack:  # nothing touches: what is nearest would, moved along the normal
+            pose = np.append(pose[:9], pose[9:] - way.gap * way.normal)
+            return located(one, two, pose, supporting_contact(one, two, way.normal, pose, slack), rho)
+        return located(one, two, pose, contact_at(one, two, way.normal, pose, rho, slack), rho)
 
     def _ways(self, parts: Parts) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
@@ -279,7 +299,7 @@ class Holding:
         opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
         one, two = self.task.movable.parts[parts[0]], opponent.part
         rho = np.array([self.task.target[0], opponent.scale])
-        contact = located(one, two, pose, contact_at(one, two, ways[0].normal, pose, rho, DEFAULT.active), rho)
+        contact = self._met(parts, ways[0], DEFAULT.active)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
         spread = np.zeros(self.layout.size, dtype=bool)
         if len(corners) > 1:  # elements share more than a point: moving a vertex would part them

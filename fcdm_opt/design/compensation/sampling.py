@@ -15,14 +15,11 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import Layout
-from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_at, located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
@@ -227,9 +224,10 @@ def active_set(solution: Solution) -> ActiveSet:
     if solution.amount == 0.0:
         return SATISFIED
     task, q = Task.of(solution.problem), np.array(list(solution.parameters.values()))
+    holding = Holding(task, q, Layout.of(task), solution.problem.limits)
     features = [feature.label for feature in solution.features] if task.tracked else []
     if np.isfinite(task.needs).any():
-        features += [label for label in _nearest(task, q) if label not in features]
+        features += [label for label in _nearest(holding) if label not in features]
     active = list(_side(task))
     slack = DEFAULT.touch * task.size
     for k, name in enumerate(solution.parameters):
@@ -238,8 +236,7 @@ def active_set(solution: Solution) -> ActiveSet:
             if abs(q[k] - limit) * task.weights[k] <= slack:
                 active.append(f"{which} limit of {name}")
     if task.tracked:
-        groups = Holding(task, q, Layout.of(task), solution.problem.limits).groups()
-        names = {rate.name for group in groups for rates in group for rate in rates}
+        names = {rate.name for group in holding.groups() for rates in group for rate in rates}
         active += sorted(name for name in names if "limit of" not in name)
     return ActiveSet("motion", tuple(sorted(features)), tuple(active))
 
@@ -254,49 +251,22 @@ def _side(task: Task) -> Iterator[str]:
             yield "closes a gap" if gaps[0] > 0 else "removes an overlap"
 
 
-def _nearest(task: Task, q: Array) -> list[str]:
-    """Return the features of the part pairs that are just as far apart as they must be."""
-    slack = DEFAULT.touch * task.size
-    near = task.pair_gaps(q) - task.needs <= slack
-    found: dict[int, list[tuple[str, Feature]]] = {}
-    for i, j in np.argwhere(near).tolist():
-        keep_out = task.opponents[j].keep_out
-        prefix = "" if keep_out < 0 else f"{task.named((i, j))} "
-        found.setdefault(keep_out, []).append((prefix, _feature(task, q, (i, j), slack)))
-    labels = []
-    for keep_out, each in found.items():
-        bodies = task.movable, task.static if keep_out < 0 else task.keep_out[keep_out].body
-        faces = [own for _, own in each if own.kind == "F1F2"]
-        real = [one for one in each if not _is_cut(bodies, one[1], faces)] or each
-        labels += [f"{prefix}{feature.label}" for prefix, feature in real]
+def _nearest(holding: Holding) -> list[str]:
+    """Return the features of part pairs that are as far apart as they must be; none that are part of a flush one."""
+    task, found = holding.task, dict[int, list[tuple[str, Feature]]]()
+    for parts, feature in holding.near_features():
+        keep_out = task.opponents[parts[1]].keep_out
+        found.setdefault(keep_out, []).append(("" if keep_out < 0 else f"{task.named(parts)} ", feature))
+    labels = [
+        f"{prefix}{feature.label}"
+        for each in found.values()
+        for prefix, feature in each
+        if not any(_is_within(feature, other) for _, other in each if other.kind == "F1F2" and other != feature)
+    ]
     return list(dict.fromkeys(labels))
 
 
-def _is_cut(bodies: tuple[Body, Body], feature: Feature, faces: Sequence[Feature]) -> bool:
-    """Tell whether what touches is of a cut between parts alone, or of faces that lie flush besides."""
-    elements = feature.one, feature.two
-    if not all(body.owns(element) for body, element in zip(bodies, elements, strict=True)):
-        return True
-    return any(
-        set(feature.one.vertices) <= set(face.one.vertices) and set(feature.two.vertices) <= set(face.two.vertices)
-        for face in faces
-        if face != feature
-    )
-
-
-def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:
-    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
-    two, rho = opponent.part, np.array([task.target[0], opponent.scale])
-    pose = task.pose(q)
-    _, rows, separations = task.separations(parts, pose)
-    pose = np.append(pose[:9], pose[9:] + two.seed - task.static.seed)
-    contact: Contact
-    if opponent.need > slack:
-        normal = task.way_between(parts, q)
-        normal = normal / np.linalg.norm(normal)
-        gap = kernels.separation(*one.packed, *two.packed, pose, rho, normal)
-        pose = np.append(pose[:9], pose[9:] - gap * normal)
-        contact = supporting_contact(one, two, normal, pose, DEFAULT.touch)
-    else:
-        contact = contact_at(one, two, rows[separations.argmax(), :3], pose, rho, DEFAULT.touch)
-    return located(one, two, pose, contact, rho).feature
+def _is_within(feature: Feature, face: Feature) -> bool:
+    """Tell whether what touches is part of faces that lie flush."""
+    pairs = (feature.one, face.one), (feature.two, face.two)
+    return all(set(part.vertices) <= set(whole.vertices) for part, whole in pairs)
