@@ -397,3 +397,18 @@ def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
         points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
         assert -2.0 < left < far[0] < 2.0
         assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()
+
+
+def test_numbers_of_faces_stood_across_their_edges():
+    """In the middle of what is seen of a face: a square of 4 x 4, of which one of 2 x 4 before it leaves 2 x 4."""
+    page = np.eye(3)[:, :2]
+    raster = Raster(page, np.zeros(2), np.full(2, 6.0), 300)
+    square = [np.array([(x, y, z) for x, y in ((1, 1), (1 + wide, 1), (1 + wide, 5), (1, 5))], float)
+              for wide, z in ((4, 0.0), (2, 1.0))]  # fmt: skip
+    for owner, own in enumerate(square):
+        raster.fill([own], "#0072B2", owner)
+    found = raster.roomiest()
+    for owner, x in ((0, 4.0), (1, 2.0)):
+        place, room = found[owner]
+        assert place == pytest.approx((x, 3.0), abs=2 * raster.pixel)
+        assert room == pytest.approx(1.0, abs=3 * raster.pixel)
