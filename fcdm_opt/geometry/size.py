@@ -41,9 +41,9 @@ class Size(Plain):
         Of an `Assembly` the name of a part.
     faces : selector or sequence of selectors, optional
         Outward normal ("+x"), a label or name that `fcdm-opt faces` lists ("F3", "top", "bore radius 8",
-        "cone radius 4 to 8"; of a round face, by name or label, all facets; "top" of several all), {"through": (x, y, z)}, a point of the
-        face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in
-        several planes have is refused.
+        "cone radius 4 to 8"; of a round face, by name or label, all facets; "top": all pieces of that end),
+        {"through": (x, y, z)}, a point of the face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of
+        a cylinder. A normal that faces in several planes have is refused.
     each : number or sequence of numbers, optional
         Outward offset of the faces of each selector a unit of the size: 0.5 and 0.5 for a width between two faces.
         Default 1, for a single selector.

@@ -172,7 +172,7 @@ class CompensationMap(Plain, Shown):
     def reached_text(self) -> str:
         """The error in words."""
         known = math.isfinite(self.reached)
-        return f"at most {measured(f'{self.reached:.3g}', self.unit)}" if known else "not known: the time was over before"
+        return measured(f"{self.reached:.3g}", self.unit) if known else "not known, the time was over"
 
     def __repr__(self) -> str:
         """Return what it covers, and how well, on one line."""
