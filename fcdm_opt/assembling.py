@@ -128,7 +128,7 @@ class _Solving:
         q = {part: np.array([*found.parameters.values()])} if found.status.found else {}
         weight = self._assembly.weights[part]
         active = tuple(f"{pair}: {told}" for told in found.active)
-        ends, told = (weight * found.amount_low, weight * found.amount_high), f"{pair}: {found.stage}"
+        ends, told = (weight * found.amount_low, weight * found.amount_high), f"{pair} (stage {found.stage})"
         return _Met(found.status, q, weight * found.lower_bound, told, active, {pair[:2]: found}, ends)
 
     def _solved(self, pair: JoinedPair) -> Solution:
@@ -154,7 +154,8 @@ class _Solving:
         relaxed = self._relaxed(group) if self._prove else 0.0
         answer = all_at_once(problems, tasks, names, known=relaxed, prove=self._prove)
         shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
-        met = _Met(answer.status, {}, answer.lower_bound, f"{', '.join(names)}: {answer.stage}", answer.active, {})
+        told = f"{', '.join(names)} (stage {answer.stage})"
+        met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})
         if answer.q is None:
             return met._replace(shared=shared)
         ends = np.cumsum([len(assembly.motions[part].parameters) for part in parts])

@@ -519,7 +519,7 @@ def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     assert "<script" not in text
     assert text.count("<svg") == 2  # a picture of each case
     assert f"<dd>{amount:.4g} mm</dd>" in text
-    assert "left wedge by TX 0.0125 + TZ 0.055" in text
+    assert "Move left wedge 0.0125 mm along +x and 0.055 mm along +z" in text
     assert "then every contact is closed; smallest possible together (proved)" in text
     assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
     for parts in ("key - left wedge", "key - right wedge"):

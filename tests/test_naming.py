@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import pairwise, product
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fcdm_opt import Body, Problem, Translation, decision_curve
+from fcdm_opt import Body, Problem, Size, Translation, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import names_of_faces, told_element
+from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
 
 
 def ring(radius: float, count: int, z: float) -> np.ndarray:
@@ -143,3 +144,21 @@ def test_a_sphere_that_is_cut_off_is_one() -> None:
     cut = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
     kept = [ball.vertices[ball.vertices[:, 2] < 1.7], cut[(share > 0.0) & (share < 1.0)]]
     assert Counter(names_of_faces(Body.convex(np.vstack(kept))).values())["sphere radius 6"] >= 300
+
+
+def test_of_several_faces_in_one_plane_one_was_named_for_all() -> None:
+    """The tips of a comb's three teeth are its left end: numbered, and "left" as the faces of a size means all."""
+    comb = Body.from_file(Path(__file__).parent / "cases" / "comb.off", unit="mm")
+    names = names_of_rows(comb)
+    tips = [
+        row
+        for row, face in enumerate(comb.faces)
+        if np.ptp(comb.vertices[np.array(face) - 1], axis=0)[0] == 0.0
+        and comb.vertices[face[0] - 1][0] == comb.vertices[:, 0].min()
+    ]
+    assert [names[row] for row in tips] == ["left no. 1", "left no. 2", "left no. 3"]
+    assert len(set(names)) == len(names)
+    told = [told_element(comb, Element("F", tuple(sorted(comb.faces[row])))) for row in tips]
+    assert told[1] == "left face no. 2 (facing -x)"
+    for faces, meant in (("left", tips), ("left no. 2", tips[1:2]), (f"F{tips[2] + 1}", tips[2:])):
+        assert np.flatnonzero(Size("tips", "movable", faces=faces).offsets(comb)).tolist() == meant

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,12 @@ import trimesh
 from matplotlib.text import Text
 from ordinary import problems
 from picture_checks import check_texts, shown
+from PIL import Image
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import GREY, inline_svg, save
+from fcdm_opt.show import GREY, MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
@@ -398,3 +400,32 @@ def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
         points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
         assert -2.0 < left < far[0] < 2.0
         assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()
+
+
+def test_numbers_of_faces_stood_across_their_edges():
+    """In the middle of what is seen of a face: a square of 4 x 4, of which one of 2 x 4 before it leaves 2 x 4."""
+    page = np.eye(3)[:, :2]
+    raster = Raster(page, np.zeros(2), np.full(2, 6.0), 300)
+    square = [np.array([(x, y, z) for x, y in ((1, 1), (1 + wide, 1), (1 + wide, 5), (1, 5))], float)
+              for wide, z in ((4, 0.0), (2, 1.0))]  # fmt: skip
+    for owner, own in enumerate(square):
+        raster.fill([own], "#0072B2", owner)
+    found = raster.roomiest()
+    for owner, x in ((0, 4.0), (1, 2.0)):
+        place, room = found[owner]
+        assert place == pytest.approx((x, 3.0), abs=2 * raster.pixel)
+        assert room == pytest.approx(1.0, abs=3 * raster.pixel)
+
+
+def test_pictures_of_cards_stood_on_a_white_plate_in_dark_notebooks():
+    """No ground, and words and axes in a grey that is 4 : 1 against white and against a notebook's dark page."""
+    figure = new_figure(2.0, 2.0)
+    axes = figure.add_axes((0.2, 0.2, 0.7, 0.7))
+    axes.set_title("words")
+    image = np.asarray(Image.open(BytesIO(bare_pixels(figure, across=200))).convert("RGBA"))
+    inked = image[image[..., 3] > 250]
+    assert len(inked) > 300
+    assert (image[..., 3] == 0).mean() > 0.8
+    assert (inked[:, :3] == int(MIDDLE[1:3], 16)).all()
+    light = [((shade / 255.0 + 0.055) / 1.055) ** 2.4 + 0.05 for shade in (255, int(MIDDLE[1:3], 16), 17)]
+    assert min(light[0] / light[1], light[1] / light[2]) > 4.0

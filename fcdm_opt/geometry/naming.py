@@ -42,8 +42,8 @@ def names_of_faces(body: Body) -> dict[Label, str]:
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
     radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
-    their corners ("bore radius 2 no. 1" where several are alike); "top", "bottom" and so on for plane faces of many
-    corners that the body ends with along an axis; "face 12", as they are counted, for others.
+    their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
+    "face 12", as they are counted, for others. Several that are called alike are numbered: "bore radius 2 no. 1".
     """
     return _names_of_faces(body.full_body or body)
 
@@ -76,12 +76,18 @@ def round_faces(body: Body) -> list[Round]:
 
 def _numbered(rounds: Sequence[Round]) -> dict[Label, str]:
     """Return the name of each round face; what is called alike is numbered."""
-    alike, counted, found = Counter(own.name for own in rounds), Counter[str](), list[tuple[int, str]]()
-    for k in sorted(range(len(rounds)), key=lambda k: rounds[k].faces):
-        name = rounds[k].name
+    order = sorted(range(len(rounds)), key=lambda k: rounds[k].faces)
+    names = dict(sorted(zip(order, numbered_names([rounds[k].name for k in order]), strict=True)))
+    return {face: name for k, name in names.items() for face in rounds[k].faces}
+
+
+def numbered_names(names: Sequence[str]) -> list[str]:
+    """Return names of which each stands for one thing: "top no. 2" where several are called alike."""
+    alike, counted, found = Counter(names), Counter[str](), list[str]()
+    for name in names:
         counted[name] += 1
-        found.append((k, f"{name} no. {counted[name]}" if alike[name] > 1 else name))
-    return {face: name for k, name in sorted(found) for face in rounds[k].faces}
+        found.append(f"{name} no. {counted[name]}" if alike[name] > 1 else name)
+    return found
 
 
 def told_element(body: Body, element: Element) -> str:
@@ -92,7 +98,8 @@ def told_element(body: Body, element: Element) -> str:
     label, names = tuple(sorted(element.vertices)), told_faces(body)
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
-        told = f"{name} face" if name in SIDES else _rounded(name)
+        end, *number = name.split(" ", 1)
+        told = " ".join((end, "face", *number)) if end in SIDES else _rounded(name)
         return f"{told} (facing {side})" if side else told
     sides = list(dict.fromkeys(_rounded(names[face][0]) for face in body.faces_with(label) if face in names))
     if len(sides) == 1 and is_round(sides[0]):
@@ -154,20 +161,21 @@ def normals_of_faces(body: Body) -> dict[Label, Array]:
 
 
 def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, str]:
-    """Return the names of plane faces with so many corners at least."""
-    named, taken = dict[Label, str](), set[str]()
+    """Return the names of plane faces with so many corners at least; several at one end of the body are numbered."""
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     slack = DEFAULT.side * float((high - low).max())
-    for number, face in enumerate(body.faces, 1):
-        if len(face) < least or face not in normals:
-            continue
-        normal, corner = normals[face], body.vertices[face[0] - 1]
-        k = int(np.abs(normal).argmax())
-        up = bool(normal[k] > 0.0)
-        ends = abs(normal[k]) >= 1.0 - DEFAULT.side and abs((high if up else low)[k] - corner[k]) <= slack
-        named[face] = ENDS[k][up] if ends and ENDS[k][up] not in taken else f"face {number}"
-        taken.add(named[face])
-    return named
+    ends = dict[Label, str]()
+    for face in body.faces:
+        if face in normals:
+            normal, corner = normals[face], body.vertices[face[0] - 1]
+            k = int(np.abs(normal).argmax())
+            up = bool(normal[k] > 0.0)
+            if abs(normal[k]) >= 1.0 - DEFAULT.side and abs((high if up else low)[k] - corner[k]) <= slack:
+                ends[face] = ENDS[k][up]
+    numbered = numbered_names([*ends.values()])
+    named = {face: f"face {number}" for number, face in enumerate(body.faces, 1) if face in normals}
+    named.update(zip(ends, numbered, strict=True))
+    return {face: name for face, name in named.items() if len(face) >= least}
 
 
 def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:

@@ -22,7 +22,7 @@ SELECTORS = (
     'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
     "facets of a cylinder)"
 )
-NAMED = re.compile(rf"{'|'.join(SIDES)}|({'|'.join(ROUND_KINDS)}) radius \S+( to \S+)?( no\. [0-9]+)?")
+NAMED = re.compile(rf"({'|'.join(SIDES)}|({'|'.join(ROUND_KINDS)}) radius \S+( to \S+)?)( no\. [0-9]+)?")
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
 
@@ -41,9 +41,9 @@ class Size(Plain):
         Of an `Assembly` the name of a part.
     faces : selector or sequence of selectors, optional
         Outward normal ("+x"), a label or name that `fcdm-opt faces` lists ("F3", "top", "bore radius 8",
-        "cone radius 4 to 8"; of a round face, by name or label, all facets), {"through": (x, y, z)}, a point of the
-        face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in
-        several planes have is refused.
+        "cone radius 4 to 8"; of a round face, by name or label, all facets; "top": all pieces of that end),
+        {"through": (x, y, z)}, a point of the face, or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of
+        a cylinder. A normal that faces in several planes have is refused.
     each : number or sequence of numbers, optional
         Outward offset of the faces of each selector a unit of the size: 0.5 and 0.5 for a width between two faces.
         Default 1, for a single selector.
@@ -257,7 +257,9 @@ class Size(Plain):
         if isinstance(selector, str) and NAMED.fullmatch(selector):
             named: dict[str, list[int]] = {}
             for row, name in enumerate(names_of_rows(body)):
-                named.setdefault(name, []).append(row)
+                end = name.split(" no. ")[0]
+                for told in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all of several in its plane
+                    named.setdefault(told, []).append(row)
             if selector not in named:
                 what = f"no face of body '{body.name}' has this name"
                 raise self._refused(what, key, selector, ", ".join(map(_listed, named)))

@@ -17,6 +17,7 @@ from fcdm_opt.show.scene import parts_figure
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
+from fcdm_opt.show.verdict import deed_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
 
@@ -41,14 +42,19 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 
 
 def motion_texts(solution: AssemblySolution) -> dict[str, str]:
-    """Return the motions in words, by part; rounding left out."""
-    assembly, told = solution.assembly, dict[str, str]()
+    """Return the motions as parameters, by part: "TX 0.0125 + TZ 0.055"; rounding left out."""
+    motions = solution.assembly.motions
+    return {part: motions[part].describe(kept) if kept else "-" for part, kept in _kept(solution).items()}
+
+
+def _kept(solution: AssemblySolution) -> dict[str, list[float]]:
+    """Return the values of each part's motion, 0 for rounding."""
+    assembly, found = solution.assembly, dict[str, list[float]]()
     for part, motion in assembly.motions.items():
         weights = assembly.weights[part] * motion.weights(assembly.lengths[part])
         q = np.array([*solution.parameters.get(part, {}).values()])
-        kept = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
-        told[part] = motion.describe(kept) if kept else "-"
-    return told
+        found[part] = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
+    return found
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:
@@ -60,15 +66,16 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     assembly = solution.assembly
-    moved = [
-        f"{part} by {told}" for part, told in motion_texts(solution).items() if solution.amounts.get(part, 0.0) > 0
-    ]
+    moved = list[str]()
+    for part, kept in _kept(solution).items():
+        motion = assembly.motions[part]
+        deeds = zip(motion.by_step(kept), motion.deeds(kept, unit=assembly.unit), strict=True) if any(kept) else ()
+        moved += [deed_text(part, done)] if (done := [deed for own, deed in deeds if any(own)]) else []
     if not moved:
         return "leave all parts where they are: every contact is closed"
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
     least = solution.doubt or proved
-    unit = f" (lengths in {assembly.unit})" if assembly.unit else ""
-    return "; ".join([f"move {', '.join(moved)}{unit}: then every contact is closed", least, *through(solution)])
+    return "; ".join([*moved[:-1], f"{moved[-1]}: then every contact is closed", least, *through(solution)])
 
 
 def through(solution: AssemblySolution) -> list[str]:

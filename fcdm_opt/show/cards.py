@@ -19,7 +19,7 @@ import numpy as np
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
-from fcdm_opt.show import Figure, pixels
+from fcdm_opt.show import Figure, bare_pixels
 from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -105,7 +105,8 @@ class Card(NamedTuple):
         """The card as one line of HTML."""
         data = {**self._asdict(), "facts": [fact for fact in self.facts if fact[1]]}
         if self.picture is not None:
-            data["picture"] = b64encode(pixels(self.picture, across=int(DOTS * self.picture.get_figwidth()))).decode()
+            across = int(DOTS * self.picture.get_figwidth())
+            data["picture"] = b64encode(bare_pixels(self.picture, across=across)).decode()
         return "".join(map(str.strip, rendered("card.html", card=data).split("\n")))
 
 
@@ -119,7 +120,7 @@ def body_card(body: Body) -> Card:
         ("faces", str(len(body.faces))),
         ("convex parts", str(len(body.parts))),
         ("seed", f"({numbers(body.seed)})"),
-        ("extent", " x ".join(map(number, np.ptp(body.vertices, axis=0).tolist())), "length"),
+        ("extent", " x ".join(map(number, np.ptp(body.vertices, axis=0).tolist())), body.unit or "length units"),
         ("off the solid", numbers(off, 3) if any(off := deviation_of(body)) else "", "outward, inward at most"),
     ]
     told = f"{counted(len(body.faces), 'face')} of the body; the cross is its seed"
@@ -399,7 +400,7 @@ def map_card(sizes: CompensationMap) -> Card:
         "Compensation map",
         facts=[
             ("triangles", str(len(sizes.table)), solves),
-            ("error at most", number(sizes.reached, 3), f"{length}, asked for {number(sizes.error, 3)}"),
+            ("largest error", sizes.reached_text, f"(asked for {number(sizes.error, 3)} {length})"),
         ],
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",

@@ -164,8 +164,13 @@ class Names:
         middle, half = self._page(np.asarray(point, dtype=float)), size / 2.0 * self._dot
         self._taken.append(np.array([middle - half, middle + half]))
 
-    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False) -> None:
+    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False) -> float | None:
         """Write a name beside the first of several points where there is room; leave it out where there is none.
+
+        Returns
+        -------
+        distance : float or None
+            How far its middle is from that point, in points of the page; None: it is left out.
 
         Parameters
         ----------
@@ -177,30 +182,36 @@ class Names:
         colour : str
             Of the text; a line of this colour leads to a name that stands far off.
         upon : bool
-            Write it upon the first point where it covers no other, if there is one.
+            Write it upon the first point where it covers no other and no line, if there is one; else a line leads to
+            it however near it stands, from a dot at the point.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox
         spots = spots[((spots >= within.min - 0.5) & (spots <= within.max + 0.5)).all(axis=1)]  # half a pixel
         if not len(spots):
-            return
+            return None
         look = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
         half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
         label.remove()
         unit = np.asarray(away, dtype=float) / np.linalg.norm(away)
-        free = [spot for spot in spots if upon and not self._covers(spot, half)]
+        free = [spot for spot in spots if upon and not self._covers(spot, half) and not self._crosses(spot, half)]
         spot, middle = (free[0], free[0]) if free else self._free(spots, unit, half)
         if middle is None:
-            return
+            return None
         self._taken.append(np.array([middle - half, middle + half]))
+        led = upon and not free
         shift = (middle - spot) / self._dot  # in points from the named point: stays in place at any resolution
         arrow = {"arrowstyle": "-", "color": colour, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 1.0}
         self._axes.annotate(
             literal(text), tuple(self._axes.transData.inverted().transform(spot)), xytext=tuple(shift),
             textcoords="offset points", annotation_clip=False, **look,
-            arrowprops=arrow if np.linalg.norm(shift) - min(half) / self._dot > LEADER else None,
+            arrowprops=arrow if led or np.linalg.norm(shift) - min(half) / self._dot > LEADER else None,
         )  # fmt: skip
+        if led:
+            here = self._axes.transData.inverted().transform(spot)
+            self._axes.plot(*here, ".", color=colour, markersize=2.0, zorder=6)
+        return float(np.linalg.norm(shift))
 
     def _free(self, spots: Array, unit: Array, half: Array) -> tuple[Array, Array | None]:
         """Return the point to name and the middle of the first free place, best one clear of lines."""
@@ -216,10 +227,9 @@ class Names:
                         middle = spot + off * way
                         if not ((middle >= low).all() and (middle <= high).all()):
                             continue
-                        box = np.array([middle - half, middle + half])
                         if self._covers(middle, half):
                             continue
-                        if not strict or not clipped(self._lines, box.T)[1].any():
+                        if not strict or not self._crosses(middle, half):
                             return spot, middle
         return spots[0], None
 
@@ -227,6 +237,10 @@ class Names:
         """Tell whether a name with its middle there would stand on what is known."""
         low, high = middle - half, middle + half
         return any((low < other[1]).all() and (other[0] < high).all() for other in self._taken)
+
+    def _crosses(self, middle: Array, half: Array) -> bool:
+        """Tell whether a line would pass through a name with its middle there."""
+        return bool(clipped(self._lines, np.array([middle - half, middle + half]).T)[1].any())
 
     def _page(self, points: Array) -> Array:
         return np.asarray(self._axes.transData.transform(points))

@@ -77,10 +77,27 @@ def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title:
         lines.append(f"     {region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
-    error = measured(f"{sizes.reached:.2g}", sizes.unit)
-    lines += ["", f"error at most {error}; {sizes.solved} pairs solved and judged"]
+    lines += ["", *_signs(sizes), f"{sizes.solved} pairs solved and judged", f"largest error: {sizes.reached_text}"]
     sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
+
+
+def _signs(sizes: CompensationMap) -> list[str]:
+    """Return what stands for what in the picture, of that which is there."""
+    scales, box = sizes.over == SCALES, np.asarray(sizes.box)
+    signs = {
+        "thin white lines: equal amounts": any(np.isfinite(region.amounts[0]) for region in sizes.regions),
+        f"star: {'nominal sizes' if scales else 'as drawn'}": _within(sizes.nominal, box),
+        "diamonds A to D: corners that these requirements ask for": scales,
+        "white line between black ones: the motion jumps there": any(boundary.jumps for boundary in sizes.boundaries),
+        "black line: another contact, or limit, holds the motion": any(not own.jumps for own in sizes.boundaries),
+        "hatched: no motion, or none known": any(np.isnan(region.amounts[0]) for region in sizes.regions),
+    }
+    return [told for told, there in signs.items() if there]
+
+
+def _within(point: Any, box: Any) -> bool:
+    return bool(((box[:, 0] <= point) & (point <= box[:, 1])).all())
 
 
 def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
@@ -115,7 +132,7 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
         axes.annotate(name, tuple(corner), xytext=tuple(shift), textcoords="offset points", ha="center", va="center",
                       color=BLACK, zorder=6, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white",
                                                    "edgecolor": "none", "alpha": 0.8})  # fmt: skip
-    if ((box[:, 0] <= sizes.nominal) & (sizes.nominal <= box[:, 1])).all():
+    if _within(sizes.nominal, box):
         axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
 
 

@@ -13,11 +13,14 @@ from fcdm_opt.geometry.arrays import Array, Flags
 LIGHT = np.array([-0.45, 0.6, 0.66])
 """Where the light comes from: right, up and towards the reader, a unit vector nearly."""
 
-DULL = 0.5
+DULL = 0.62
 """Of its colour that a face keeps that the light does not reach."""
 
 STEP = 2.0
 """Pixels between two places of a line that are looked at."""
+
+ROOMY = 0.95
+"""Of the greatest distance to an outline: places so far from it are as good as any."""
 
 GRAZING = 1e-6
 """A face whose normal is this near the page's plane is a line."""
@@ -45,8 +48,18 @@ class Raster:
         self._scale = width / float(high[0] - low[0])
         height = max(1, round(float(high[1] - low[1]) * self._scale))
         self._depth = np.full((height, width), -np.inf)
-        self._owner = np.full((height, width), -1, dtype=np.int8)
+        self._owner = np.full((height, width), -1, dtype=np.int32)
         self._colour = np.ones((height, width, 3))
+
+    def empty(self) -> Raster:
+        """Return an empty picture of the same area."""
+        height, width = self._depth.shape
+        return Raster(self._page, self._low, self._low + np.array([width, height]) * self.pixel, width)
+
+    @property
+    def pixel(self) -> float:
+        """How long a pixel is."""
+        return 1.0 / self._scale
 
     def fill(self, polygons: Sequence[Array], colour: str, owner: int) -> None:
         """Draw convex polygons, (k, 3) each, where nothing is nearer."""
@@ -70,19 +83,19 @@ class Raster:
             flat = np.array([one, two]) @ self._page
             count = 2 + int(np.linalg.norm(flat[1] - flat[0]) * self._scale / STEP)
             points = one + np.linspace(0.0, 1.0, count)[:, None] * (two - one)
-            places, seen = points @ self._page, self.seen(points, behind)
+            places, seen = points @ self._page, self._seen(points, behind)
             starts = np.flatnonzero(seen & ~np.r_[False, seen[:-1]])
             stops = np.flatnonzero(seen & ~np.r_[seen[1:], False])
             found += [places[[a, b]] for a, b in zip(starts, stops, strict=True) if b > a]
         return found
 
-    def seen(self, points: Array, behind: Array | None = None) -> Flags:
-        """Tell which points (m, 3) no surface hides; `behind`: depths to compare with, those drawn by default."""
+    def _seen(self, points: Array, behind: Array) -> Flags:
+        """Tell which points (m, 3) no surface hides, by depths to compare with."""
         height, width = self._depth.shape
         pixel = np.floor((points @ self._page - self._low) * self._scale).astype(int)
         outside = ((pixel < 0) | (pixel >= (width, height))).any(axis=1)
         pixel = np.clip(pixel, 0, (width - 1, height - 1))
-        nearest = (self._depth if behind is None else behind)[pixel[:, 1], pixel[:, 0]]
+        nearest = behind[pixel[:, 1], pixel[:, 0]]
         return outside | np.asarray(points @ self._toward >= nearest - 2.0 / self._scale)
 
     def free(self, line: Array) -> bool:
@@ -92,6 +105,24 @@ class Raster:
         height, width = self._depth.shape
         inside = ((pixel >= 0) & (pixel < (width, height))).all(axis=1)
         return bool(inside.all()) and bool((self._owner[pixel[:, 1], pixel[:, 0]] < 0).all())
+
+    def roomiest(self) -> dict[int, tuple[Array, float]]:
+        """Return for each owner that is seen a place on the page far from where it ends, and the farthest there is.
+
+        Of all places that are nearly as far from there, as along a strip, the most central one.
+        """
+        from scipy.ndimage import distance_transform_edt, find_objects
+
+        found = {}
+        for owner, window in enumerate(find_objects(self._owner + 1)):
+            if window is not None:
+                room = distance_transform_edt(np.pad(self._owner[window] == owner, 1))[1:-1, 1:-1]
+                far = np.argwhere(room >= ROOMY * room.max())
+                middle = np.argwhere(room > 0.0).mean(axis=0)
+                row, column = far[np.linalg.norm(far - middle, axis=1).argmin()]
+                pixel = np.array([window[1].start + column, window[0].start + row]) + 0.5
+                found[owner] = self._low + pixel / self._scale, float(room.max()) / self._scale
+        return found
 
     @property
     def covered(self) -> Flags:

@@ -67,11 +67,8 @@ FAR, MOST_TURN = 0.12, 0.5
 TANGENT = 0.93
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
 
-MOST_SPOTS = 24
-"""Pieces of a face that its number may stand in."""
-
-CORNERWARDS = 0.4, 0.8
-"""Where it may stand beside a piece's middle: so far from there to a corner, of the whole way."""
+LEAST_SEEN, MOST_LED = 1.5, 16
+"""Pixels from the middle of a face to its outline from which on it is seen; numbers in a panel that lines lead to."""
 
 MOST_INSETS, ALIKE = 2, 0.999
 """Contacts that are magnified; cosine between normals of those that look alike."""
@@ -341,30 +338,27 @@ def draw_numbered(
     colour: str,
     numbers: Mapping[tuple[int, ...], str],
 ) -> tuple[Any, set[str]]:
-    """Draw a body shaded into an area of a sheet, with a number at each face that is seen; return its axes, and these.
+    """Draw a body shaded into an area of a sheet, with numbers at its faces; return its axes, and those with room.
 
     `numbers`: of each face of the body; faces that have one in common get it once.
     """
     body, page = shown.bodies[0], page_directions(*shown.view)
     axes = _axes_for(sheet, area, shown)
     raster = _draw_solids(axes, shown, [(body, colour, "")])
-    toward, spots = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]]()
-    normals = normals_of_faces(body)
-    facing = {face: float(normals[face] @ toward) for face in body.faces if face in numbers}
-    for element in (Element("F", face) for face in sorted(facing, key=lambda face: -facing[face])):
-        if facing[element.vertices] > EDGE_ON:
-            pieces = sorted(face_polygons(body, element), key=lambda own: -float(np.prod(np.ptp(own @ page, axis=0))))
-            middles = [piece.mean(axis=0) for piece in pieces[:MOST_SPOTS]]
-            near = [x + t * (piece - x) for t in CORNERWARDS for x, piece in zip(middles, pieces, strict=False)]
-            looked = np.vstack([*middles, *near])  # of a face half hidden, the middles may be
-            seen = looked[raster.seen(looked)]
-            spots.setdefault(numbers[element.vertices], []).extend(seen @ page)
-    names, middle = Names(axes), body.vertices.mean(axis=0) @ page
-    for number, places in sorted(spots.items(), key=lambda own: len(own[1])):
-        if places:
-            away = places[0] - middle
-            names.put(number, places, away if away.any() else (0.0, 1.0), colour=BLACK, upon=True)
-    return axes, {number for number, places in spots.items() if places}
+    every = [*dict.fromkeys(numbers.values())]
+    faces = raster.empty()
+    for face, number in numbers.items():
+        faces.fill(face_polygons(body, Element("F", face)), colour, every.index(number))
+    names, middle = Names(axes, raster.visible(sharp_edges(body))), body.vertices.mean(axis=0) @ page
+    places = {every[k]: own for k, own in faces.roomiest().items() if own[1] > LEAST_SEEN * faces.pixel}
+    written, led = set[str](), 0
+    for number, (place, _) in sorted(places.items(), key=lambda own: -own[1][1]):
+        away = place - middle
+        way = away if away.any() else np.array([0.0, 1.0])
+        if led < MOST_LED and (far := names.put(number, place, way, colour=BLACK, upon=True)) is not None:
+            written.add(number)
+            led += far > 0.0
+    return axes, written
 
 
 def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:

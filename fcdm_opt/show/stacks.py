@@ -42,8 +42,8 @@ that are listed, letters of a name; and what a mean over pairs drawn is zero bel
 SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back, below"}
 """Degrees from which faces are shown, so that all of them are seen that nothing hides."""
 
-HEIGHTS, HEAD, FOOT, NAME = (1.6, 3.4), 0.3, 0.3, 24
-"""Inches: least and most that a body may be high there, above it, and below all; letters of its name."""
+HEIGHTS, HEAD, FOOT, SIDE, NAME = (1.6, 3.4), 0.3, 0.3, 0.3, 24
+"""Inches: least and most that a body may be high there, above it, below all, and beside it; letters of its name."""
 
 
 def listed_faces(body: Body) -> list[dict[str, Any]]:
@@ -338,15 +338,15 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
     for k, (body, row, role) in enumerate(zip(bodies, shown, ("movable", "static"), strict=True)):
         numbered, every = _numbers(body), set[str]()
         for column, (own, side) in enumerate(zip(row, SIDES.values(), strict=True)):
-            area = (column * wide, FOOT + sum(heights[k + 1 :]), wide, heights[k] - HEAD)
+            area = (column * wide + SIDE, FOOT + sum(heights[k + 1 :]), wide - SIDE, heights[k] - HEAD)
             axes, seen = draw_numbered(sheet, area, own, (BLUE, VERMILLION)[k], numbered)
             every |= seen
             axes.set_title(literal(f"{role}: {shortened(body.name, NAME)}, {side}"), pad=2.0)
-            draw_directions(sheet, axes, own, (area[0], area[1]), problem.unit)
-        if left := [number for number in dict.fromkeys(numbered.values()) if number not in every]:
-            hidden.append(f"of {shortened(body.name, NAME)} {shortened(', '.join(left), LONGEST)}")
+            draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), problem.unit)
+        if left := [int(number[1:]) for number in dict.fromkeys(numbered.values()) if number not in every]:
+            hidden.append(f"of {shortened(body.name, NAME)} {shortened(_ranges(left), LONGEST)}")
     if hidden:
-        sheet.list(0.1, FOOT, PAGE - 0.2, [f"hidden from both sides: {'; '.join(hidden)}"])
+        sheet.list(0.1, FOOT, PAGE - 0.2, [f"hidden from both sides, or no room for the number: {'; '.join(hidden)}"])
     return sheet.figure
 
 
@@ -358,6 +358,12 @@ def _numbers(body: Body) -> dict[Label, str]:
         tuple(sorted(face)): first.setdefault(name, f"F{k}") if " radius " in name else f"F{k}"
         for k, (face, name) in enumerate(zip(body.faces, names, strict=True), 1)
     }
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Return numbers of faces in words: F3, F5 to F9."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return ", ".join(f"F{run[0]}" if len(run) == 1 else f"F{run[0]} to F{run[-1]}" for run in runs)
 
 
 def _sizes(values: Any) -> str:

@@ -141,8 +141,11 @@ def motion_said(solution: Solution) -> str:
 
 
 def _deed(solution: Solution) -> str:
-    name = name_of(solution.problem, 0)
-    deeds = _steps(solution)
+    return deed_text(name_of(solution.problem, 0), _steps(solution))
+
+
+def deed_text(name: str, deeds: list[tuple[str, str]]) -> str:
+    """Return what to do with a part: "move nut 0.25 mm along -z, then turn it 2 deg about +x"."""
     verb, told = _in_order(deeds, "it ") if deeds else ("", "")
     return f"{verb} {name} {told}" if deeds else f"leave {name} where it is"
 

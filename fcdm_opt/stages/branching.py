@@ -33,7 +33,7 @@ from fcdm_opt.stages.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
 
 AXES = tuple(map(Translation, XYZ))  # what a free motion shifts along
-STAGE_APART = "4: descent over the ways apart"
+STAGE_APART = "4: descent over separating directions"
 STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
 MOST_CHECKED = 3  # for which the checker of evidence follows

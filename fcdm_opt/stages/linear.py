@@ -245,7 +245,7 @@ def translations(task: Task) -> Answer | None:
     closings, later = list[tuple[Parts | None, Rows]](), _touching(task, shifts)
     if not later:
         closings.append((None, Rows(np.empty((0, len(task.weights))), np.empty(0))))
-    stage, curved, sharpened = "1: translations, best first over the ways apart", False, 0
+    stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
     while sharpened < SHARPENED:
         pacing.check()
         least = _least(task, walls, closings)
