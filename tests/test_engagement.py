@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -400,3 +401,20 @@ def test_a_key_stays_in_its_slot_until_a_wall_s_middle_or_a_tenth_of_its_depth()
     assert along == pytest.approx((-(0.125 + 20.125) / 2.0, 0.9 * 7.875), abs=1e-3)
     beside = problem.changed(movable=problem.movable.moved(np.eye(4) + 90.0 * np.eye(4, k=3)))
     assert passage(beside, np.array([1.0, 0.0, 0.0])) == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("finer", [0, 1])
+def test_a_bar_had_a_tie_with_a_motion_into_a_post_and_was_refused_where_finely_meshed(finer: int) -> None:
+    """It turns off a post that it lies across, by the same either way; a second one, out of its reach, bars one."""
+    posts = [((2.5, -0.3, -2), (4.5, 0.3, 1)), ((2.5, -2.2, -2), (4.5, -1.35, 1)), ((-6, -4, -2), (6, 4, -1))]
+    mesh = trimesh.boolean.union([trimesh.creation.box(bounds=ends) for ends in posts])
+    for _ in range(finer):
+        mesh = mesh.subdivide()
+    static = fo.Body.from_mesh(mesh, decomposition="surface", seed=(0, 0, 0))
+    bar = fo.Body.convex([4.0, 0.5, 0.5] * (2.0 * np.indices((2, 2, 2)).reshape(3, 8).T - 1.0))
+    asked = {"target": (1, 1), "goal": "clear", "motion": fo.Rotation("z"), "limits": {"RZ": (-1, 1)}, "length": 1.0}
+    found = fo.solve(fo.Problem(bar, static, **asked))
+    # the post's corner (2.5, .3) comes to lie on the bar's lower side: 2.5 sin t - .3 cos t = .5
+    assert found.usable
+    assert found.parameters["RZ"] == pytest.approx(np.arcsin(0.5 / np.hypot(2.5, 0.3)) + np.arctan2(0.3, 2.5))
+    assert found.sensitivity.reasons == ()

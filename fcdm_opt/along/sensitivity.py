@@ -28,6 +28,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
+from fcdm_opt.problem.active_parts import expand_active_parts
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution
 from fcdm_opt.problem.nominal import FIT
@@ -65,7 +66,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     best = min(balances, key=lambda balance: balance.residual)
     even = [balance for balance in balances if balance.residual <= DEFAULT.stationary] or [best]
     only = solution.unique_within >= task.amount(q) or task.goal == FIT  # of a fit others have other largest gaps
-    reasons = [*holding.reasons, *(() if only else _ties(task, q))]
+    reasons = [*holding.reasons, *(() if only else _ties(problem, task, q))]
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
     if problem.resolution is not None:
@@ -205,18 +206,18 @@ def _named(constraints: Sequence[Rate], place: int) -> str:
     return f"{name} ({count + 1})" if count else name
 
 
-def _ties(task: Task, q: Array) -> list[str]:
+def _ties(problem: Problem, task: Task, q: Array) -> list[str]:
     """Return why the motion is not the one least motion: another, some way off, that is as small, or smaller.
 
     What is not found in `SECONDS` is taken for not there.
     """
     pacing.at("looking whether another motion is as small")
     with suppress(pacing.TimeOverError), pacing.within(SECONDS):
-        return _other_motions(task, q)
+        return _other_motions(problem, task, q)
     return []
 
 
-def _other_motions(task: Task, q: Array) -> list[str]:
+def _other_motions(problem: Problem, task: Task, q: Array) -> list[str]:
     amount = task.amount(q)
     for k, side in product(range(len(q)), (0, 1)):
         limits = task.limits.copy()
@@ -225,7 +226,7 @@ def _other_motions(task: Task, q: Array) -> list[str]:
         nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
         if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
             continue
-        other = _least(replace(task, limits=frozen(limits)))
+        other = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
         if other < amount * (1.0 - DEFAULT.tied):
             return [f"not the least motion: there is one of amount {other:.6g}"]
         if other <= amount * (1.0 + DEFAULT.tied):
@@ -233,17 +234,26 @@ def _other_motions(task: Task, q: Array) -> list[str]:
     return []
 
 
-def _least(task: Task) -> float:
-    """Return the least amount of a task, infinite where no motion is found.
+def _least(problem: Problem, limits: Array, most: float) -> float:
+    """Return the least amount of a question within other limits, infinite where no motion is found.
 
-    For tracked contacts without the last stage, which takes long to find nothing.
+    For tracked contacts without the last stage, which takes long to find nothing. Of large bodies with as many parts as
+    a motion of at most so much needs: in the way of others there may be parts that the one found never came near.
     """
-    last = "descent" if task.tracked else "nlp"
-    for name, stage in STAGES.items():
-        answer = stage(task)
-        if answer is not None or name == last:
-            return np.inf if answer is None or answer.q is None else task.amount(answer.q)
-    return np.inf
+    while True:
+        task = replace(Task.of(problem), limits=frozen(limits))
+        last, answer = "descent" if task.tracked else "nlp", None
+        for name, stage in STAGES.items():
+            answer = stage(task)
+            if answer is not None or name == last:
+                break
+        if answer is None or answer.q is None:
+            return np.inf
+        amount = task.amount(answer.q)
+        further = None if amount > most else expand_active_parts(problem, task.transform(answer.q), 0.0)
+        if further is None:
+            return amount
+        problem = further
 
 
 def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.geometry.solids import contains
+from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -116,8 +116,13 @@ def _change(problem: Problem) -> float:
 def holds(problem: Problem) -> bool:
     """Tell whether no shift of body 1 leads away from all parts of body 2 at once, as drawn: 0 is among the normals.
 
-    Parts that overlap as drawn by more than a hair hold nothing.
+    Parts that overlap as drawn by more than a hair hold nothing; nor do solids kept as surfaces, whose parts are thin.
     """
+    drawn = drawn_bodies(problem)
+    if kept_as_surface(*drawn):
+        overlap = PlacedSolids(*drawn, problem.nominal_pair, REST).depth
+        if overlap > HAIR * min(body.size for body in drawn):
+            return False
     return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
 
 
