@@ -42,7 +42,7 @@ EXACT = 1e-3
 
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
-    "LEFT_COHERENT_RANGE": "no motion found that keeps the contact meant all the way",
+    "LEFT_COHERENT_RANGE": "no motion found that keeps the intended contact all the way",
     "NOT_IN_STEPS": "no motion found in whole steps of the machine",
     "NOT_VERIFIED": "not to be used: a motion was found, but the judge refused it",
 }
@@ -111,7 +111,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     told = [f"along {along}, {contact_text(problem, coherent.features)}, until"]
     for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
         if not deeds or event.kind == "scale":
-            what = "nothing that matters to parts ends it" + (" (only a size of zero)" if deeds else "")
+            what = "nothing ends it" + (" (only a size of zero)" if deeds else "")
         elif event.successors:
             what = f"{deeds}; beyond, {contact_text(problem, event.successors)} instead"
         else:
