@@ -334,7 +334,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
     assert times > 10.0
     figure = scene_figure(shown, moved=motion, said="0.001 along -x")
-    assert f"before the motion, drawn {times:g} times as far off" in texts(figure)
+    assert f"before the motion (motion drawn {times:g} times larger)" in texts(figure)
     motion[0, 3] = -1.0
     assert shown.before(motion)[1] == 1.0
 

@@ -153,7 +153,8 @@ def _misunderstood(reason: Any) -> str:
     command = ctx.command if ctx is not None else None
     where = f"; see {ctx.command_path} --help" if ctx is not None else ""
     if kind == "NoSuchOption":
-        known = [name for each in command.get_params(ctx) for name in each.opts] if command is not None else []
+        given = command.get_params(ctx) if command is not None else []
+        known = [name for each in given for name in each.opts if name.startswith("-")]
         return f"{reason.option_name}: no such option{closest(reason.option_name, known)}{where}"
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:

@@ -325,7 +325,7 @@ def draw_scene(
         _draw_old(axes, raster, shown, old, times)
         _draw_arrow(axes, raster, shown, old, said)
     if contacts:
-        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "contact meant")
+        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact")
     if numbered:
         _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
@@ -391,7 +391,7 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     alone.fill(own_polygons(old), BLUE, 0)
     pieces = _joined(alone.visible(sharp_edges(old)), right - left)
     axes.add_collection(LineCollection(pieces, colors=BLUE, linewidths=0.8, linestyles=[(0, (4, 2.5))], zorder=3))
-    far = f", drawn {times:g} times as far off" if times > 1.0 else ""
+    far = f" (motion drawn {times:g} times larger)" if times > 1.0 else ""
     axes.plot([], [], color=BLUE, linewidth=0.8, linestyle=(0, (4, 2.5)), label=f"before the motion{far}")
 
 

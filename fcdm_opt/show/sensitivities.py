@@ -188,7 +188,7 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     for own in problem.sizes:
         step, unit = (shift, length) if own.is_length else (STEP, percent)
         yield Bar(
-            f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of body {own.body}, from what is made"
+            f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of the {own.body} part, from the size made"
         )
     for name, weight in problem.motion.by_name(problem.weights).items():
         yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "of the amount")

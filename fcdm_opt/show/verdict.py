@@ -43,7 +43,7 @@ EXACT = 1e-3
 
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
-    "LEFT_COHERENT_RANGE": "no motion found that keeps the contact meant all the way",
+    "LEFT_COHERENT_RANGE": "no motion found that keeps the intended contact all the way",
     "NOT_IN_STEPS": "no motion found in whole steps of the machine",
     "NOT_VERIFIED": "not to be used: a motion was found, but the judge refused it",
 }

@@ -115,7 +115,7 @@ function showNumbers() {
   write("now-status", (frame.status ?? "").toLowerCase().replaceAll("_", " "));
   const told = [...new Set(featuresOf(frame).map(k => shapes[k].shapes.map(shape => shape.name).join(", ")))];
   const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
-  write("now-features", frame.contact?.length || !features ? features : `none here; meant: ${features}`);
+  write("now-features", frame.contact?.length || !features ? features : `nothing here; intended contact: ${features}`);
 }
 
 /** A number with its unit, alone where there is none. */
