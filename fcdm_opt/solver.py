@@ -15,7 +15,7 @@ from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
 from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
-from fcdm_opt.judge.multipliers import shows
+from fcdm_opt.judge.multipliers import shows, smallest_by_multipliers
 from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
@@ -28,7 +28,7 @@ from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
-from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
+from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, StageName, left, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.stages.together import alone, proof_of
@@ -267,13 +267,25 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         answer = alone(problem, task, answer) if how.effort == "proved" else answer
         return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
-        return proved(task, answer, gap=GAP, seconds=how.seconds)
+        cells, before = len(task.weights) <= MOST_CHECKED, answer.q
+        if not cells and (shown := _by_multipliers(problem, answer)):
+            return shown
+        answer, evidence = proved(task, answer, gap=GAP, seconds=how.seconds)
+        if cells or answer.q is before:
+            return answer, evidence
+        return _by_multipliers(problem, answer) or (answer, None)
     if how.model != "auto":
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer), None
     with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
+
+
+def _by_multipliers(problem: Problem, answer: Answer) -> tuple[Answer, ProofData] | None:
+    """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do."""
+    found = None if answer.q is None else smallest_by_multipliers(problem, answer.q)
+    return found and (replace(answer, lower_bound=found[0]), found[1])
 
 
 def _least_of(solutions: list[Solution], others: list[float]) -> Solution:

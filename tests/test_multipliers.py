@@ -9,9 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import CUBE as UNIT
+from scenes import EDGE, LEDGE, PROBE, TABLE
+from scenes import box as block
+from scipy.optimize import linprog
 
 import fcdm_opt as fo
 from fcdm_opt.judge.multipliers import _Contacts, shows
+from fcdm_opt.judge.one_contact import OneContact
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.solution import Solution
 
@@ -122,7 +127,73 @@ def test_motions_far_from_their_boxes_show_no_more_than_there_is(name: str) -> N
     y = problem.weights * np.array([*solution.parameters.values()])
     moves = problem.weights * rng.uniform(-1.5, 1.5, (60, len(y)))
     low, high = np.tile(y - 1e-4, (60, 1)), np.tile(y + 1e-4, (60, 1))
-    contacts = _Contacts(problem, solution, np.array([low[0], high[0]]))
+    contacts = _Contacts(problem, y / problem.weights, np.array([low[0], high[0]]))
     with np.errstate(all="ignore"):
         shown = contacts.least(low, high, moves, np.inf)
     assert shown.max() <= amount * (1.0 + 1e-9)
+
+
+# ---------------------------------------------------------------------------------------------------------- one contact
+
+BESIDE = block((1.05, 1.05, -1), (3, 3, 3), "beside")
+FREE = {"motion": fo.Free(), "target": (1.01, 1.01)}
+ONE = {  # problems with six parameters, and the amount where there is a closed form
+    "touch, overlapping": (fo.Problem(PROBE, TABLE, goal="touch", **FREE), 0.015),
+    "touch, apart": (fo.Problem(PROBE, TABLE, goal="touch", motion=fo.Free(), target=(0.98, 0.99)), 0.025),
+    "clear": (fo.Problem(PROBE, TABLE, goal="clear", clearance=0.1, **FREE), 0.115),
+    "clear of a face": (fo.Problem(UNIT, TABLE, goal="clear", clearance=0.02, **FREE), 0.03),
+    "at": (fo.Problem(PROBE, TABLE, goal="at", **FREE), 0.015),
+    "seat": (fo.Problem(UNIT, TABLE, goal="seat", **FREE), 0.01),
+    "edges that cross": (fo.Problem(EDGE, LEDGE, goal="clear", **FREE), None),
+    "edges apart": (fo.Problem(UNIT, BESIDE, goal="touch", motion=fo.Free(), target=(1.0, 1.0)), None),
+}
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_a_bound_of_six_parameters_carried_no_evidence(name: str) -> None:
+    problem, amount = ONE[name]
+    solution = fo.solve(problem, certify=True)
+    assert solution.amount == pytest.approx(amount or solution.amount, rel=1e-8)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-8)
+    own = solution.evidence
+    assert isinstance(own, Multipliers)
+    assert checked(solution)
+    narrower = replace(own, boxes=0.99 * own.boxes)
+    twice = replace(own, boxes=np.repeat(own.boxes, 2, axis=0), motions=np.repeat(own.motions, 2, axis=0))
+    turned = replace(own, boxes=own.boxes[:, ::-1])
+    for wrong in (narrower, twice, turned, replace(own, motions=own.motions[:, :1])):
+        assert not shows(replace(solution, evidence=wrong), wrong)
+    assert not shows(replace(solution, lower_bound=1.001 * solution.lower_bound), own)
+    wider = replace(own, boxes=1.01 * own.boxes)
+    assert not shows(replace(solution, lower_bound=1.01 * solution.lower_bound), wider)
+    less = 0.5 * problem.target + 0.5  # whose least motion is smaller than the bound
+    if problem.target[0] > 1.0:
+        assert not shows(replace(solution, problem=problem.changed(target=less, clearance=0.0)), own)
+
+
+def meet(one: np.ndarray, two: np.ndarray) -> bool:
+    """Whether the hulls of points have a point in common."""
+    ones = np.repeat(np.eye(2), [len(one), len(two)], axis=0).T
+    system = np.vstack([np.hstack([one.T, -two.T]), ones])
+    return linprog(np.zeros(len(one) + len(two)), A_eq=system, b_eq=[0, 0, 0, 1, 1]).status == 0
+
+
+@pytest.mark.parametrize("name", ["touch, apart", "edges that cross", "edges apart"])
+def test_multipliers_of_any_motion_exclude_none_that_does(name: str) -> None:
+    """Parts that meet as made are to come apart, others to meet: whether they do is told by a linear program."""
+    problem, rng = ONE[name][0], np.random.default_rng(1)
+    solution = fo.solve(problem, effort="quick")
+    y, judge = problem.weights * np.array([*solution.parameters.values()]), OneContact(problem)
+    motions = y * rng.uniform(0.8, 1.6, (12, 1)) + rng.normal(scale=0.3 * np.linalg.norm(y), size=(12, 6))
+    one, two = (
+        body.seed + rho * (body.vertices - body.seed)
+        for body, rho in zip((problem.movable, problem.static), problem.target, strict=True)
+    )
+    poses = [problem.motion.transform(q, problem.movable.seed, problem.static.seed) for q in motions / problem.weights]
+    right = np.array([meet(one @ T[:3, :3].T + T[:3, 3], two) for T in poses]) != meet(one, two)
+    assert right.sum() > 3
+    low, high, amounts = motions[right] - 1e-3, motions[right] + 1e-3, np.linalg.norm(motions[right], axis=1)
+    for looked_at in (rng.permutation(motions)[: len(low)], 0.0 * low):
+        with np.errstate(all="ignore"):
+            shown = judge.least(low, high, looked_at, np.inf)
+        assert (shown <= amounts).all()

@@ -43,7 +43,8 @@ RESTORED = "contacts restored: none smaller by their equations, or no other moti
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
-MOST_CHECKED = 3  # parameters up to which evidence is kept
+MOST_CHECKED = 3  # parameters up to which cells are kept
+BY_MULTIPLIERS = f"cells are checked of {MOST_CHECKED} parameters at most, and multipliers in a few boxes show less"
 MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 FINER = 4  # smaller changes of the scales that are tried
 
@@ -201,7 +202,7 @@ def _unproved(solution: Solution) -> str:
     for holds, why in (
         (bool(problem.contacts), NOT_BY_EQUATIONS),
         (problem.amount == "displacement", "cells of motions are of the weighted amount, or one given"),
-        (len(problem.motion.names) > MOST_CHECKED, f"cells are checked of {MOST_CHECKED} parameters at most"),
+        (len(problem.motion.names) > MOST_CHECKED, BY_MULTIPLIERS),
         (problem.partial, "of large meshes only parts within reach are looked at"),
     ):
         if holds:

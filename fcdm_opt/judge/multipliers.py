@@ -1,4 +1,4 @@
-"""Whether multipliers of contacts' equations show that no motion of a smaller amount restores the contacts.
+"""Whether multipliers of contacts show that no motion of a smaller amount restores them, or does what else is asked.
 
 The Lagrangian |y|^2 / 2 - l . F(y), y = weights * q, is half the square of the amount wherever the contacts are closed,
 whatever the multipliers l. Over a box it is bounded from below by its value and slopes at a motion, and by its second
@@ -6,15 +6,18 @@ derivatives over the box: where these are positive, by what a least motion costs
 all over the box, nothing closes the contacts there. Goal "fit" leaves gaps between 0 and the largest one: of those with
 l > 0 that they are not negative holds the motion, of those with l < 0 that they are no larger. So do the gaps of parts
 that must not overlap, where nothing turns and all motions of the boxes leave them one direction to be apart in.
-All in intervals.
+All in intervals. Of goals "touch" and "clear" there are no equations: see `one_contact`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.solids import kept_as_surface
+from fcdm_opt.judge.lagrangian import ROUNDED, lagrangian_bounds
+from fcdm_opt.judge.one_contact import FAR, OneContact
 from fcdm_opt.judge.only_motion import equations
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
@@ -24,10 +27,11 @@ from fcdm_opt.proof.checker import left_over, searched_limits
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
-ROUNDED = 1.0 - 2.0**-44  # more than the rounding of the sums taken in floats here
-FAR = 8.0  # squares of a box's size that a multiplier which excludes it is worth
 ALIKE = 13  # digits in which directions are the same
 MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
+MOST_BOXES = 150  # about one contact
+SHORT = 5e-5  # relative, by which what boxes show may be less than the amount
+CLOSED = {"V1F2", "F1V2", "E1E2", "F1F2", "F1E2", "E1F2"}  # contacts, whose equations are all that tracking them asks
 ACCURACY = 1e-9  # relative, to which a bound is what is claimed
 
 
@@ -43,25 +47,26 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     Parameters
     ----------
     solution : Solution
-        Of several contacts that are restored together.
     evidence : Multipliers
         Taken at its word in nothing.
     """
     problem, claimed = solution.problem, solution.lower_bound
     k, n = len(problem.weights), len(evidence.boxes)
     shapes = evidence.boxes.shape == (n, 2, k) and evidence.motions.shape == (n, k) and n > 0
-    if not (shapes and problem.contacts and problem.amount == "weighted"):
-        return (Check("proof well-formed", False, 1.0, 0.0, "not boxes of motions of several contacts"),)
-    low, high = evidence.boxes[:, 0], evidence.boxes[:, 1]
-    ends = np.array([low.min(axis=0), high.max(axis=0)])
+    shapes = shapes and bool((evidence.boxes[:, 0] <= evidence.boxes[:, 1]).all())
+    if not (shapes and problem.amount == "weighted" and (problem.contacts or _whole(problem))):
+        return (Check("proof well-formed", False, 1.0, 0.0, "not boxes of motions of solids, by weighted amount"),)
+    starts, stops = evidence.boxes[:, 0], evidence.boxes[:, 1]
+    ends = np.array([starts.min(axis=0), stops.max(axis=0)])
     asked = searched_limits(problem).T * problem.weights
     asked = np.array([np.maximum(asked[0], -claimed), np.minimum(asked[1], claimed)])
     short = float(np.maximum(ends[0] - asked[0], asked[1] - ends[1]).max())
-    wrong = left_over(
-        np.zeros(n + 1, np.int64), np.vstack([low, ends[:1]]), np.vstack([high, ends[1:]]), np.append(np.ones(n), -1.0)
-    )
+    wide = ends[0] < ends[1]  # along others all boxes are the same point, and would cancel each other
+    low, high = (np.vstack([own, end])[:, wide] for own, end in zip((starts, stops), ends, strict=True))
+    wrong = left_over(np.zeros(n + 1, np.int64), low, high, np.append(np.ones(n), -1.0))
     covered = short <= 0.0 and wrong is None
-    shown = float(_Contacts(problem, solution, ends).least(low, high, evidence.motions, claimed).min())
+    q = np.array([*solution.parameters.values()]) if solution.status.found else None
+    shown = float(_rows_of(problem, q, ends).least(starts, stops, evidence.motions, claimed).min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
@@ -69,10 +74,54 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     )
 
 
+@np.errstate(all="ignore")
+def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipliers] | None:
+    """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it.
+
+    None where so many do not, and where parts were left out that might matter.
+    """
+    y = problem.weights * q
+    amount = float(np.linalg.norm(y))
+    if problem.amount != "weighted" or not _whole(problem) or not amount > 0.0:
+        return None
+    low, high = (searched_limits(problem).T * problem.weights)[:, None]
+    low, high = np.maximum(low, -amount), np.minimum(high, amount)
+    rows, motions = _rows_of(problem, q, np.vstack([low, high])), y[None]
+    shown, bound, looked_at = list[tuple[Array, Array]](), amount, 0
+    while len(low):
+        looked_at += len(low)
+        if looked_at > MOST_BOXES or pacing.over():
+            return None
+        found, places = rows.weakest(low, high, motions, amount)
+        enough = found >= amount * (1.0 - SHORT)
+        bound = min(bound, float(found[enough].min(initial=bound)))
+        shown += [(np.array([low[k], high[k]]), motions[k]) for k in np.flatnonzero(enough)]
+        low, high, motions, places = (own[~enough] for own in (low, high, motions, places))
+        if len(low) and not (isinstance(rows, OneContact) and rows.asked):
+            return None
+        if isinstance(rows, OneContact):
+            low, high, motions = rows.divided(low, high, motions, places)
+    boxes, motions = (np.array(own) for own in zip(*shown, strict=True))
+    return bound, Multipliers(boxes=boxes, motions=motions)
+
+
+def _whole(problem: Problem) -> bool:
+    """Whether all parts of both bodies are looked at, and are solids."""
+    return not problem.partial and not kept_as_surface(problem.movable, problem.static)
+
+
+def _rows_of(problem: Problem, q: Array | None, ends: Array) -> _Contacts | OneContact:
+    """Return what must be met, or left, over boxes between some ends; about a motion that was found."""
+    tracked = problem.goal == "seat" or (problem.goal == "at" and not problem.nominal_seats)
+    kinds = {own.kind for own in problem.tracked_features} if tracked else set()
+    closed = problem.contacts or (kinds and kinds <= CLOSED)
+    return _Contacts(problem, q, ends) if closed else OneContact(problem)
+
+
 class _Contacts:
     """The gaps of contacts along their normals, or what lies off an edge or a corner, by weighted parameters."""
 
-    def __init__(self, problem: Problem, solution: Solution, ends: Array) -> None:
+    def __init__(self, problem: Problem, q: Array | None, ends: Array) -> None:
         import casadi
 
         k, smooth = len(problem.weights), all(step.smooth for step in problem.motion.steps)
@@ -98,8 +147,7 @@ class _Contacts:
         self._listed = len(kept)
         self._rows = casadi.Function("rows", [y], [rows, casadi.densify(casadi.jacobian(rows, y))])
         self.largest = 0.0
-        if self._fit and solution.status.found:
-            q = np.array(list(solution.parameters.values()))
+        if self._fit and q is not None:
             gaps = self._sides * self._rows(problem.weights * q)[0].full().ravel()
             self.largest = max(float(gaps[: self._listed].max()), 0.0) + (1.0 - ROUNDED) * problem.size
         weights = casadi.SX.sym("l", rows.numel())
@@ -127,6 +175,10 @@ class _Contacts:
             if found.min() < enough:
                 found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
         return found
+
+    def weakest(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
+        """Return these, and the motions."""
+        return self.least(low, high, motions, enough), motions
 
     def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
         """Return multipliers that balance a motion, and such as tell how far equations are from met there."""
@@ -167,8 +219,7 @@ class _Contacts:
         value = here[0] + Interval(opened)
         slope = [here[1 + j] for j in range(k)]
         bend = [[over[1 + k + i * k + j] for j in range(k)] for i in range(k)]
-        below, above = (low - y).T / ROUNDED, (high - y).T / ROUNDED
-        far = np.maximum(np.maximum(-below, above), 0.0)
+        far = np.maximum(np.maximum(y - low, high - y).T / ROUNDED, 0.0)
         # l . F over the box: by its slopes here and its bends, or by its slopes over the box
         sides = np.array([[own.size for own in row] for row in bend])
         by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
@@ -176,28 +227,8 @@ class _Contacts:
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
         closed = np.abs(ways[:, : self._listed]).sum(axis=1) * DEFAULT.touch * self._problem.size
         empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < -closed  # what nearly closes counts as closed
-        # the Lagrangian: its second derivatives are no less than `least` by Gershgorin's discs
-        total = Interval(0.5) * sum((Interval(y[:, j]).square() for j in range(k)), Interval(0.0)) - value
-        level = np.array(total.low)
-        for j in range(k):
-            rest = sides[j].sum(axis=0) - sides[j, j]
-            least = (1.0 - bend[j][j].high - rest / ROUNDED) * ROUNDED
-            steep = Interval(y[:, j]) - slope[j]
-            ahead = _lowest(steep.low, np.maximum(below[j], 0.0), above[j], least)
-            level = level + np.minimum(ahead, _lowest(-steep.high, np.maximum(-above[j], 0.0), -below[j], least))
-        amounts = np.sqrt(np.maximum(2.0 * level, 0.0)) * ROUNDED
-        amounts = np.where(np.isfinite(amounts), amounts, 0.0)
-        largest = np.sqrt((np.maximum(-low, high) ** 2).sum(axis=1)) / ROUNDED
-        amounts = np.where(empty | (amounts > largest), np.inf, amounts)
+        amounts = np.where(empty, np.inf, lagrangian_bounds(low, high, y, value, slope, bend))
         return np.where(jumps & (not self._smooth), 0.0, amounts)
-
-
-def _lowest(rate: Array, start: Array, end: Array, bend: Array) -> Array:
-    """Return lower bounds of rate d + bend d^2 / 2 for d from `start` to `end`, infinite where that is not ahead."""
-    turn = np.clip(np.where(bend > 0.0, -rate / bend, start), start, np.maximum(end, start))
-    found = [(rate * d, 0.5 * bend * d * d) for d in (start, end, turn)]
-    values = [one + two - (1.0 - ROUNDED) * (np.abs(one) + np.abs(two)) for one, two in found]
-    return np.where(end >= start, np.min(values, axis=0), np.inf)
 
 
 def _single_ways(problem: Problem, ends: Array) -> list[tuple[Array, float]]:

@@ -214,8 +214,9 @@ def _independent(slopes: Array) -> list[int]:
 
 
 def equations(problem: Problem, T: Any, origin: Array) -> list[Any]:
-    """Return what is 0 where all contacts are closed by a motion T, in CasADi, seen from an origin."""
-    return [row for feature in problem.contacts for row in _equations(problem, feature, T, origin)]
+    """Return what is 0 where all contacts, or those tracked, are closed by a motion T, in CasADi, from an origin."""
+    features = problem.contacts or problem.tracked_features
+    return [row for feature in features for row in _equations(problem, feature, T, origin)]
 
 
 def _equations(problem: Problem, feature: Feature, T: Any, origin: Array) -> Iterator[Any]:

@@ -82,12 +82,13 @@ class ProofData:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Multipliers(ProofData):
-    """Boxes of motions, each with a motion at which multipliers of contacts' equations bound the amount all over it.
+    """Boxes of motions, each with a motion at which multipliers of contacts bound the amount all over it.
 
-    With F the equations of contacts that are restored together, and l what balances y at a motion, y = J' l: whatever
+    With F the equations of contacts that are restored, and l what balances y at a motion, y = J' l: whatever
     closes the contacts has |y|^2 / 2 = |y|^2 / 2 - l . F(y), which over the box is no less than its derivatives at the
     motion, and bounds of the second ones, say. What excludes a box are multipliers of equations that disagree there.
-    They are not kept: any do, and the checker finds them anew, see `fcdm_opt.judge.multipliers`.
+    So do, of goals "touch" and "clear", what keeps the bodies apart, or one inside the other. They are not kept: any
+    do, and the checker finds them anew, see `fcdm_opt.judge.multipliers`.
 
     Attributes
     ----------
@@ -104,7 +105,7 @@ class Multipliers(ProofData):
     def told(self) -> str:  # type: ignore[override]
         """What it is made of, in words."""
         count = len(self.boxes)
-        return f"multipliers of the contacts' equations in {count} box{'es' if count != 1 else ''} of motions"
+        return f"multipliers of contacts in {count} box{'es' if count != 1 else ''} of motions"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -61,7 +61,7 @@ def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> 
     if flaw:
         return (Check("proof well-formed", False, 1.0, 0.0, flaw),)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
-        judge = _Examiner(problem, evidence, lower_bound)
+        judge = Examiner(problem, evidence, lower_bound)
         return (*judge.cover(), judge.bound(lower_bound), *judge.reasons())
 
 
@@ -106,7 +106,7 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
 
 def searched_limits(problem: Problem) -> Array:
     """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
-    return _Examiner(problem, None).limits
+    return Examiner(problem, None).limits
 
 
 # ---------------------------------------------------------------------------------------------------------------- cover
@@ -160,7 +160,7 @@ class TrackedCrossing:
     beside: Array
 
 
-class _Examiner:
+class Examiner:
     """What a problem asks of a motion, and why the cells of a proof are said not to do it."""
 
     def __init__(self, problem: Problem, evidence: Evidence | None, claimed: float = np.inf) -> None:
@@ -542,7 +542,7 @@ class _Examiner:
             along = end - start
             own = poses[here]
             place, beyond = self._place(own, witness[here])
-            normals, planes = _planes(part, corners)
+            normals, planes = face_planes(part, corners)
             given = [*planes, *(x for vector in (start, along) for x in _numbers(vector))]
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
@@ -557,11 +557,11 @@ class _Examiner:
     def _depth_of_point(self, poses: Poses, x: Array, i: int, j: int) -> Array:
         """Return how deep a point that moves with body 1 is inside an obstacle, less how far it is from the part."""
         obstacle, none = self.obstacles[j], Interval(np.zeros((len(x), 1)))
-        normals, planes = _planes(obstacle.part, obstacle.vertices)
+        normals, planes = face_planes(obstacle.part, obstacle.vertices)
         still = Place(none, none, Interval(np.zeros((len(x), 1, poses.pieces.half.shape[1]))))
         given = [*planes, *_numbers(Interval(x), Interval(np.zeros_like(x)))]
         lows, _ = poses.bounds(conditions.depth(0), given, still)
-        return np.asarray(lows[0].min(axis=1) - _off(x, self.movable[i]) * _norm(Interval(normals)).max())
+        return np.asarray(lows[0].min(axis=1) - distances_from(x, self.movable[i]) * _norm(Interval(normals)).max())
 
     def _place(self, poses: Poses, witness: Array) -> tuple[Place, Array]:
         """Return where on its edge a point is, and how far beyond the edge's ends at most."""
@@ -599,7 +599,7 @@ class _Examiner:
             if not len(here) or not obstacle.need > 0:
                 continue
             x, y = witness[here, 2:5], witness[here, 5:8]
-            off = _off(x, self.movable[i]) + _off(y, obstacle.vertices)
+            off = distances_from(x, self.movable[i]) + distances_from(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
             (low,), _ = poses[here].bounds(
                 conditions.nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
@@ -722,7 +722,7 @@ def _extremes(
     return points[0], points[1], reach
 
 
-def _planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]]:
+def face_planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]]:
     """Return directions, and their numbers with levels, below all of which all is inside a part with these vertices.
 
     The level of a face is that of its lowest vertex: a point beyond the part is seen from inside it through some hull
@@ -737,7 +737,7 @@ def _planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]
     return normals, [*(Interval(x[None]) for x in normals.T), Interval(np.array([levels]), np.zeros((1, len(levels))))]
 
 
-def _off(points: Array, vertices: Interval) -> Array:
+def distances_from(points: Array, vertices: Interval) -> Array:
     """Return upper bounds of the distances of points from the hull of vertices, (n,): from mixtures of these."""
     from scipy.optimize import nnls
 

@@ -211,6 +211,25 @@ class Poses:
         return lows, highs
 
 
+def symbolic_pose(problem: Problem) -> tuple[Any, Any, Any, list[Interval], bool]:
+    """Return symbols of y and of both seeds, the pose, (12,), what the seeds are, and whether it has no jumps.
+
+    The package's own motions are smooth; where a series takes over, they jump by less than 1e-20.
+    """
+    import casadi
+
+    origin = _origin(problem.motion, problem.movable.seed)
+    y, seeds = casadi.SX.sym("y", len(problem.weights)), casadi.SX.sym("seeds", 6)
+    seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
+    q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
+    T = seen.symbolic(q, seeds[:3], seeds[3:])
+    moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
+    pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
+    exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
+    smooth = all(step.smooth for step in problem.motion.steps)
+    return y, seeds, pose, [own[k] for own in exact for k in range(3)], smooth
+
+
 class PosesOfPieces:
     """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells."""
 
@@ -218,20 +237,10 @@ class PosesOfPieces:
         import casadi
 
         self._count = len(problem.weights)
-        origin = _origin(problem.motion, problem.movable.seed)
-        y, seeds = casadi.SX.sym("y", self._count), casadi.SX.sym("seeds", 6)
-        seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
-        q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
-        T = seen.symbolic(q, seeds[:3], seeds[3:])
-        moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
-        pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
+        y, seeds, pose, self._seeds, self._smooth = symbolic_pose(problem)
         slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, y)))
         self._pose = IntervalFunction(casadi.Function("pose", [y, seeds], [pose], OPTIONS))
         self._slopes = IntervalFunction(casadi.Function("slopes", [y, seeds], [slopes], OPTIONS))
-        exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
-        self._seeds = [own[k] for own in exact for k in range(3)]
-        # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20
-        self._smooth = all(step.smooth for step in problem.motion.steps)
 
     def poses(self, pieces: Pieces) -> Poses:
         """Return the poses of pieces."""
