@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
@@ -169,3 +171,19 @@ def test_equalities_are_kept_whichever_side_they_are_met_from():
     np.testing.assert_allclose(x, [-1.0, 2.0], atol=1e-14)
     assert duals.tolist() == pytest.approx([-1.0, 2.0, 0.0])
     assert not compiled.nearest(G, np.array([-1.0, 2.0, 5.0]), np.array([True, True, False]), 3, x, duals)
+
+
+def test_rates_of_separations_are_what_differences_of_them_tell():
+    task, q, step = Task.of(problem("touch", 6, 0)), np.array([0.3, -0.2, 0.1, 0.2, 0.3, -0.4]), 1e-6
+    sites, rows, _ = task.separations((0, 0), task.pose(q))
+    rates = dict(zip(map(tuple, sites.tolist()), task.gap_rates((0, 0), q, sites, rows[:, :3]), strict=True))
+    expected = {site: np.zeros(6) for site in rates}
+    for k, sign in product(range(6), (1.0, -1.0)):
+        sites, _, gaps = task.separations((0, 0), task.pose(q + sign * step * np.eye(6)[k]))
+        told = dict(zip(map(tuple, sites.tolist()), gaps.tolist(), strict=True))
+        for site, slopes in expected.items():  # a site that is none there is not told
+            slopes[k] += sign * told.get(site, np.nan) / (2.0 * step)
+    known = [site for site, slopes in expected.items() if np.isfinite(slopes).all()]
+    assert len(known) > 0.9 * len(rates)
+    assert {site[0] for site in known} == {kernels.V1F2, kernels.F1V2, kernels.E1E2}
+    np.testing.assert_allclose([rates[site] for site in known], [expected[site] for site in known], atol=1e-7)

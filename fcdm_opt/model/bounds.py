@@ -17,8 +17,7 @@ def search_rate(task: Task) -> float:
     rate = task.displacement_rate
     if np.isfinite(rate):
         return rate
-    kinematics = task.motion.kinematics(task.movable.seed, task.static.seed)
-    rates = np.array([kinematics.rates(x * sign * task.steps)[1] for x in SAMPLED for sign in (1.0, -1.0)])
+    rates = np.array([task.rates(x * sign * task.steps)[1] for x in SAMPLED for sign in (1.0, -1.0)])
     speeds = np.linalg.norm(task.made_vertices @ rates[:, :, :3, :3].mT + rates[:, :, None, :3, 3], axis=3)
     found = np.linalg.norm(speeds / task.weights[:, None], axis=1)
     fastest = float(np.max(found[np.isfinite(found)], initial=0.0))

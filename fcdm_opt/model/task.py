@@ -22,6 +22,7 @@ from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import besides, held, independent, seat_of, spins
@@ -245,6 +246,12 @@ class Task:
         lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
         rows = np.array([line.line for line in lines])
         return np.array([line.normal for line in lines]), rows[:, 2] - rows[:, :2] @ self.target
+
+    def line_rates(self, q: Array, normals: Array) -> Array:
+        """Return the derivatives of `line_gaps`, which gives the normals, by each parameter, (lines, k)."""
+        asked = zip((*self.tracked, *self.besides), normals, strict=True)
+        rates = [self.gap_rates(line.parts, q, np.array([line.site]), n[None])[0] for line, n in asked]
+        return np.array(rates).reshape(-1, len(self.weights))
 
     @cached_property
     def face_gaps(self) -> tuple[Array, Array]:
@@ -483,6 +490,40 @@ class Task:
         pose, rho = self._against(opponent, pose)
         sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
         return sites, rows, rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1]
+
+    def gap_rates(self, parts: Parts, q: Array, sites: Ints, normals: Array) -> Array:
+        """Return the derivatives of separations along facet directions of a part pair by each parameter, (m, k).
+
+        A gap changes as the point of body 1 recedes at which its elements meet, or would along the normal: however the
+        normal turns with it. nan along parallel edges, which have no such point, of a motion that turns.
+
+        Parameters
+        ----------
+        parts : (i, j)
+        q : (k,) array
+        sites, normals : (m, 3) arrays
+            As `separations` gives them after the motion.
+        """
+        (T, rates), one, other = self.rates(q), self.movable.parts[parts[0]], self.opponents[parts[1]]
+        first = self.target[0] * (one.vertices - one.seed) @ T[:3, :3].T + T[:3, :3] @ one.seed + T[:3, 3]
+        second, (kinds, rows, columns) = other.placed(np.zeros(3)), sites.T
+        meeting = np.empty((len(sites), 3))
+        meeting[kinds == kernels.V1F2] = first[rows[kinds == kernels.V1F2]]
+        meeting[kinds == kernels.F1V2] = second[columns[kinds == kernels.F1V2]]
+        if (edges := kinds == kernels.E1E2).any():
+            (a, b), (c, d) = one.edges[rows[edges], :2].T, other.part.edges[columns[edges], :2].T
+            along, across = first[b] - first[a], second[d] - second[c]
+            normal, lengths = cross(along, across), norms(along) * norms(across)
+            sines = norms(normal)
+            squares = np.where(sines > DEFAULT.tie * lengths, sines * sines, np.nan if rates[:, :3, :3].any() else 1.0)
+            shares = (cross(second[c] - first[a], across) * normal).sum(axis=1) / squares
+            meeting[edges] = first[a] + shares[:, None] * along
+        speeds = (meeting - T[:3, 3]) @ T[:3, :3] @ rates[:, :3, :3].mT + rates[:, None, :3, 3]
+        return -np.asarray((speeds * normals).sum(axis=2).T)
+
+    def rates(self, q: Array) -> tuple[Array, Array]:
+        """Return the transform of body 1, (4, 4), and its derivatives by each parameter, (k, 4, 4)."""
+        return self._kinematics.rates(q)
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
         """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).

@@ -96,7 +96,7 @@ def _direct(task: Task) -> list[Array]:
     if gap > 0:
         way = task.way_between(parts, task.rest)
         way, gap = way / np.linalg.norm(way), float(task.pair_gaps(task.rest, {parts: way})[parts])
-    rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+    rates = task.rates(task.rest)[1]
     shifts = rates[:, :3, :3] @ task.movable.seed + rates[:, :3, 3]
     turns = task.size * np.array([[W[2, 1], W[0, 2], W[1, 0]] for W in rates])
     wanted = np.concatenate([(gap - max(task.needs[j], 0.0)) * way, np.zeros(3)])

@@ -16,8 +16,10 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.stages import compiled
+from fcdm_opt.tolerances import DEFAULT
 
 AT_ONCE = 4  # rows that are tried together at first
+MOST_NODES, FARTHEST = 2000, 1e6  # nodes that `nearest_on` looks at, and the length beyond which nothing is of interest
 
 
 class Rows(NamedTuple):
@@ -102,12 +104,11 @@ class Choices(NamedTuple):
 class Nearest(NamedTuple):
     """The y nearest to a point, None where there is none, or none was found before the search was left.
 
-    `rows` are those that it was sought under, `start` says from which; `chosen` are the alternatives kept by group.
+    `rows` are those that it was sought under; `chosen` are the alternatives kept by group.
     """
 
     y: Array | None
     rows: Rows
-    start: int
     chosen: dict[int, int]
     complete: bool = True
 
@@ -117,7 +118,6 @@ class _Branch(NamedTuple):
 
     rows: Rows
     further: Rows
-    start: int
     chosen: dict[int, int]
     group: int
     ways: Ints
@@ -125,15 +125,15 @@ class _Branch(NamedTuple):
 
 
 def nearest(
-    choices: Choices, starts: Sequence[Rows], centre: Array, *, slack: float, nodes: int, most: float = np.inf
+    choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf
 ) -> Nearest:
-    """Return the y nearest to a point that meets all rows of one start and one alternative of every group.
+    """Return the y nearest to a point that meets some rows and one alternative of every group.
 
     Parameters
     ----------
     choices : Choices
-    starts : sequence of Rows
-        None of them empty.
+    start : Rows
+        Not empty.
     centre : (k,) array
     slack : float
         Up to which a group counts as met.
@@ -153,9 +153,8 @@ def nearest(
         if length < most:
             heapq.heappush(heap, (length, next(number), k, x, branch))
 
-    for start, (sides, bounds) in enumerate(starts):
-        rows, further = Rows(sides[1:], bounds[1:]), Rows(sides[:1], bounds[:1])
-        push(_Branch(rows, further, start, {}, -1, np.empty(0, np.int64), _by_distance(rows, further, centre)))
+    rows, further = Rows(start.normals[1:], start.levels[1:]), Rows(start.normals[:1], start.levels[:1])
+    push(_Branch(rows, further, {}, -1, np.empty(0, np.int64), _by_distance(rows, further, centre)))
     for _ in range(nodes):
         if not heap or pacing.over():
             break
@@ -168,7 +167,7 @@ def nearest(
         worst, missed = compiled.worst_group(normals, levels, firsts, groups, kept, y)
         kept[list(chosen)] = -1
         if missed <= slack:
-            return Nearest(y, rows, branch.start, chosen)
+            return Nearest(y, rows, chosen)
         ways = np.array([chosen[worst]]) if worst in chosen else np.arange(groups[worst], lasts[worst])
         own = slice(firsts[ways[0]], firsts[ways[-1]] + sizes[ways[-1]])
         short, starts_of_ways = levels[own] - normals[own] @ y, firsts[ways] - firsts[ways[0]]
@@ -177,8 +176,56 @@ def nearest(
         places = firsts[ways[0]] + longest[np.searchsorted(longest, starts_of_ways)]
         further = Rows(normals[places], levels[places])
         push(branch)
-        push(_Branch(rows, further, branch.start, chosen, worst, ways, _by_distance(rows, further, centre)))
-    return Nearest(None, Rows(normals[:0], levels[:0]), 0, {}, not heap)
+        push(_Branch(rows, further, chosen, worst, ways, _by_distance(rows, further, centre)))
+    return Nearest(None, Rows(normals[:0], levels[:0]), {}, not heap)
+
+
+def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> tuple[Array | None, bool]:
+    """Return the least z with slopes . z = levels, within limits, that meets an alternative of each group.
+
+    None where there is none: the equations disagree, or nothing of what they leave meets the rest; and whether that is
+    so, or the search was left.
+    """
+    centre = np.asarray(np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0], dtype=np.float64)
+    if np.abs(slopes @ centre - levels).max(initial=0.0) > DEFAULT.touch:
+        return None, True
+    _, sizes, ways = np.linalg.svd(slopes)
+    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
+    start, flat = _across(limits, centre, free)
+    if (start.levels[flat] > DEFAULT.touch).any():
+        return None, True
+    start = Rows(start.normals[~flat], start.levels[~flat])
+    beyond = bool((start.levels > 0.0).any())
+    if not (len(choices.groups) or beyond):
+        return centre, True
+    left = _seen(choices, centre, free)
+    if left is None:
+        return None, True
+    if not len(free) or not (len(left.groups) or beyond):
+        return centre, True
+    start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
+    least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
+    return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
+
+
+def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
+    """Return choices over z as choices over the null space, without what always holds; None where one never does."""
+    rows, flat = _across(choices.rows, centre, free)
+    missed = flat & (rows.levels > DEFAULT.touch)
+    # of alternatives whether one never holds, and whether one always does
+    (never, never_all), (held, _) = (choices.of_rows(own.astype(np.float64)) for own in (missed, ~flat))
+    if (never_all > 0.0).any():
+        return None
+    group = choices.group_of_alternatives
+    always = np.unique(group[(never == 0.0) & (held == 0.0)])
+    return choices._replace(rows=rows).only((never == 0.0) & ~np.isin(group, always), ~flat)
+
+
+def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
+    """Return rows over z as rows over the null space, and which of them no move in it changes."""
+    normals = rows.normals @ free.T
+    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
+    return Rows(normals, rows.levels - rows.normals @ centre), np.asarray(flat)
 
 
 def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[float, int, Array]]:

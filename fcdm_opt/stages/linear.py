@@ -12,9 +12,9 @@ motion comes too near.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import replace
-from itertools import islice, product
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -26,13 +26,12 @@ from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
-from fcdm_opt.stages.best_first import Choices, Rows, nearest
+from fcdm_opt.stages.best_first import Choices, Rows, nearest, nearest_on
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.together import System, among_others
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 # Nodes looked at, and times as many as the most directions of one of several pairs, before the task is left to stage 4.
 # A single pair is done after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 500_000
@@ -59,25 +58,25 @@ def shift(task: Task) -> Answer | None:
         return None
     slack = DEFAULT.touch * task.size
     normals, gaps = task.face_gaps
-    if len(gaps) and np.abs(normals @ _least_square(normals, gaps) - gaps).max() > slack:
+    if len(gaps) and np.abs(normals @ np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] - gaps).max() > slack:
         return _impossible("1: no place fits all flush contacts at the target pair")
     excludes_zero = (task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)
     if task.coherent and excludes_zero[held(task.seats, task.motion, task.movable, task.static)].any():
         return _impossible("1: the limits ask for a turn that opens a flush contact")
     normals, gaps = task.line_gaps(task.rest)
     moving = (task.limits != 0).any(axis=1)
-    if moving.sum() > MOST_PARAMETERS or not _linear(task, normals, moving):
+    if not _linear(task, normals, moving):
         return None
-    changes = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
-    rates = np.where(moving, normals @ (changes @ np.append(task.movable.seed, 1.0))[:, :3].T, 0.0)
+    rates = np.where(moving, -task.line_rates(task.rest, normals), 0.0)
     rates[np.abs(rates) <= DEFAULT.tie] = 0.0
     if task.goal == "beyond":
-        return _beyond(task, rates, gaps)
-    candidates = list(_candidates(task, rates, gaps, moving))
-    if min((miss for miss, _ in candidates), default=np.inf) > slack:
-        return _impossible(LINES)
-    q = min((q for miss, q in candidates if miss <= DEFAULT.cut * task.size), key=task.amount, default=None)
-    if q is None:
+        return _beyond(task, rates / task.weights, gaps / task.size)
+    own = System(task, ())
+    z, sure = nearest_on(rates / task.weights, gaps / task.size, own.limits(), Choices.of([], len(moving)))
+    if z is None:
+        return _impossible(LINES) if sure else None
+    q = own.q(z)
+    if np.abs(rates @ q - gaps).max() > DEFAULT.cut * task.size:
         return None
     if task.meets(q, DEFAULT.requirement):
         return _on_lines(task, q)
@@ -88,22 +87,26 @@ def shift(task: Task) -> Answer | None:
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
-    """Return the least motion for which the lines meet beyond the target pair, if it meets everything else."""
+    """Return the least motion for which the lines meet beyond the target pair, if it meets everything else.
+
+    `gaps` are in sizes, `rates` by z, see `System`.
+    """
     met, _, tracked = task.tracked_contact(task.rest)
     if not np.isfinite(met).all():
         return None
     # how the scale pair at which they meet follows the lines' gaps: in proportion
-    ways = task.signs[:, None] * np.linalg.pinv(np.array([line.line[:2] for line in tracked]))
-    normals, levels = -(ways @ rates) / task.weights, -(ways @ gaps) / task.size
-    steep = np.linalg.norm(normals, axis=1)
-    flat = steep * task.size <= DEFAULT.tie
-    rows = Rows(normals[~flat] / steep[~flat, None], levels[~flat] / steep[~flat])
-    never = bool((levels[flat] * task.size > DEFAULT.line).any())
-    least = None if never else _least(task, {}, [(None, rows)])
-    if least is None or least[0] is None:
-        relaxed = None if never else _least(task, {}, [(None, Rows(rows.normals, rows.levels - DEFAULT.touch))])
-        return _impossible(LINES) if never or (relaxed is not None and relaxed[0] is None) else None
-    q = np.clip(least[0] * task.size / task.weights, *task.limits.T)
+    ways = task.size * task.signs[:, None] * np.linalg.pinv(np.array([line.line[:2] for line in tracked]))
+    own, normals, levels = System(task, ()), -ways @ rates, -ways @ gaps
+
+    def least(slack: float) -> tuple[Array | None, bool]:
+        rows = own.limits().and_also(normals, levels - slack)
+        return nearest_on(rates[:0], gaps[:0], rows, Choices.of([], len(rates.T)))
+
+    z, _ = least(0.0)
+    if z is None:
+        z, sure = least(DEFAULT.touch)
+        return _impossible(LINES) if z is None and sure else None
+    q = own.q(z)
     return _on_lines(task, q) if task.meets(q, DEFAULT.requirement) else None
 
 
@@ -129,34 +132,6 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
             return False
     between = (task.motion.along_seeds & moving).any()
     return not between or moving.sum() == 1  # its axis follows what the others do
-
-
-def _candidates(task: Task, rates: Array, gaps: Array, moving: Bools) -> Iterator[tuple[float, Array]]:
-    """Yield (miss, q) for the least q in each choice of parameters held at a limit, where it keeps the other limits.
-
-    The least q of all is among those with no miss: it is the least of its own choice.
-    """
-    low, high = task.limits.T
-    room = DEFAULT.line * task.size / task.weights
-    choices = [
-        [None, *(x for x in {a: None, b: None} if np.isfinite(x))] if some else [0.0]
-        for a, b, some in zip(low.tolist(), high.tolist(), moving, strict=True)
-    ]
-    for choice in sorted(product(*choices), key=lambda choice: sum(x is not None for x in choice)):
-        free = np.array([x is None for x in choice])
-        q = np.array([x or 0.0 for x in choice])
-        q[free] = _least_square(rates[:, free] / task.weights[free], gaps - rates @ q) / task.weights[free]
-        if (q >= low - room).all() and (q <= high + room).all():
-            q = np.clip(q, low, high)
-            miss = float(np.abs(rates @ q - gaps).max())
-            yield miss, q
-            if not moving[~free].any() and miss <= DEFAULT.cut * task.size:
-                return
-
-
-def _least_square(rows: Array, values: Array) -> Array:
-    """Return the smallest of the vectors that come nearest to rows . x = values."""
-    return np.asarray(np.linalg.lstsq(rows, values, rcond=DEFAULT.nominal)[0])
 
 
 def _impossible(stage: str) -> Answer:
@@ -242,9 +217,8 @@ def translations(task: Task) -> Answer | None:
         return None
     shifts = task.motion.ways(task.movable.seed, task.static.seed)
     walls, polytopes = dict[Parts, Rows](), dict[Parts, Array]()
-    closings, later = list[tuple[Parts | None, Rows]](), _touching(task, shifts)
-    if not later:
-        closings.append((None, Rows(np.empty((0, len(task.weights))), np.empty(0))))
+    later = _touching(task, shifts)
+    closings = dict[Parts, Rows]() if later else None
     stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
     while sharpened < SHARPENED:
         pacing.check()
@@ -253,12 +227,11 @@ def translations(task: Task) -> Answer | None:
             return None
         x, pairs, constraints = least
         length = np.inf if x is None else float(np.linalg.norm(x))
-        sooner = [parts for bound, parts in later[: max(AT_ONCE, len(closings))] if bound < length]
-        if sooner:
+        sooner = [parts for bound, parts in later[: max(AT_ONCE, len(closings or ()))] if bound < length]
+        if closings is not None and sooner:
             later = later[len(sooner) :]
-            closings += [
-                (parts, rows) for parts in sooner if (rows := _closing(_lines(task, parts, shifts))) is not None
-            ]
+            rows = {parts: _closing(_lines(task, parts, shifts)) for parts in sooner}
+            closings |= {parts: own for parts, own in rows.items() if own is not None}
             continue
         if x is None:
             return _impossible(stage)
@@ -281,9 +254,8 @@ def translations(task: Task) -> Answer | None:
     if not task.meets(q, DEFAULT.requirement):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
-    closing = {parts: len(rows.levels) for parts, rows in closings if parts is not None}
-    ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
-    counts = task.modelled(pairs, variables=len(q), constraints=constraints, features=sum(ways))
+    ways = sum(max(len(own[parts].levels) for own in (walls, closings or {}) if parts in own) for parts in pairs)
+    counts = task.modelled(pairs, variables=len(q), constraints=constraints, features=ways)
     best = task.answer(q, stage, np.inf, names, counts)
     for relaxation in choices(task, q, near=True) if curved else ():  # the amount is exact; where it is, not as much
         polished = relaxation.smallest([q], "sqpmethod")
@@ -399,21 +371,25 @@ def _distinct(rows: Array) -> Ints:
 
 
 def _least(
-    task: Task, walls: dict[Parts, Rows], closings: list[tuple[Parts | None, Rows]]
+    task: Task, walls: dict[Parts, Rows], closings: dict[Parts, Rows] | None
 ) -> tuple[Array | None, list[Parts], int] | None:
     """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
 
-    None alone where too many nodes were looked at.
+    At it one of `closings`, if given, is met. None alone where too many nodes were looked at.
     """
-    count, box = len(task.weights), System(task, ()).limits()
-    everywhere = box.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
-    starts = [everywhere.and_also(*rows) for _, rows in closings]
+    count, pairs = len(task.weights), [*walls, *(closings or ())]
+    everywhere = System(task, ()).limits().and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
     choices = Choices.of_single_rows(list(walls.values()), count)
+    if closings is not None and not closings:
+        return None, [], 0
+    if closings and all(len(own.levels) for own in closings.values()):  # without rows one is met in any case
+        choices = choices.and_also(Choices.of([[*closings.values()]], count))
     ways = max((len(wall.levels) for wall in walls.values()), default=1) if task.part_pairs > 1 else 1
     nodes = min(MOST_NODES, MOST_WAYS // ways)
-    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=nodes, most=1.0 / NOWHERE)
+    least = nearest(choices, everywhere, np.zeros(count), slack=DEFAULT.cut, nodes=nodes, most=1.0 / NOWHERE)
     if least.y is None:
         return (None, [], 0) if least.complete else None
-    closing, pairs = closings[least.start][0], list(walls)
-    decide = {pairs[group] for group in least.chosen} | ({closing} if closing is not None else set())
+    # of the last group each alternative is a pair, of a wall's its directions are
+    first = len(choices.alternatives) - len(closings or ())
+    decide = {pairs[group if group < len(walls) else group + way - first] for group, way in least.chosen.items()}
     return least.y, sorted(decide), len(least.rows.levels) - len(everywhere.levels)

@@ -102,10 +102,7 @@ def _seat_rows(task: Task) -> list[Row]:
     # beside rest, where a turn may change nothing to first order, and without a tilt
     beside = task.steps * moving / np.arange(1, len(moving) + 1)
     beside -= np.linalg.lstsq(rates, rates @ beside, rcond=DEFAULT.nominal)[0] if len(rates) else 0.0
-    slopes = np.empty((len(lines), len(task.weights)))
-    for k, step in enumerate(np.diag(DEFAULT.least_unit * task.steps)):
-        gaps = [task.line_gaps(beside + sign * step)[1] for sign in (1.0, -1.0)]
-        slopes[:, k] = (gaps[0] - gaps[1]) / (2.0 * step[k] * task.unit)
+    slopes = task.line_rates(beside, task.line_gaps(beside)[0]) / task.unit
     return [rows[k] for k in independent(np.vstack([scale * rates, slopes]) * task.steps * moving)]
 
 

@@ -226,7 +226,7 @@ def steady_way(task: Task, direction: Array) -> Array:
 @lru_cache(maxsize=4)
 def _rates(task: Task) -> Array:
     """Return the derivatives of the transform at rest, (k, 4, 4)."""
-    return task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+    return task.rates(task.rest)[1]
 
 
 @lru_cache(maxsize=4)
@@ -247,15 +247,12 @@ def _speed(way: Array, points: Array) -> float:
 
 def leads_nearer(task: Task, direction: Array) -> bool:
     """Tell whether a steady ray seems to lead to the first contact sooner than the way back; either may."""
-    axis, centre, (turn, shift, _) = steady_way(task, direction)
     gaps = task.pair_gaps(task.rest)
     i, j = divmod(int(gaps.argmin()), gaps.shape[1])
-    _, rows, separations = task.separations((i, j), task.pose(task.rest))
-    points, _, _, places = _solids(task)[0]
-    normal, own = rows[separations.argmax(), :3], points[places[i, 0] : places[i + 1, 0]]
-    foremost = own[(own @ normal).argmax()]
-    nearing = normal @ (turn * crossed(axis, foremost - centre) + shift * axis)
-    return bool((nearing > 0) != (float(gaps[i, j]) < task.opponents[j].need))
+    sites, rows, separations = task.separations((i, j), task.pose(task.rest))
+    widest = np.array([int(separations.argmax())])
+    nearing = task.gap_rates((i, j), task.rest, sites[widest], rows[widest, :3])[0] @ direction < 0.0
+    return bool(nearing != (float(gaps[i, j]) < task.opponents[j].need))
 
 
 def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array, Ints]:

@@ -366,15 +366,8 @@ def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]
 
     The amount is what a way still needs, to first order.
     """
-    pose = task.pose(q)
-    _, rows, separations = task.separations(parts, pose)
-    seed, vertices = task.movable.seed, task.movable.parts[parts[0]].vertices
-    scaled = seed + task.target[0] * (vertices - seed)
-    foremost = scaled[np.argmax(rows[:, :3] @ pose[:9].reshape(3, 3) @ (scaled - seed).T, axis=1)]
-    speeds = task.motion.kinematics(seed, task.static.seed).rates(q)[1] / task.weights[:, None, None]
-    steepness = np.linalg.norm(
-        ((foremost @ speeds[:, :3, :3].mT + speeds[:, None, :3, 3]) * rows[:, :3]).sum(axis=2), axis=0
-    )
+    sites, rows, separations = task.separations(parts, task.pose(q))
+    steepness = np.linalg.norm(task.gap_rates(parts, q, sites, rows[:, :3]) / task.weights, axis=1)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         amounts = np.nan_to_num((task.needs[parts[1]] - separations) / steepness, nan=np.inf)
     found: list[tuple[float, Array]] = []

@@ -17,10 +17,9 @@ from itertools import combinations
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
-from fcdm_opt.model.equations import FeaturePoints, feature_points
+from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.problem.evidence import Multipliers
@@ -29,13 +28,12 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
-from fcdm_opt.stages.best_first import Choices, Rows, nearest
+from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
 from fcdm_opt.stages.ways_apart import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
-MOST_NODES, FARTHEST = 2000, 1e6
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
 AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
@@ -265,13 +263,15 @@ class System:
         task = self.task
         if not self.count:
             return np.empty(0), np.empty((0, len(task.weights)))
-        T, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)
-        (normals, gaps), slopes = replace(task, tracked=(), besides=self.features).line_gaps(q), []
-        for feature, n, gap in zip(self.features, normals, gaps, strict=True):
-            slopes.append(-(rates @ np.append(_touched(task, feature, T, n, float(gap)), 1.0))[:, :3] @ n)
+        lines, (T, rates) = replace(task, tracked=(), besides=self.features), task.rates(q)
+        normals, gaps = lines.line_gaps(q)
         values = [*(gaps / task.size), *(m @ T[:3, :3] @ p for m, p in self.turns)]
-        slopes += [task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns]
-        return np.array(values), np.where(self.moving, np.array(slopes) / task.weights, 0.0)
+        slopes = [*lines.line_rates(q, normals), *(task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns)]
+        return np.array(values), self._by_z(np.array(slopes))
+
+    def _by_z(self, rates: Array) -> Array:
+        """Return derivatives of lengths over the size by z, from those of the lengths by q."""
+        return np.where(self.moving, rates / self.task.weights, 0.0)
 
     def misfit(self, z: Array) -> float:
         """Return the largest gap of a motion, in sizes, where all fit; what overlaps or is not aligned counts more."""
@@ -291,19 +291,8 @@ class System:
         task = self.task
         sites, rows, gaps = task.separations(parts, task.pose(q))
         order = np.argsort(-gaps)[:most]
-        if task.motion.shifts:
-            slopes = self._shifted(rows[order], q)
-        else:
-            R, pairs = task.transform(q)[:3, :3], zip(sites[order].tolist(), rows[order, :3], strict=True)
-            features = [feature_points(task.movable, task.static, tuple(site), parts, n, R) for site, n in pairs]
-            slopes = System(task, tuple(features)).linearised(q)[1][: len(order)]
+        slopes = self._by_z(task.gap_rates(parts, q, sites[order], rows[order, :3]))
         return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
-
-    def _shifted(self, rows: Array, q: Array) -> Array:
-        """Return the derivatives by z of gaps along facet directions where nothing turns."""
-        task = self.task
-        rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1][:, :3, 3]
-        return np.where(self.moving, -(rows[:, :3] @ rates.T) / task.weights, 0.0)
 
     def meets(self, q: Array, slack: float) -> bool:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
@@ -330,7 +319,8 @@ class System:
         sizes = list(map(len, gaps))
         short = np.concatenate(gaps) - np.repeat(task.needs[[j for _, j in pairs]], sizes)
         order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
-        slopes = self._shifted(np.concatenate(rows)[order], q)
+        shifts = task.rates(q)[1][:, :3, 3]
+        slopes = self._by_z(-np.concatenate(rows)[order, :3] @ shifts.T)
         apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
         return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1])
 
@@ -395,7 +385,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
         sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
         only = exact and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum()
         if only and not blocked:  # what no motion is left to part needs no way apart
-            found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
+            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
         else:
             closing = systems if exact and blocked else touching
             choices = Choices.of([], len(z)).and_also(
@@ -405,7 +395,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
                 ),
                 *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
-            found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), choices)
+            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
             return None, sure and complete
         if not exact:  # what the equations leave free is taken less of where it goes to and fro
@@ -442,66 +432,6 @@ def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
     """Return values and derivatives of all systems, see `System.linearised`."""
     values, slopes = zip(*(own.linearised(q) for own in systems), strict=True)
     return np.concatenate(values), np.concatenate(slopes)
-
-
-def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float) -> Array:
-    """Return the point of body 1, as made and at rest, at which a contact is or would be."""
-    own, other, rho = task.movable.seed, task.static.seed, task.target
-    points = feature.points.T
-    if feature.kind == V1F2:
-        return own + rho[0] * (points[0] - own)
-    if feature.kind == F1V2:
-        place = other + rho[1] * (points[3] - other) - gap * n
-    else:
-        assert feature.kind == E1E2
-        first = (own + rho[0] * (points[:2] - own)) @ T[:3, :3].T + T[:3, 3]
-        second = other + rho[1] * (points[2:] - other)
-        ways = np.column_stack([first[1] - first[0], second[0] - second[1]])
-        place = first[0] + np.linalg.lstsq(ways, second[0] - first[0], rcond=None)[0][0] * ways[:, 0]
-    return np.asarray((place - T[:3, 3]) @ T[:3, :3])
-
-
-def _nearest(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> tuple[Array | None, bool]:
-    """Return the least z with slopes . z = levels, within limits, that meets an alternative of each group.
-
-    None where there is none: the equations disagree, or nothing of what they leave meets the rest; and whether that is
-    so, or the search was left.
-    """
-    centre = np.asarray(np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0], dtype=np.float64)
-    if np.abs(slopes @ centre - levels).max(initial=0.0) > DEFAULT.touch:
-        return None, True
-    _, sizes, ways = np.linalg.svd(slopes)
-    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
-    start, flat = _across(limits, centre, free)
-    left = _seen(choices, centre, free)
-    if left is None or (start.levels[flat] > DEFAULT.touch).any():
-        return None, True
-    start = Rows(start.normals[~flat], start.levels[~flat])
-    if not len(free) or (not len(left.groups) and not (start.levels > 0.0).any()):
-        return centre, True
-    start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
-    least = nearest(left, [start], np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
-    return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
-
-
-def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
-    """Return choices over z as choices over the null space, without what always holds; None where one never does."""
-    rows, flat = _across(choices.rows, centre, free)
-    missed = flat & (rows.levels > DEFAULT.touch)
-    # of alternatives whether one never holds, and whether one always does
-    (never, never_all), (held, _) = (choices.of_rows(own.astype(np.float64)) for own in (missed, ~flat))
-    if (never_all > 0.0).any():
-        return None
-    group = choices.group_of_alternatives
-    always = np.unique(group[(never == 0.0) & (held == 0.0)])
-    return choices._replace(rows=rows).only((never == 0.0) & ~np.isin(group, always), ~flat)
-
-
-def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
-    """Return rows over z as rows over the null space, and which of them no move in it changes."""
-    normals = rows.normals @ free.T
-    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    return Rows(normals, rows.levels - rows.normals @ centre), np.asarray(flat)
 
 
 # ------------------------------------------------------------------------------------------ where not all can be closed
@@ -645,7 +575,7 @@ def _fitted(task: Task) -> Answer:
             return replace(none, active=_overlapping(gaps, rates))
         largest = max(fun, 0.0) + DEFAULT.tie
         rows = near.and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
-        found, _ = _nearest(*aligned, rows, choices)
+        found, _ = nearest_on(*aligned, rows, choices)
         if found is None:
             return failed
         step = float(np.abs(found - z).max())
@@ -708,7 +638,7 @@ def _ways_of_least_gap(
 
     every = lifted(rows).and_also(of_gaps, np.concatenate([-gaps, gaps]))
     widened = choices._replace(rows=lifted(choices.rows))
-    y, complete = _nearest(_widened(aligned[0] / MINOR), aligned[1], every, widened)
+    y, complete = nearest_on(_widened(aligned[0] / MINOR), aligned[1], every, widened)
     if y is None:
         return None, complete
     missed = choices.of_rows(choices.rows.levels - choices.rows.normals @ (y[:-1] / MINOR))[0]

@@ -112,7 +112,7 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
                 if ways is not None:
                     apart.append(ways)
             groups = [*apart, *taken.values()]
-            best = search(Choices.of(groups, len(y)), [sides], most=most).y if all(apart) else None
+            best = search(Choices.of(groups, len(y)), sides, most=most).y if all(apart) else None
             if best is None:
                 return None
             missed = every.of_rows(every.rows.levels - every.rows.normals @ best)[1]
@@ -158,7 +158,7 @@ class Linearised(NamedTuple):
     @classmethod
     def of(cls, task: Task, y: Array, radius: float) -> Linearised | None:
         """Return a motion with its rates and what may change within a radius; None where they are not finite."""
-        pose, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(y / task.weights)
+        pose, rates = task.rates(y / task.weights)
         if not (np.isfinite(pose).all() and np.isfinite(rates).all()):
             return None
         rates = rates / task.weights[:, None, None]
@@ -234,18 +234,9 @@ class Linearised(NamedTuple):
             found.append(((speeds[:, rows] @ two.normals[f]).T, heights[f, rows]))
         some = (sites[:, 0] == E1E2) & (gaps >= need - self.band)
         if some.any():
-            a, b, n = one.edges[sites[some, 1], :2], two.edges[sites[some, 2], :2], lines[some, :3]
-            own, other = x[a[:, 1]] - x[a[:, 0]], p[b[:, 1]] - p[b[:, 0]]
-            across = np.cross(own @ self.R.T, other)
-            sines = np.linalg.norm(across, axis=1)
-            steep = sines > DEFAULT.tie * np.linalg.norm(own, axis=1) * np.linalg.norm(other, axis=1)  # not parallel
-            some[some] = steep
-            a, b, n, own, other = a[steep], b[steep], n[steep], own[steep], other[steep]
-            signs = np.copysign(1.0 / sines[steep], (across[steep] * n).sum(axis=1))
-            change = signs[:, None] * np.cross(np.einsum("kab,eb->kea", self.turns, own), other)
-            change -= (change * n).sum(axis=2)[..., None] * n
-            rates = (change * (p[b[:, 0]] - moved[a[:, 0]])).sum(axis=2) - (speeds[:, a[:, 0]] * n).sum(axis=2)
-            found += [(J[None], np.array([g])) for J, g in zip(rates.T, gaps[some], strict=True)]
+            rates = task.gap_rates(parts, self.q, sites[some], lines[some, :3]) / task.weights
+            told = np.isfinite(rates).all(axis=1)
+            found += [(J[None], np.array([g])) for J, g in zip(rates[told], gaps[some][told], strict=True)]
         if need > 0.0 and 0.0 < gaps.max() < need + self.band:  # corners: the distance is along no facet direction
             n = task.way_between(parts, self.q)
             if (length := float(np.linalg.norm(n))) > 0.0:
