@@ -77,8 +77,9 @@ def _near_parts(bodies: tuple[Body, Body], rho: Array, most: float) -> list[Ints
         boxes.append((np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)))
     low, high = (np.concatenate(ends) for ends in zip(*boxes, strict=True))
     first = len(bodies[0].parts)
+    sides = (np.arange(len(low)) >= first).astype(np.int64)
     met = np.zeros(len(low), np.bool_)
-    for one, two in overlapping(low - most / 2.0, high + most / 2.0, np.arange(len(low)) >= first):
+    for one, two in overlapping(low - most / 2.0, high + most / 2.0, sides):
         met[one] = met[two] = True
     return [np.flatnonzero(met[:first]), np.flatnonzero(met[first:])]
 

@@ -505,8 +505,8 @@ def sharp_edges(body: Body) -> Array:
         edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
         faces = np.repeat(body.face_triangles[1], 3)[np.argsort(own.reshape(-1), kind="stable")]
         last = np.cumsum(counts) - 1
-        one, two = looks[faces[last - counts + 1]], looks[faces[last]]
-        return body.vertices[edges[(counts != 2) | ((one * two).sum(axis=1) < TANGENT)]]
+        both = looks[faces[last - counts + 1]], looks[faces[last]]
+        return body.vertices[edges[(counts != 2) | ((both[0] * both[1]).sum(axis=1) < TANGENT)]]
     around: dict[int, set[tuple[int, ...]]] = {}
     for face in body.faces:
         for corner in face:

@@ -105,10 +105,10 @@ def gather(
                     cases.append({"file": number, **next(answers)()})
                 known.append(problem)
             except (InputError, pacing.TimeOverError) as reason:
-                over = isinstance(reason, pacing.TimeOverError)
-                told = InputError(f"left out: {reason}; allow more time") if over else reason
+                if over := isinstance(reason, pacing.TimeOverError):
+                    reason = InputError(f"left out: {reason}; allow more time")
                 late = late and over
-                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
+                errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
         tables += [{"file": number, **table} for table in matrices(known, cases, first)]
