@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import Certificate, verify
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
@@ -668,3 +669,15 @@ def test_a_face_on_a_face_was_named_so_and_seated_as_an_edge_on_it(tilt: float) 
     solution = solve(Problem(block, FLOOR.body("two"), goal="seat", box=WIDE, **asked))
     assert solution.status is Status.SOLVED
     assert solution.parameters["TZ"] == pytest.approx(0.1 + 0.05, abs=1e-9)
+
+
+def test_a_corner_kept_clear_of_beside_a_face_was_left_to_the_nonlinear_program() -> None:
+    """A foot that comes down beside a rib keeps .5 from its edge, 0.44 above it: by Pythagoras, and proved."""
+    path = Path(__file__).parents[1] / "problems" / "bracket.toml"
+    (asked,) = (problem for problem in load_problems(path) if problem.name == "D flush beside the rib")
+    solution = solve(asked)
+    least = np.hypot(14.0 - 15.0 * 0.99 - np.sqrt(0.5**2 - 0.44**2), 0.12)
+    assert solution.usable
+    assert solution.amount == pytest.approx(least, rel=1e-12)
+    assert solution.lower_bound == pytest.approx(least, rel=1e-12)
+    assert solution.stage.startswith("1:")

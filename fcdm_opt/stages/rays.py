@@ -141,8 +141,9 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     if shift != 0.0:
         low[0][0] += min(start * shift, end * shift)
         high[0][0] += max(start * shift, end * shift)
-    room = np.where(task.needs > -np.inf, np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size, -np.inf)
-    one, two = np.nonzero((low[0][0][:, None] <= high[1][0] + room) & (low[1][0] <= high[0][0][:, None] + room))
+    asked, room = task.needs > -np.inf, np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    near = (low[0][0][:, None] <= high[1][0] + room) & (low[1][0] - room <= high[0][0][:, None])
+    one, two = np.nonzero(near & asked)
     for least, most, low_2, high_2 in zip(low[0][1:], high[0][1:], low[1][1:], high[1][1:], strict=True):
         near = (least[one] <= (high_2 + room)[two]) & ((low_2 - room)[two] <= most[one])
         one, two = one[near], two[near]
