@@ -291,3 +291,13 @@ def test_init_moved_a_pin_that_is_tight_all_round(tmp_path, monkeypatch):
     assert "mend the sizes in the drawing" in made.text
     assert "move the movable part by" not in made.text
     assert "move the movable part in the drawing (CAD)" not in made.text
+
+
+def test_an_apex_on_the_face_across_was_touched_as_a_corner_of_it() -> None:
+    """The pyramid under a face of 2 x 4 is 2 deep: just what this plate is thick. Motions to there were refused."""
+    ends = ((0, -1, -2), (2, 3, 0)), ((5, 0, 0), (6, 1, 1))
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=own) for own in ends])
+    plate = fo.Body.from_mesh(mesh.vertices, mesh.faces, decomposition="surface")
+    apexes = plate.vertices[16:]
+    assert len(apexes) == 12
+    assert contains(plate, apexes).all()

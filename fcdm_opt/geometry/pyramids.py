@@ -23,6 +23,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDING = 4.0 * DEFAULT.planarity  # of heights, in units of the solid's size
 SHARE = 0.5  # of its longest side that a pyramid is deep at first
+INSIDE = 15.0 / 16.0  # of the depth that just fits: an apex on a face across would be touched as a corner of it
 SHALLOWEST = 2.0**-40  # of the size: below this none is believed
 
 
@@ -77,7 +78,7 @@ def _local(vertices: Array, triangles: Ints) -> tuple[Array, Array, float]:
 
 
 def apexes(vertices: Array, triangles: Ints, groups: Ints, corners: Ints, sizes: Ints, name: str) -> Array:
-    """Return the apexes of pyramids under a closed surface, (k, 3): as deep as the solid lets them be.
+    """Return the apexes of pyramids under a closed surface, (k, 3): as deep as the solid lets them be, and inside it.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def apexes(vertices: Array, triangles: Ints, groups: Ints, corners: Ints, sizes:
     if thin.size:
         found = (vertices[corners[starts[thin[0]]]]).tolist()
         raise InputError("the solid is thinner than rounding under a face", key=f"body '{name}'", found=found)
-    return np.asarray(origin + size * (middles - depths[:, None] * normals))
+    return np.asarray(origin + size * (middles - INSIDE * depths[:, None] * normals))
 
 
 def _near(low: Array, high: Array, corners: Array, groups: Ints) -> tuple[Ints, Ints]:
