@@ -147,8 +147,8 @@ def bare_pixels(figure: Figure, *, across: int) -> bytes:
     from matplotlib.spines import Spine
     from matplotlib.text import Text
 
-    inked: list[Any] = figure.findobj(lambda own: isinstance(own, Text | Line2D | Spine | FancyArrowPatch))
-    for own in inked:
+    drawn: Any = figure.findobj(lambda own: isinstance(own, Text | Line2D | Spine | FancyArrowPatch))
+    for own in drawn:
         colour = own.get_edgecolor() if isinstance(own, Spine | FancyArrowPatch) else own.get_color()
         grounded = isinstance(own, Text) and own.get_bbox_patch() is not None
         if to_hex(colour).upper() in (BLACK, DARK) and not grounded:
@@ -157,8 +157,8 @@ def bare_pixels(figure: Figure, *, across: int) -> bytes:
         axes.patch.set_visible(False)
         axes.tick_params(which="both", color=MIDDLE)
     whole = BytesIO()
-    dpi = across / figure.get_figwidth()
-    figure.savefig(whole, format="png", dpi=dpi, transparent=True, metadata={"Software": None})
+    dots = across / figure.get_figwidth()
+    figure.savefig(whole, format="png", dpi=dots, transparent=True, metadata={"Software": None})
     return whole.getvalue()
 
 
