@@ -66,7 +66,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     wrong = left_over(np.zeros(n + 1, np.int64), low, high, np.append(np.ones(n), -1.0))
     covered = short <= 0.0 and wrong is None
     q = np.array([*solution.parameters.values()]) if solution.status.found else None
-    shown = float(_rows_of(problem, q, ends).least(starts, stops, evidence.motions, claimed).min())
+    shown = float(_rows_of(problem, q, ends).least(starts, stops, evidence.motions, claimed)[0].min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
@@ -92,7 +92,7 @@ def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipli
         looked_at += len(low)
         if looked_at > MOST_BOXES or pacing.over():
             return None
-        found, places = rows.weakest(low, high, motions, amount)
+        found, places = rows.least(low, high, motions, amount)
         enough = found >= amount * (1.0 - SHORT)
         bound = min(bound, float(found[enough].min(initial=bound)))
         shown += [(np.array([low[k], high[k]]), motions[k]) for k in np.flatnonzero(enough)]
@@ -164,8 +164,8 @@ class _Contacts:
         nearest = [max(known, key=lambda n: abs(n @ own)) for own in normals]
         return np.array([-np.sign(own @ n) for own, n in zip(normals, nearest, strict=True)])
 
-    def least(self, low: Array, high: Array, motions: Array, enough: float) -> Array:
-        """Return amounts below which no motion in boxes does what is asked, (n,); infinite where none does at all.
+    def least(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
+        """Return amounts below which no motion in boxes does what is asked, (n,), infinite for none, and motions.
 
         No more is looked for than `enough`.
         """
@@ -174,11 +174,7 @@ class _Contacts:
         for ways in zip(*chosen, strict=True):
             if found.min() < enough:
                 found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
-        return found
-
-    def weakest(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
-        """Return these, and the motions."""
-        return self.least(low, high, motions, enough), motions
+        return found, motions
 
     def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
         """Return multipliers that balance a motion, and such as tell how far equations are from met there."""

@@ -25,10 +25,8 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.judge.lagrangian import ROUNDED, lagrangian_bounds
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.proof import conditions
 from fcdm_opt.proof.checker import Examiner, distances_from, face_planes
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
-from fcdm_opt.proof.mean_value import symbolic_pose
 from fcdm_opt.tolerances import DEFAULT
 
 NEAR = 1e-7  # of the size: corners as near to a plane of contact as this lie in it
@@ -64,15 +62,18 @@ class OneContact:
         import casadi
 
         self.problem, self._scene = problem, Examiner(problem, None)
-        y, seeds, pose, self._seeds, self._smooth = symbolic_pose(problem)
+        kinematics = self._scene.kinematics
+        (y, seeds, pose), self._seeds, self._smooth = kinematics.symbols, kinematics.seeds, kinematics.smooth
         k, R, d = len(problem.weights), casadi.reshape(pose[:9], 3, 3).T, pose[9:]
         self._pose = casadi.Function("pose", [y, seeds], [R, d, casadi.jacobian(pose, y)])
         self._rounding = DEFAULT.line * problem.size
         p = casadi.SX.sym("given", 16 + 2 * k)  # u, w, a point of each body, level; of body 1's: along, slopes, where
-        x = p[6:9] + casadi.dot(p[16 : 16 + k], y - p[16 + k :]) * p[13:16]
+        u, w, x, level = p[:3], p[3:6], p[6:9] + casadi.dot(p[16 : 16 + k], y - p[16 + k :]) * p[13:16], p[12]
         self._rows = []
-        for kind in (F1V2, V1F2, E1E2):
-            row = p[12] + conditions.apart(kind, R, d, p[:3], p[3:6], x, p[9:12])
+        for kind in (F1V2, V1F2, E1E2):  # level + n . (d + y - R x), linear in R where n = R u is across edges u and w
+            n = (R @ u, u, casadi.cross(R @ u, w))[kind]
+            along = (casadi.dot(u, x), casadi.dot(u, R @ x), casadi.dot(w, R @ casadi.cross(x, u)))[kind]
+            row = level + casadi.dot(n, d + p[9:12]) - along
             bend, slope = casadi.hessian(row, y)
             outputs = [row, slope], [row, slope, casadi.vec(bend)]
             made = [casadi.Function("row", [y, seeds, p], [casadi.densify(casadi.vertcat(*own))]) for own in outputs]
@@ -80,12 +81,11 @@ class OneContact:
 
     # ---------------------------------------------------------------------------------------------------------- bounds
 
-    def least(self, low: Array, high: Array, motions: Array, enough: float) -> Array:
-        """Return amounts below which no motion in boxes does what is asked, (n,); infinite where none does at all."""
-        return self.weakest(low, high, motions, enough)[0]
+    def least(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
+        """Return amounts below which no motion in boxes does what is asked, (n,), and near which they are, (n, k).
 
-    def weakest(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
-        """Return these, and motions, (n, k), at which what bounds them does so least."""
+        Infinite where none does at all.
+        """
         found, places = np.zeros(len(low)), motions.copy()
         for k, y in enumerate(motions):
             for ways in self._choices(y, np.maximum(np.abs(low[k] - y), np.abs(high[k] - y))):

@@ -36,15 +36,12 @@ def _two(kind: int, R: Any, u: Any, w: Any, y: Any) -> Any:
     return casadi.dot(R @ u, casadi.cross(w, y))
 
 
-def apart(kind: int, R: Any, d: Any, u: Any, w: Any, x: Any, y: Any) -> Any:
-    """Return n . (d + y - R x), how far y is from x along a direction."""
-    return _two(kind, R, u, w, d + y) - _one(kind, R, u, w, x)
-
-
 @cache
 def separation(kind: int) -> Expression:
-    """Given (u, w, x, y): how far y is from x along a direction."""
-    return Expression.of(12, lambda R, d, p: apart(kind, R, d, p[:3], p[3:6], p[6:9], p[9:]))
+    """Given (u, w, x, y): n . (d + y - R x), how far y is from x along a direction."""
+    return Expression.of(
+        12, lambda R, d, p: _two(kind, R, p[:3], p[3:6], d + p[9:]) - _one(kind, R, p[:3], p[3:6], p[6:9])
+    )
 
 
 @cache

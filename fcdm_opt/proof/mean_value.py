@@ -211,47 +211,49 @@ class Poses:
         return lows, highs
 
 
-def symbolic_pose(problem: Problem) -> tuple[Any, Any, Any, list[Interval], bool]:
-    """Return symbols of y and of both seeds, the pose, (12,), what the seeds are, and whether it has no jumps.
-
-    The package's own motions are smooth; where a series takes over, they jump by less than 1e-20.
-    """
-    import casadi
-
-    origin = _origin(problem.motion, problem.movable.seed)
-    y, seeds = casadi.SX.sym("y", len(problem.weights)), casadi.SX.sym("seeds", 6)
-    seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
-    q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
-    T = seen.symbolic(q, seeds[:3], seeds[3:])
-    moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
-    pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
-    exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
-    smooth = all(step.smooth for step in problem.motion.steps)
-    return y, seeds, pose, [own[k] for own in exact for k in range(3)], smooth
-
-
 class PosesOfPieces:
-    """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells."""
+    """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells.
+
+    Attributes
+    ----------
+    symbols : tuple of SX
+        y, both seeds as the pose is seen from, and the pose, (12,).
+    seeds : list of Interval
+        What these seeds are.
+    smooth : bool
+        Whether the motion has no jumps.
+    """
 
     def __init__(self, problem: Problem) -> None:
         import casadi
 
         self._count = len(problem.weights)
-        y, seeds, pose, self._seeds, self._smooth = symbolic_pose(problem)
+        origin = _origin(problem.motion, problem.movable.seed)
+        y, seeds = casadi.SX.sym("y", self._count), casadi.SX.sym("seeds", 6)
+        seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
+        q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
+        T = seen.symbolic(q, seeds[:3], seeds[3:])
+        moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
+        pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
+        self.symbols = y, seeds, pose
         slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, y)))
         self._pose = IntervalFunction(casadi.Function("pose", [y, seeds], [pose], OPTIONS))
         self._slopes = IntervalFunction(casadi.Function("slopes", [y, seeds], [slopes], OPTIONS))
+        exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
+        self.seeds = [own[k] for own in exact for k in range(3)]
+        # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20
+        self.smooth = all(step.smooth for step in problem.motion.steps)
 
     def poses(self, pieces: Pieces) -> Poses:
         """Return the poses of pieces."""
         n, k = pieces.low.shape
-        (centre,), _ = self._pose(pieces.coordinates(over=False), self._seeds)
+        (centre,), _ = self._pose(pieces.coordinates(over=False), self.seeds)
         y = pieces.coordinates(over=True)
-        (natural,), jumps = self._pose(y, self._seeds)
-        (flat,), _ = self._slopes(y, self._seeds)
+        (natural,), jumps = self._pose(y, self.seeds)
+        (flat,), _ = self._slopes(y, self.seeds)
         slopes = _together([_column(x, n) for x in flat], n).shaped((n, k, POSE)).turned((0, 2, 1))  # by y
         change = pieces.changes(slopes)
-        broken = np.broadcast_to(np.asarray(jumps) & (not self._smooth), n)[:, None]
+        broken = np.broadcast_to(np.asarray(jumps) & (not self.smooth), n)[:, None]
         over, still = [], []
         for p in range(POSE):
             at, wide = (_column(x, n) for x in (centre[p], natural[p]))
