@@ -105,9 +105,8 @@ def gather(
                     cases.append({"file": number, **next(answers)()})
                 known.append(problem)
             except (InputError, pacing.TimeOverError) as reason:
-                over = isinstance(reason, pacing.TimeOverError)
-                told = InputError(f"left out: {reason}; allow more time") if over else reason
-                late = late and over
+                told = reason if isinstance(reason, InputError) else InputError(f"left out: {reason}; allow more time")
+                late = late and told is not reason
                 errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
