@@ -80,7 +80,7 @@ def assembly_verdict(solution: AssemblySolution) -> str:
 
 def through(solution: AssemblySolution) -> list[str]:
     """Return in words what parts go through on their straight way."""
-    told = pacing.in_time(gone_through, solution, late=[]) if solution.usable else []
+    told = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]()) if solution.usable else []
     return [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in told]
 
 

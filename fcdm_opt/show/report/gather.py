@@ -105,10 +105,9 @@ def gather(
                     cases.append({"file": number, **next(answers)()})
                 known.append(problem)
             except (InputError, pacing.TimeOverError) as reason:
-                if over := isinstance(reason, pacing.TimeOverError):
-                    reason = InputError(f"left out: {reason}; allow more time")
-                late = late and over
-                errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
+                told = reason if isinstance(reason, InputError) else InputError(f"left out: {reason}; allow more time")
+                late = late and told is not reason
+                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
         tables += [{"file": number, **table} for table in matrices(known, cases, first)]
