@@ -13,7 +13,6 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.engagement import passage
-from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -86,10 +85,7 @@ class Worst:
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
-        straight = np.array([
-            kind == "translation" and isinstance(step, Translation | Free)
-            for step in motion.steps for _, kind in step.own_parameters
-        ])  # fmt: skip
+        straight = np.array([direction is not None for direction in motion.shift_directions])
         # parts further apart than this are further apart than any wanted pose: than they are at rest, or have to be
         away = float(np.linalg.norm(movable.seed - static.seed))
         reach = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
@@ -180,9 +176,8 @@ def domain(worst: Worst, most: float, amount: float) -> Array:
     half = float(np.nextafter(np.pi, 4.0))
     for k, step in enumerate(problem.motion.owners):
         low, high = limits[k]
-        turns = problem.motion.turning[k]
-        free = isinstance(step, Free) or (isinstance(step, Screw) and step.pitch == "free")
-        if step.closed or (free and turns and low == -np.inf and high == np.inf):
+        free = problem.motion.turning[k] and step.bounded and step.own_pitch is None
+        if step.closed or (free and low == -np.inf and high == np.inf):
             limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
     radius = most + worst.scene.nearest
     return _reached(problem, limits, radius) if np.isfinite(radius) else limits
@@ -194,42 +189,27 @@ def _reached(problem: Problem, limits: Array, radius: float) -> Array:
     Each turn about a fixed point keeps a seed on its sphere: it is before all translations, or after them.
     """
     one, two = np.array(problem.movable.seed), np.array(problem.static.seed)
-    before, after, start = (one, 0.0), (two, radius), 0
-    places, directions, rests = list[int](), list[Array](), list[Array]()
+    before, after = (one, 0.0), (two, radius)
+    shifts, rests = list[tuple[float, ...] | None](), list[Array]()
     for step in problem.motion.steps:
-        shifts = _shifts(step, one, two, start == 0)
-        if shifts is None or (shifts and rests):
-            return limits  # not known, or a turn about a fixed point between translations
-        if isinstance(step, Rotation) and step.centre != "seed":
-            centre = np.zeros(3) if isinstance(step.centre, str) else np.array(step.centre)
-            if directions:
-                rests.append(centre)
-            else:
-                before = centre, float(np.linalg.norm(before[0] - centre)) + before[1]
-        places += [start + k for k, _ in shifts]
-        directions += [u for _, u in shifts]
-        start += len(step.own_parameters)
-    for centre in reversed(rests):
-        after = centre, float(np.linalg.norm(after[0] - centre)) + after[1]
+        own, centre = [*step.own_shift_directions], step.own_fixed_points if step.closed else ()
+        if step.own_along_seeds and not shifts:
+            own[0] = None if step.closed else tuple((step.own_pitch or 1.0) * (two - one) / np.linalg.norm(two - one))
+        elif not (step.own_about_seed or centre):
+            return limits  # not known
+        if rests and any(direction is not None for direction in own):
+            return limits  # a turn about a fixed point between translations
+        if centre and any(direction is not None for direction in shifts):
+            rests.append(np.array(centre[0]))
+        elif centre:
+            before = np.array(centre[0]), float(np.linalg.norm(before[0] - centre[0])) + before[1]
+        shifts += own
+    for rest in reversed(rests):
+        after = rest, float(np.linalg.norm(after[0] - rest)) + after[1]
+    directions = [direction for direction in shifts if direction is not None]
     least = float(np.linalg.svd(np.array(directions), compute_uv=False)[-1]) if 0 < len(directions) <= 3 else 0.0
     if least > DEFAULT.nominal:
         longest = (after[1] + before[1] + float(np.linalg.norm(after[0] - before[0]))) / least * (1.0 + DEFAULT.line)
-        for k in places:
+        for k in np.flatnonzero([direction is not None for direction in shifts]):
             limits[k] = max(limits[k, 0], -longest), min(limits[k, 1], longest)
     return limits
-
-
-def _shifts(step: Step, one: Array, two: Array, first: bool) -> list[tuple[int, Array]] | None:
-    """Return which of a step's parameters shift the seed, and along what; None where that is not known."""
-    if isinstance(step, Translation):
-        return [(0, np.array(step.direction))]
-    if isinstance(step, Rotation):
-        return []
-    if isinstance(step, Free):
-        return list(enumerate(np.eye(3)))
-    if isinstance(step, Screw) and isinstance(step.axis, str) and first:
-        along = (two - one) / np.linalg.norm(two - one)
-        if isinstance(step.pitch, str) or np.isinf(step.pitch):
-            return [(0, along)]
-        return [(0, step.pitch * along)] if step.pitch != 0.0 else []
-    return None
