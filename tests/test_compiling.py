@@ -115,7 +115,9 @@ def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
     assert total(np.arange(8.0)[::2], 0.5) == 36.5  # not contiguous: served all the same
 
 
-def test_little_work_is_not_compiled_and_answers_alike() -> None:
+def test_little_work_is_not_compiled_and_answers_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiling._count_runs()
+    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
     pieces = np.array([[1.0, 0.5, 1.0], [-1.0, 0.25, -3.0]])
     asked = pieces, np.array([0.0, 1.0]), np.array([1.0, 0.0]), (1e-12, 1e-12, 1e-9, 1e-6)
     compiled = kernels.interval(*asked)
