@@ -456,6 +456,12 @@ class _Tolerances:
                     point = self.at(tau)
                     low, high = (point, high) if point.good else (low, point)
         good, bad = narrowed(
-            lambda tau: self.at(tau).good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
+            self._may_be_good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
         )
-        return self.at(good), self.at(bad)
+        return (self.at(good), self.at(bad)) if not self.at(bad).good else self._narrowed(self.at(bad), high)
+
+    def _may_be_good(self, tau: float) -> bool:
+        """Tell whether a tolerance is good: parts that do not go together need no search for a shift."""
+        if tau not in self.points and self.problem.motion.shifts and misfit(self.asked(tau)) is not None:
+            return False
+        return self.at(tau).good
