@@ -12,6 +12,7 @@ piece, so that y is no shorter than the right side over |w|.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
             return False
         half = float(np.abs(y[moving]).max()) + max(problem.size for problem in problems)
     equations = _Restored(problems, y, moving)
-    here = equations.linearised(y[moving][None])[1][0] * half
+    here = equations.slopes_at(y[moving]) * half
     chosen = _independent(here)
     if len(chosen) < len(moving):
         return False
@@ -135,22 +136,34 @@ class _Restored:
             seeds = (casadi.SX(body.seed - origin) for body in (problem.movable, problem.static))
             T = problem.motion.seen_from(origin).symbolic(q, *seeds)
             rows += equations(problem, T, origin)
-        values = casadi.densify(casadi.vertcat(*rows))
-        slopes = casadi.vec(casadi.densify(casadi.jacobian(values, variables)).T)
-        self._shape = len(rows), len(moving)
-        self._values, self._slopes = (
-            IntervalFunction(casadi.Function("rows", [variables], [own])) for own in (values, slopes)
-        )
+        self._shape, self._variables, self._rows = (len(rows), len(moving)), variables, casadi.vertcat(*rows)
+
+    @cached_property
+    def _values(self) -> IntervalFunction:
+        import casadi
+
+        return IntervalFunction(casadi.Function("rows", [self._variables], [casadi.densify(self._rows)]))
+
+    @cached_property
+    def _derivatives(self) -> Any:
+        import casadi
+
+        slopes = casadi.densify(casadi.jacobian(self._rows, self._variables))
+        return casadi.Function("rows", [self._variables], [casadi.vec(slopes.T)])
+
+    @cached_property
+    def _slopes(self) -> IntervalFunction:
+        return IntervalFunction(self._derivatives)
+
+    def slopes_at(self, y: Array) -> Array:
+        """Return the derivatives at a point in floats, (m, j)."""
+        return np.asarray(self._derivatives(y)).reshape(self._shape)
 
     def slopes(self, low: Array, high: Array) -> tuple[Interval, Flags]:
         """Return what holds the derivatives over boxes, (n, m, j), and where they may jump, (n,)."""
         found, jumps = self._worked_out(self._slopes, low, high)
         # of smooth motions only the way of writing them changes
         return found.shaped((len(low), *self._shape)), np.broadcast_to(np.asarray(jumps) & (not self._smooth), len(low))
-
-    def linearised(self, y: Array) -> tuple[Array, Array]:
-        """Return values, (n, m), and derivatives, (n, m, j), at points in floats."""
-        return self._worked_out(self._values, y, y)[0].middle, self.slopes(y, y)[0].middle
 
     def narrowed(self, low: Array, high: Array, least: float) -> tuple[Array, Array]:
         """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations.
