@@ -62,8 +62,8 @@ Needed = dict[tuple[str, str, tuple[Any, ...]], str]
 """Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
-PATIENCE = 4.0  # seconds of plain Python that a light kernel may take: compiling the larger ones takes longer
-IN_ALL = 12.0  # that they may take together in one run
+PATIENCE = 2.0  # seconds of plain Python that a light kernel may take: compiling one of them takes longer on the whole
+IN_ALL = 30.0  # that they may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
 CALLS = 4000  # that it may answer so, however short
 LITTLE = 40000  # entries of all its arrays up to which it is light
