@@ -108,7 +108,8 @@ def check_item(value: Any, place: Place, k: int) -> None:
     item = place[k]
     if isinstance(item, str):
         if not isinstance(value, Mapping):
-            raise InputError("there is no table here", key=written(place[:k]), found=value, allowed="a table")
+            allowed = "a table, given whole first"
+            raise InputError("there is no table here", key=written(place[:k]), found=value, allowed=allowed)
     elif not isinstance(value, list | tuple):
         raise InputError("there is no list here", key=written(place[:k]), found=value, allowed="a place without [..]")
     elif item >= len(value):

@@ -229,4 +229,5 @@ def verdict(problem: Problem) -> str:
     other = drawn_bodies(problem)[1 - found.inside]
     faces = dict.fromkeys(told_element(other, own) for own in found.faces[1 - found.inside] if own is not None)
     between = f", {'between' if len(faces) == 2 else 'across'} its {' and '.join(faces)}" if faces else ""
+    between += " (of its facets)" * any(" radius " in face for face in faces)
     return f"does not fit: {fit}{between}"

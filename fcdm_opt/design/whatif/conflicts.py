@@ -66,8 +66,8 @@ class Conflicts(Plain):
             lines.append("there may be other clashes as small, or smaller")
         lines += [f"relax {one}" for one in self.relaxations]
         if self.deviation is not None:
-            share = f"{self.deviation.value:.6g} of it" if self.deviation.cures else "no share of it that was tried"
-            lines.append(f"deviation from nominal: {share} can be made good (sampled)")
+            share = f"{self.deviation.value:.6g}" if self.deviation.cures else "no share that was tried"
+            lines.append(f"with {share} of the deviation from nominal a motion is found (sampled)")
         return "\n".join([*lines, *(f"try {trial}" for trial in self.trials)])
 
     def to_dict(self) -> dict[str, Any]:

@@ -138,8 +138,9 @@ class Trial(PlainMotion):
     solution: Solution
 
     def __str__(self) -> str:
-        amount = measured(f"{self.solution.amount:.6g}", self.solution.problem.amount_unit)
-        return f"{self.change}: {f'amount {amount}' if self.solution.usable else self.solution.status.name}"
+        if not self.solution.usable:
+            return f"{self.change}: no motion to use ({self.solution.status.name.replace('_', ' ').lower()})"
+        return f"{self.change}: amount {measured(f'{self.solution.amount:.6g}', self.solution.problem.amount_unit)}"
 
 
 class ClashSearch:
