@@ -536,6 +536,15 @@ def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     assert "where all files are of them" in two.output
 
 
+def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
+    """The plate's top, half a length above its seed, comes down by 2 % of that; the lid is taken along."""
+    page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
+    path = tmp_path / "stack.toml"
+    path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
+    (assembly,) = fo.load_assemblies(path)
+    assert flat(fo.solve(assembly)) == pytest.approx([-0.01, 0.0], abs=1e-12)
+
+
 def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:
     path, mesh = tmp_path / "stack.toml", FILE.parent.parent / "meshes" / "square_plate.stl"
     (tmp_path / "plate.stl").write_bytes(mesh.read_bytes())
