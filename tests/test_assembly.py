@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from itertools import pairwise, product
 from math import atan, atan2, cos, hypot, sin, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +24,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.assemblies import assembly_verdict
+from fcdm_opt.show.report.gather import head
+from fcdm_opt.show.report.page import assembly_page
 
 X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 
@@ -504,6 +508,9 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
     table = run("solve", FILE, "--case", "made unlike")
     for words in ("left wedge", "TX -0.0125", "0.06982", "exact", "yes"):
         assert words in table.stdout
+    said = " ".join(table.stdout.split())
+    assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
+    assert "base - 1.03 fixed -" in said
     for command in ("curve", "whatif", "pose"):
         refused = run(command, FILE)
         assert refused.exit_code == 2
@@ -521,11 +528,32 @@ def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     assert f"<dd>{amount:.4g} mm</dd>" in text
     assert "Move left wedge 0.0125 mm along +x and 0.055 mm along +z" in text
     assert "then every contact is closed; smallest possible together (proved)" in text
+    assert '<th scope="row">base</th><td>-</td><td class="number">1.03</td><td>fixed</td>' in text
     assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
     for parts in ("key - left wedge", "key - right wedge"):
         assert f'<th scope="row">{parts}</th>' in text
     two = run("report", FILE, FILE.parent.parent / "nut.toml", "--case", "shifted against a flat", "--out", out)
     assert "where all files are of them" in two.output
+
+
+def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
+    """The plate's top, half a length above its seed, comes down by 2 % of that; the lid is taken along."""
+    page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
+    path = tmp_path / "stack.toml"
+    path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
+    (assembly,) = fo.load_assemblies(path)
+    assert flat(fo.solve(assembly)) == pytest.approx([-0.01, 0.0], abs=1e-12)
+
+
+def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:
+    path, mesh = tmp_path / "stack.toml", FILE.parent.parent / "meshes" / "square_plate.stl"
+    (tmp_path / "plate.stl").write_bytes(mesh.read_bytes())
+    path.write_text('[[part]]\nname = "plate"\nfile = "plate.stl"\n[[part]]\nname = "pin"\nvertices = []\n', "utf-8")
+    told = head(SimpleNamespace(path=path, title="", note="", error="not read"))
+    digest = hashlib.sha256(mesh.read_bytes()).hexdigest()
+    assert told["meshes"] == [{"file": "plate.stl", "sha256": digest}]
+    text = assembly_page([told], [])
+    assert f"<td>mesh of stack.toml</td><td><code>{digest}</code></td>" in text
 
 
 @pytest.mark.parametrize(

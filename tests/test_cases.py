@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
+from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -116,3 +117,24 @@ def test_cases_are_a_frame_and_a_card() -> None:
     card = answers._repr_html_()
     assert all(f">{name}</td>" in card for name in answers)
     assert "2 cases" in card
+
+
+def test_the_card_of_cases_tells_whole_motions_and_no_bound_above_its_amount() -> None:
+    """Chamfers at 45 deg that lie on each other, 1.5 / sqrt(2) from both centres: 1.5 % of a shift in x and in y."""
+    chamfered = np.array([(x, y, z) for x, y in ((-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)) for z in (-1, 1)])
+    name = "a peg whose name is rather long"
+    one = fo.Body.convex(chamfered, seed=(0, 0, 0), name=name)
+    two = fo.Body.convex(np.array([1.5, 1.5, 0.0]) - chamfered, seed=(1.5, 1.5, 0), name="wall")
+    motion = fo.Translation("x") >> fo.Translation("y")
+    asked = fo.Problem(one, two, tolerance=0.01, requirement="A", goal="touch", motion=motion, unit="mm", name="peg")
+    card = fo.solve_all(asked, requirement="AD", effort="proved")._repr_html_()
+    cells = [line.split(">")[-1] for line in card.split("</td>")]
+    for sign in "-+":
+        assert f"move {name} 0.015 mm along {sign}x and 0.015 mm along {sign}y" in cells
+    assert 0.02 * 1.5 / 2**0.5 > 0.02121
+    assert cells.count("0.02121") == 4  # both amounts and both bounds
+
+
+def test_a_motion_longer_than_a_cell_stands_whole_in_its_card() -> None:
+    told = "; ".join(f"move part {k} 0.1 mm along -x and 0.1 mm along +z" for k in range(3))
+    assert f">{told}</td>" in Card("cases", tables=[(("case", "motion"), [("A", told)])]).html

@@ -448,3 +448,9 @@ def test_the_width_of_a_t_slot_was_not_offered_as_a_size() -> None:
     )
     offered = {what for _, what, _ in widths(Body.from_mesh(trimesh.boolean.difference([block, *cuts])))}
     assert {"+x and -x, 14 of room,", "+x and -x, 8 of room,", "-z and +z, 5 of room,"} <= offered
+
+
+def test_more_than_two_meshes_are_told_where_assemblies_are_explained() -> None:
+    refused = run("init", "a.stl", "b.stl", "c.stl")
+    assert refused.exit_code == 2
+    assert "two parts; how a file of more parts is written: docs/assemblies.md" in " ".join(refused.output.split())

@@ -24,6 +24,8 @@ OPTIONS = "Options"  # heading of options without a group
 LENT = "fcdm_opt.commands"
 """Entry points of commands that another distribution brings: name of a command -> the function that is the command."""
 INSTALL = "needs the package fcdm_opt_benchmarks: pip install ./benchmarks, in a copy of the repository"
+MORE = {"init": "allowed: the meshes of two parts; how a file of more parts is written: docs/assemblies.md"}
+"""What is said where a command is given more than it takes, by its name."""
 
 
 class Command(TyperCommand):
@@ -166,7 +168,8 @@ def _misunderstood(reason: Any) -> str:
         if kind == "MissingParameter":
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
-    return f"{_lower(reason.message)}{where}"
+    more = f"; {MORE[command.name]}" if kind == "UsageError" and getattr(command, "name", "") in MORE else ""
+    return f"{_lower(reason.message)}{more}{where}"
 
 
 def _lower(text: str) -> str:

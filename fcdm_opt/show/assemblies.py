@@ -23,28 +23,38 @@ NUMBERS = ("scale", "amount", "total", "proved\nat least")
 
 
 def print_answers(rows: Sequence[SolvedCase]) -> None:
-    """Print one table for the cases of a file: of assemblies a row a moving part, and what is to be said of each."""
+    """Print the verdicts and one table for the cases of a file, of assemblies a row a part, and what else is said."""
     if not isinstance(rows[0].solution, AssemblySolution):  # a file is of one kind
         return print_solutions(rows)
+    for row in rows:
+        print_text(str(row.solution), indent="   ")
     lines = [cells for row in rows for cells in _cells(row.solution)]
     print_rows(lines, numbers=NUMBERS, optional=("weight",))
     for row in rows:
         solution, name = row.solution, row.solution.assembly.name
         if row.unproved:
             print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
-        if solution.status.name != "SOLVED":
+        if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
             print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
         for told in (*solution.stages, *solution.active) if not solution.usable else solution.stages:
             print_text(f"{name}: {told}", indent="   ")
-        for told in filter(None, (solution.doubt, *through(solution))):
-            print_text(f"{name}: {told}", indent="   ")
+        if solution.doubt and not solution.usable:
+            print_text(f"{name}: {solution.doubt}", indent="   ")
     print_text()
 
 
-def motion_texts(solution: AssemblySolution) -> dict[str, str]:
-    """Return the motions as parameters, by part: "TX 0.0125 + TZ 0.055"; rounding left out."""
-    motions = solution.assembly.motions
-    return {part: motions[part].describe(kept) if kept else "-" for part, kept in _kept(solution).items()}
+def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str]]:
+    """Return part, what it follows, scale, motion and amount, of each that moves, then of those that are fixed.
+
+    Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
+    """
+    assembly = solution.assembly
+    told = {part: assembly.motions[part].describe(kept) if kept else "-" for part, kept in _kept(solution).items()}
+    return [
+        (part, assembly.follows.get(part, "-"), f"{assembly.scales[part]:g}", motion,
+         amount_text(solution.amounts.get(part)))
+        for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
+    ]  # fmt: skip
 
 
 def _kept(solution: AssemblySolution) -> dict[str, list[float]]:
@@ -65,27 +75,31 @@ def assembly_verdict(solution: AssemblySolution) -> str:
         return "does not fit: the only motions found take a part out of the place it is drawn in"
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
-    assembly = solution.assembly
-    moved = list[str]()
+    done = assembly_deed(solution)
+    if not any(map(any, _kept(solution).values())):
+        return f"{done}: every contact is closed"
+    proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
+    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *_through(solution)])
+
+
+def assembly_deed(solution: AssemblySolution) -> str:
+    """Return what to do with each part: "move left wedge 0.0125 mm along +x; move key 0.1 mm along -z"."""
+    assembly, moved = solution.assembly, list[str]()
     for part, kept in _kept(solution).items():
         motion = assembly.motions[part]
         deeds = zip(motion.by_step(kept), motion.deeds(kept, unit=assembly.unit), strict=True) if any(kept) else ()
         moved += [deed_text(part, done)] if (done := [deed for own, deed in deeds if any(own)]) else []
-    if not moved:
-        return "leave all parts where they are: every contact is closed"
-    proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
-    least = solution.doubt or proved
-    return "; ".join([*moved[:-1], f"{moved[-1]}: then every contact is closed", least, *through(solution)])
+    return "; ".join(moved) or "leave all parts where they are"
 
 
-def through(solution: AssemblySolution) -> list[str]:
+def _through(solution: AssemblySolution) -> list[str]:
     """Return in words what parts go through on their straight way."""
     told = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]()) if solution.usable else []
     return [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in told]
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
-    assembly, told = solution.assembly, motion_texts(solution)
+    assembly = solution.assembly
     verdict = "-" if not solution.status.found else verdict_cell(solution)
     first = {
         "case": wrapped(assembly.name, CELL_WIDTH),
@@ -94,15 +108,15 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
         "verified": verdict,
     }
     rows = list[dict[str, str]]()
-    for part, motion in told.items():
-        weight = assembly.weights[part]
+    for part, follows, scale, motion, amount in part_texts(solution):
+        weight = assembly.weights.get(part, 1.0)
         own = {
             "part": wrapped(part, CELL_WIDTH),
-            "follows": wrapped(assembly.follows[part], CELL_WIDTH),
-            "scale": f"{assembly.scales[part]:g}",
+            "follows": wrapped(follows, CELL_WIDTH),
+            "scale": scale,
             "weight": f"{weight:g}" if weight != 1.0 else "",
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
-            "amount": amount_text(solution.amounts.get(part)),
+            "amount": amount,
         }
         shown = first if not rows else dict.fromkeys(first, "")
         rows.append(

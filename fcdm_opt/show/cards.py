@@ -17,16 +17,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, bare_pixels
-from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
+from fcdm_opt.show.assemblies import assembly_deed, assembly_figure, assembly_verdict, part_texts
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.scene import body_figure
 from fcdm_opt.show.texts import (
-    amount_text,
+    bound_text,
     counted,
     in_unit,
     number,
@@ -36,7 +35,7 @@ from fcdm_opt.show.texts import (
     share_text,
     study_facts,
 )
-from fcdm_opt.show.verdict import verdict_text
+from fcdm_opt.show.verdict import deed, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -225,14 +224,13 @@ def cases_card(cases: SolvedCases) -> Card:
     """Return the card of several answers: a line for each case."""
     lines = [
         (name, solution.status.name, number(solution.amount), solution.amount_unit or "length",
-         _bound(solution, "")[0], getattr(solution, "pair_state", "-"),
-         str(solution).splitlines()[0].removeprefix(f"{solution.question.name}: "))
+         _bound(solution, "")[0], getattr(solution, "pair_state", "-"), _deed(solution))
         for name, solution in cases.items()
     ]  # fmt: skip
     usable = sum(solution.usable for solution in cases.values())
     return Card(
         counted(len(cases), "case"),
-        tables=[(("case", "status", "amount", "of", "proved at least", "pair made", "motion"), lines)],
+        tables=[(("case", "status", "amount", "unit", "proved at least", "pair made", "motion"), lines)],
         state=f"{usable} of {len(cases)} usable",
         mood="good" if usable == len(cases) else "bad",
         most=CHECKS_SHOWN,
@@ -248,16 +246,12 @@ def assembly_card(solution: AssemblySolution) -> Card:
         ("verified", _verdict(solution)),
         ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
     ]
-    lines = [
-        (part, assembly.follows[part], told, amount_text(solution.amounts.get(part)))
-        for part, told in motion_texts(solution).items()
-    ]
     told = assembly_verdict(solution)
     return Card(
         f"Solution: {assembly.name}" if assembly.name else "Solution",
         said=f"{told[:1].upper()}{told[1:]}",
         facts=facts,
-        tables=[(("part", "follows", "motion", "amount"), lines)],
+        tables=[(("part", "follows", "scale", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
         state=solution.status.name,
         mood=mood_of(solution),
@@ -275,15 +269,24 @@ def _title(what: str, problem: Problem) -> str:
     return f"{what}: {problem.name}" if problem.name else what
 
 
+def _deed(solution: Any) -> str:
+    """Return what to move how far, of two parts or several; why nothing where that is not known."""
+    several = hasattr(solution, "assembly")
+    if solution.usable:
+        return (assembly_deed if several else deed)(solution)
+    return (assembly_verdict if several else verdict_text)(solution)
+
+
 def _bound(solution: Bounded, unit: str) -> tuple[str, str]:
-    """Return the lower bound and how far below the amount it is."""
+    """Return the lower bound, to as many digits as the amount, and how far below the amount it is."""
+    told = bound_text(solution).split("\n")[0]
     if not solution.lower_bound > 0.0:
         return "0", "(nothing is proved)" if solution.amount else unit
     if math.isinf(solution.lower_bound):
-        return "impossible", ""
+        return told, ""
     near = "of the mesh" if solution.left_by_mesh else "exact"
     gap = near if proved_least(solution) else f"relative gap {number(solution.gap, 2)}"
-    return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
+    return told, f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 
 def _verdict(solution: Bounded) -> str:
@@ -308,7 +311,7 @@ def certificate_card(certificate: Certificate) -> Card:
     return Card(
         "Certificate",
         said=f"{held} of {counted(len(certificate.checks), 'check')} passed",
-        tables=[(("check", "of", "value", "limit", "note"), lines)],
+        tables=[(("result", "check", "value", "limit", "note"), lines)],
         state="passed" if certificate.passed else "not passed",
         mood="good" if certificate.passed else "bad",
         most=CHECKS_SHOWN,

@@ -53,7 +53,7 @@ REFUSED = {
 def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
     if solution.usable:
-        return f"{_deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
+        return f"{deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
     if solution.left_by_mesh:
         return "; ".join((_refused_text(solution), solution.left_by_mesh))
     return _refused_text(solution)
@@ -140,7 +140,8 @@ def motion_said(solution: Solution) -> str:
     return _in_order(_steps(solution), "")[1] if solution.amount > 0.0 else ""
 
 
-def _deed(solution: Solution) -> str:
+def deed(solution: Solution) -> str:
+    """Return what to do with the movable part: "move nut 0.25 mm along -z, then turn it 2 deg about +x"."""
     return deed_text(name_of(solution.problem, 0), _steps(solution))
 
 

@@ -93,7 +93,6 @@ def gather(
     answers = beside.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
-        meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         errors = [file.error] if file.error else []
         first, known, late = len(cases), list[Problem](), not file.error
         for problem in file.problems:
@@ -111,7 +110,7 @@ def gather(
                 if say:
                     say(f"error: {errors[-1]}")
         tables += [{"file": number, **table} for table in matrices(known, cases, first)]
-        listed.append({**head(file), "meshes": meshes, "cases": list(range(first, len(cases)))})
+        listed.append({**head(file), "cases": list(range(first, len(cases)))})
         if errors:
             listed[-1] |= {"error": "; ".join(errors), "late": late}
     return {
@@ -192,20 +191,22 @@ def _digest(path: Path) -> str | None:
 
 
 def _meshes(path: Path) -> list[str]:
-    """Return the mesh files that a problem file names, in order; none where it cannot be read."""
+    """Return the mesh files that a file of a problem or an assembly names, in order; none where it cannot be read."""
     try:
         contents = parsed(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError):
         return []
     bodies = contents.get("bodies", {})
-    tables = [*(bodies.values() if isinstance(bodies, dict) else ()), *contents.get("keep_out", ())]
+    bodies = [*bodies.values()] if isinstance(bodies, dict) else []
+    tables = [*bodies, *contents.get("part", ()), *contents.get("keep_out", ())]
     named = [table["file"] for table in tables if isinstance(table, dict) and isinstance(table.get("file"), str)]
     return list(dict.fromkeys(named))
 
 
 def head(file: Any) -> dict[str, Any]:
-    """Return what a report says of a file as read: name, title, note, SHA-256, and what is wrong with it."""
+    """Return what a report says of a file as read: name, title, note, SHA-256, its meshes, what is wrong with it."""
     told = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+    told["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
     return {**told, "error": file.error} if file.error else told
 
 

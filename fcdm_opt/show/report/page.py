@@ -11,7 +11,7 @@ from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import inline_svg
-from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, motion_texts
+from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, part_texts
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.studies import study_figure
@@ -51,10 +51,6 @@ def page(payload: Data) -> str:
         HTML5, UTF-8. Text from the payload is escaped wherever it stands.
     """
     cases, files = payload["cases"], payload["files"]
-    inputs = []
-    for file in files:
-        inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
-        inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
     tabled = {cell["case"] for table in payload["matrices"] for cell in table["cells"].values()}
     return whole_page(
         "page.html",
@@ -67,7 +63,7 @@ def page(payload: Data) -> str:
         matrices=payload["matrices"],
         listed=len(cases) > 1 and (len(payload["matrices"]) != 1 or any(k not in tabled for k in range(len(cases)))),
         signs=SIGNS,
-        inputs=inputs,
+        inputs=_inputs(files),
         versions=payload["made"].items(),
         made_at=payload["made"]["date"],
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
@@ -80,7 +76,7 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     Parameters
     ----------
     files : sequence of mappings
-        Of each file "file", "title", "note", "sha256", and an "error" or None.
+        Of each file "file", "title", "note", "sha256", "meshes" and an "error" or None.
     solutions : sequence of AssemblySolution
     """
     titles = [file["title"] or file["file"] for file in files]
@@ -89,9 +85,18 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],
-        inputs=[(file["file"], file["sha256"]) for file in files],
+        inputs=_inputs(files),
         versions=made().items(),
     )
+
+
+def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
+    """Return each file with its note on one line, and after it the mesh files that it names."""
+    inputs = list[dict[str, Any]]()
+    for file in files:
+        inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
+        inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
+    return inputs
 
 
 def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
@@ -109,16 +114,7 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": told,
-        "motions": [
-            (
-                part,
-                assembly.follows[part],
-                f"{assembly.scales[part]:g}",
-                motion,
-                amount_text(solution.amounts.get(part)),
-            )
-            for part, motion in motion_texts(solution).items()
-        ],
+        "motions": part_texts(solution),
         "contacts": [
             (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")
             for pair, own in solved
