@@ -681,3 +681,19 @@ def test_a_corner_kept_clear_of_beside_a_face_was_left_to_the_nonlinear_program(
     assert solution.amount == pytest.approx(least, rel=1e-12)
     assert solution.lower_bound == pytest.approx(least, rel=1e-12)
     assert solution.stage.startswith("1:")
+
+
+def test_limits_of_what_the_contact_holds_were_divided_by_zero() -> None:
+    """A block that is seated by z alone, .02 larger, keeps its corner off a post: the shift of .005 along x does it."""
+    block, floor, post = (
+        Body.convex(list(itertools.product(*zip(low, high, strict=True))), name=name, seed="box")
+        for low, high, name in (
+            ((0, 0, 0), (1, 1, 1), "block"), ((-5, -5, -1), (5, 5, 0), "floor"), ((1.005, 0, 0), (2, 1, 1), "post"),
+        )
+    )  # fmt: skip
+    motion = Translation("z") >> Translation("x")
+    asked = Problem(
+        block, floor, tolerance=0.02, requirement="A", motion=motion, limits={"TZ": (-1, 1)}, goal="seat", path="free",
+        keep_out=[post],
+    )  # fmt: skip
+    assert solve(asked).amount == pytest.approx(np.hypot(0.02, 0.005), rel=1e-9)

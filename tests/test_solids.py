@@ -301,3 +301,16 @@ def test_an_apex_on_the_face_across_was_touched_as_a_corner_of_it() -> None:
     apexes = plate.vertices[16:]
     assert len(apexes) == 12
     assert contains(plate, apexes).all()
+
+
+def test_the_depth_of_a_crescent_was_a_third_too_small() -> None:
+    """A pin off the middle of a hole .006 tighter: at least as far as they are apart and as their radii differ."""
+    tight, off = 0.9942636558182489, np.array([0.0214822, 0.0274614, 0.0])
+    pin = trimesh.creation.cylinder(radius=1.0, height=8.0, sections=34)
+    hole = trimesh.creation.annulus(r_min=tight, r_max=2.0, height=8.6, sections=34)
+    one, two = (
+        fo.Body.from_mesh(np.array(mesh.vertices) + way, np.array(mesh.faces), decomposition="surface", seed=(0, 0, 0))
+        for mesh, way in ((pin, off), (hole, 0.0))
+    )
+    least = 1.0 - tight + np.linalg.norm(off)
+    assert 0.99 * least < PlacedSolids(one, two, ONES, np.eye(4)).depth < 1.05 * least

@@ -168,8 +168,8 @@ def _misunderstood(reason: Any) -> str:
         if kind == "MissingParameter":
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
-    more = f"; {MORE[command.name]}" if kind == "UsageError" and getattr(command, "name", "") in MORE else ""
-    return f"{_lower(reason.message)}{more}{where}"
+    more = MORE.get(command.name or "") if kind == "UsageError" and command is not None else None
+    return f"{_lower(reason.message)}{f'; {more}' if more else ''}{where}"
 
 
 def _lower(text: str) -> str:

@@ -27,10 +27,11 @@ from fcdm_opt.tolerances import DEFAULT
 EPSILON = float(np.finfo(float).eps) / 2.0
 TURN_ERROR, HEIGHT_ERROR = (3.0 + 16.0 * EPSILON) * EPSILON, (7.0 + 56.0 * EPSILON) * EPSILON
 """Of determinants of two and three rows of differences, relative to the sum of their products (Shewchuk 1997)."""
-STARTS, STEPS, ROWS = 3, 40, 1000  # of the search for the deepest point: places, steps from each, rows of a program
+STARTS, STEPS, ROWS = 5, 40, 1000  # of the search for the deepest point: places, steps from each, rows of a program
 FEW = 64  # points for each of which all triangles are looked at
 REACHED = 0.9  # of the way to the surface, by convex bodies inside
 PIECES = 8  # of what two solids have in common, in which it starts
+FACETS = 100  # of the thickest of these, on which it starts
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
 
 
@@ -327,7 +328,11 @@ class PlacedSolids:
         either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
         cross, or where only a way round leads out.
         """
-        starts = self._within_common(self._deepest_pieces())
+        pieces = self._deepest_pieces()
+        thickest = sorted(pieces, key=_thickness)[-STARTS:]
+        facets = [(corners[rows].mean(axis=1), len(rows)) for corners, rows in thickest]
+        on_facets = [middles[:: -(-count // FACETS)] for middles, count in facets]
+        starts = np.concatenate([self._within_common(pieces), *on_facets, *_between(thickest[-1:])])
         values, best = self._depths(starts), 0.0
         for k in np.argsort(-values, kind="stable")[:STARTS].tolist():
             if pacing.over():  # each bounds it, the more the nearer
@@ -379,13 +384,7 @@ class PlacedSolids:
     def deep_in(self, pieces: list[tuple[Array, Ints]]) -> Array:
         """Return the nearest points of both surfaces, (2, 3), to a point deep in what the solids have in common."""
         pieces = sorted(pieces, key=_thickness)[-STARTS:]
-        points = [self._within_common(pieces)]
-        for corners, rows in pieces:  # of one bent about a body, its middle is outside
-            triangles = corners[rows]
-            large = np.argsort(-norms(cross(*np.diff(triangles, axis=1).swapaxes(0, 1))))[:CORNERS]
-            middles = triangles[large].mean(axis=1)
-            points.append((middles[:, None] + middles).reshape(-1, 3) / 2.0)
-        every = np.concatenate(points)
+        every = np.concatenate([self._within_common(pieces), *_between(pieces)])
         depths = self._depths(every)
         as_deep = every[depths >= (1.0 - DEFAULT.snap) * depths.max()]
         inner = [min(self._near(which, point, 0.0)[1].min() for which in range(2)) for point in as_deep]
@@ -454,6 +453,17 @@ class PlacedSolids:
             if step <= DEFAULT.snap * self.size:
                 break
         return value
+
+
+def _between(pieces: list[tuple[Array, Ints]]) -> list[Array]:
+    """Return points half way between the largest triangles of pieces: of a bent one the middle may be outside."""
+    found = []
+    for corners, rows in pieces:
+        triangles = corners[rows]
+        large = np.argsort(-norms(cross(*np.diff(triangles, axis=1).swapaxes(0, 1))))[:CORNERS]
+        middles, (one, two) = triangles[large].mean(axis=1), np.triu_indices(len(large))
+        found.append((middles[one] + middles[two]) / 2.0)
+    return found
 
 
 def _thickness(piece: tuple[Array, Ints]) -> float:

@@ -101,10 +101,10 @@ def _on_one_line(task: Task, rates: Array, gaps: Array, moving: Bools) -> Answer
     shifts = np.array(directions) / weights[:, None]
     middle, along = np.linalg.lstsq(rates[:, moving] / weights, gaps, rcond=DEFAULT.nominal)[0], free[0] @ shifts
     length = float(np.linalg.norm(along))
-    T, ends = np.eye(4), (task.limits[moving] * weights[:, None] - middle[:, None]) * length / free[0][:, None]
+    T, kept = np.eye(4), np.abs(free[0]) > DEFAULT.nominal
     T[:3, 3] = middle @ shifts
-    kept = np.abs(free[0]) > DEFAULT.nominal
-    low, high = ends[kept].min(axis=1).max(), ends[kept].max(axis=1).min()
+    ends = ((task.limits[moving] * weights[:, None] - middle[:, None])[kept]) * length / free[0][kept, None]
+    low, high = ends.min(axis=1).max(), ends.max(axis=1).min()
     if not length > DEFAULT.nominal or not low <= high:
         return None
     least = straight(
