@@ -168,8 +168,9 @@ def _misunderstood(reason: Any) -> str:
         if kind == "MissingParameter":
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
-    more = MORE.get(command.name or "") if kind == "UsageError" and command is not None else None
-    return f"{_lower(reason.message)}{f'; {more}' if more else ''}{where}"
+    if kind == "UsageError" and command is not None and command.name in MORE:
+        where = f"; {MORE[command.name]}{where}"
+    return f"{_lower(reason.message)}{where}"
 
 
 def _lower(text: str) -> str:
