@@ -462,6 +462,12 @@ def test_table_is_laid_out_as_the_papers(name):
     assert all(case["quadrant"] for case in payload["cases"])
 
 
+def test_a_case_whose_goal_is_the_files_was_said_to_be_none_of_the_file():
+    """Of the lid, A, B and C write the goal that D has by default."""
+    (table,) = gathered("lid")["matrices"]
+    assert [table["cells"][letter]["case"] for letter in "ABCD"] == [0, 1, 2, 3]
+
+
 def test_requirements_that_a_file_leaves_out_are_solved_and_marked():
     payload = gathered("boxes")
     (table,) = payload["matrices"]  # cases with an explicit target have none

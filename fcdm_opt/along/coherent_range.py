@@ -20,7 +20,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.active_parts import with_parts_on_the_way
+from fcdm_opt.problem.active_parts import with_parts_met_along
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
@@ -232,7 +232,7 @@ def coherent_range(
         for side, end in ends.items():
             found.append(_ended(asked, march, tracked, along, side, end))
             until = min(abs(found[-1][0].x), end.x)
-            problem, clear[side] = with_parts_on_the_way(problem, side * along, march.near, clear[side], until)
+            problem, clear[side] = with_parts_met_along(problem, side * along, march.near, clear[side], until)
         if problem is asked:
             break
     (first, before), (last, after) = found

@@ -29,7 +29,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.active_parts import moving_at_most, with_parts_on_the_way
+from fcdm_opt.problem.active_parts import moving_at_most, with_parts_met_along
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -233,7 +233,7 @@ def _to_first_contacts(
         for sign in (-1.0, 1.0):
             clear = before if math.isfinite(moving(0.0, x)[1]) else x
             while clear < x:
-                problem, clear = with_parts_on_the_way(problem, sign * along, moving, clear, x)
+                problem, clear = with_parts_met_along(problem, sign * along, moving, clear, x)
         both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
         if all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
             break

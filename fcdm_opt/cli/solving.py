@@ -121,7 +121,7 @@ def range_command(
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange, Any]]:
         along = _default_direction(file, problem) if asked is None else asked
         found = coherent_range(problem, along)
-        times = contact_times_told(problem, along)
+        times = contact_times_or_refusal(problem, along)
         entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}
         several = isinstance(found, AssemblyRange)
         each = [*found.contacts.values()] if several else [found]
@@ -129,9 +129,9 @@ def range_command(
             for own in each:
                 figure = family_figure(own, title=f"{file.name}: case {own.problem.name}, coherent range")
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
-        return [(own, contact_times_told(own.problem, along) if several else times) for own in each]
+        return [(own, contact_times_or_refusal(own.problem, along) if several else times) for own in each]
 
-    def contact_times_told(problem: Any, along: Any) -> ContactTimes | str:
+    def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:
             return contact_times(problem, along)
         except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same

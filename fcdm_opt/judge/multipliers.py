@@ -97,7 +97,7 @@ def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipli
         bound = min(bound, float(found[enough].min(initial=bound)))
         shown += [(np.array([low[k], high[k]]), motions[k]) for k in np.flatnonzero(enough)]
         low, high, motions, places = (own[~enough] for own in (low, high, motions, places))
-        if len(low) and not (isinstance(rows, OneContact) and rows.asked):
+        if len(low) and not (isinstance(rows, OneContact) and rows.part_pairs):
             return None
         if isinstance(rows, OneContact):
             low, high, motions = rows.divided(low, high, motions, places)

@@ -155,7 +155,7 @@ class OneContact:
         y, turning = np.clip(near, low, high), np.asarray(self.problem.motion.turning)
         for _ in range(STEPS):
             pose = self._at(y)
-            ways = {(i, j): self._ways(i, j, pose) for i, j in self.asked}
+            ways = {(i, j): self._directions_of(i, j, pose) for i, j in self.part_pairs}
             short = {pair: float(own[-1].max()) - self._need(pair[1]) for pair, own in ways.items()}
             pair = min(short, key=lambda pair: short[pair])
             gap, n = short[pair], ways[pair][-2][ways[pair][-1].argmax()]
@@ -172,10 +172,10 @@ class OneContact:
         rest = self._at(np.zeros(len(self.problem.weights)))
         needed = [j for j, own in enumerate(self._scene.obstacles) if np.isfinite(own.need)]
         pairs = product(range(len(self._scene.movable)), needed)
-        return [(i, j) for i, j in pairs if self._ways(i, j, rest)[-1].max() < self._need(j)]
+        return [(i, j) for i, j in pairs if self._directions_of(i, j, rest)[-1].max() < self._need(j)]
 
     @cached_property
-    def asked(self) -> list[tuple[int, int]]:
+    def part_pairs(self) -> list[tuple[int, int]]:
         """The part pairs that are to come apart, or else those of which one is to touch."""
         statics = range(len(self.problem.active[1].parts) if self._scene.must_touch else 0)
         return self._meeting or list(product(range(len(self._scene.movable)), statics))
@@ -198,7 +198,7 @@ class OneContact:
         moved = np.einsum("ijk,...j->...ik", J[:9].reshape(3, 3, -1), (p + d) @ R) - J[9:]
         return np.asarray(n @ moved)
 
-    def _ways(self, i: int, j: int, pose: Pose) -> tuple[Array, ...]:
+    def _directions_of(self, i: int, j: int, pose: Pose) -> tuple[Array, ...]:
         """Return directions of two parts, kinds, u, w, and unit n, and how far the parts are apart along each."""
         R = pose[0]
         one, two = self.problem.active[0].parts[i], self._scene.obstacles[j].part
@@ -224,7 +224,7 @@ class OneContact:
 
         size, sign = self.problem.size, -1.0 if self._meeting else 1.0
         X, Y = self._corners(i, pose), self._scene.obstacles[j].vertices.middle
-        kinds, u, w, normals, gaps = self._ways(i, j, pose)
+        kinds, u, w, normals, gaps = self._directions_of(i, j, pose)
         best = np.flatnonzero(gaps >= gaps.max() - NEAR * size)
         options = [(int(kinds[k]), u[k], w[k], normals[k]) for k in best]
         limits = self.problem.limits.T * self.problem.weights
@@ -260,7 +260,7 @@ class OneContact:
     def _choices(self, y: Array, far: Array) -> list[list[tuple[int, Array]]]:
         """Return rows that may bound motions up to so far from one, kinds and numbers, one way after another."""
         pose = self._at(y)
-        known = [(self._contact(i, j, pose, y), i, j) for i, j in self.asked]
+        known = [(self._contact(i, j, pose, y), i, j) for i, j in self.part_pairs]
         if not self._meeting:
             return [[self._apart(i, j, own, pose) for own, i, j in known]]
         nearest = sorted(known, key=lambda item: item[0].gap - self._need(item[2]))[:2]
@@ -291,10 +291,10 @@ class OneContact:
         corners, none = (self._scene.movable[i], self._scene.obstacles[j].vertices), np.zeros(3)
         x, w = (p + d) @ R, p + need * n
         if contact.kind == F1V2:
-            normals, levels = _grown(self.problem.active[0].parts[i], corners[0], need, n @ R)
+            normals, levels = _planes_within_reach(self.problem.active[0].parts[i], corners[0], need, n @ R)
             off = float(distances_from(w[None], corners[1])[0])
             return F1V2, self._numbers(-normals, none, none, w, levels - off - self._rounding)
-        normals, levels = _grown(self._scene.obstacles[j].part, corners[1], need, -n)
+        normals, levels = _planes_within_reach(self._scene.obstacles[j].part, corners[1], need, -n)
         if contact.kind == V1F2:
             off = float(distances_from(x[None], corners[0])[0])
             return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding)
@@ -318,7 +318,7 @@ def _nearest(X: Array, Y: Array) -> Array:
     return np.asarray(shares[: len(X)] @ X / shares[: len(X)].sum())
 
 
-def _grown(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
+def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
     """Return planes below all of which all is inside a part, or nearer to it than a length; one is across n if may be.
 
     Normals, (f, 3), and levels, (f,).

@@ -151,7 +151,7 @@ def with_parts(problem: Problem, wanted: Indices | Ints | None) -> Problem:
     return problem.with_active_parts((np.append(known[0], one), np.append(known[1], two)))  # those known come first
 
 
-def with_parts_on_the_way(
+def with_parts_met_along(
     problem: Problem, along: Array, near: Callable[[float, float], tuple[Array, float]], low: float, high: float
 ) -> tuple[Problem, float]:
     """Return the problem with parts active that may touch next after some motion q = x * along, low <= x <= high.
@@ -186,7 +186,7 @@ def with_parts_on_the_way(
 
 
 def moving_at_most(problem: Problem, along: Array, rho: Array) -> Callable[[float, float], tuple[Array, float]]:
-    """Return how near parts of one scale pair are, see `with_parts_on_the_way`; infinite where no rate is known."""
+    """Return how near parts of one scale pair are, see `with_parts_met_along`; infinite where no rate is known."""
     fastest = float(_rates(problem) @ np.abs(along))
     return lambda low, high: (rho, 0.5 * fastest * (high - low))
 

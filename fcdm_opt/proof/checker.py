@@ -609,14 +609,14 @@ class Examiner:
 
     def costly(self, poses: Poses) -> Array:
         """Return by how much the amount, the user's own, is more than what is claimed."""
-        return self._own_amount.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+        return self._amount_bounds.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
     def beyond(self, poses: Poses) -> Array:
         """Return the same of all motions from here on outwards."""
-        return self._own_amount.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+        return self._amount_bounds.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
     @cached_property
-    def _own_amount(self) -> AmountOfPieces:
+    def _amount_bounds(self) -> AmountOfPieces:
         return AmountOfPieces(self.problem.amount.function, self.problem.weights)
 
 

@@ -270,7 +270,7 @@ class Exclusion:
         return limits
 
     @cached_property
-    def _own_amount(self) -> AmountOfPieces:
+    def _amount_bounds(self) -> AmountOfPieces:
         assert isinstance(self.task.amount_kind, OwnAmount)
         return AmountOfPieces(self.task.amount_kind.function, self.task.weights)
 
@@ -324,7 +324,7 @@ class Exclusion:
             return cells.stretch[:, 0] * cells.nearest
         if isinstance(task.amount_kind, OwnAmount):
             with np.errstate(all="ignore"):
-                return np.nan_to_num(self._own_amount.least(cells.pieces), nan=-np.inf)
+                return np.nan_to_num(self._amount_bounds.least(cells.pieces), nan=-np.inf)
         # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
         points = np.concatenate([solid[0] for solid in self.movable])
         turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
@@ -353,7 +353,7 @@ class Exclusion:
             codes[costly := (codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
             if isinstance(self.task.amount_kind, OwnAmount):
                 with np.errstate(all="ignore"):
-                    codes[costly & (self._own_amount.least_beyond(cells.pieces) >= enough)] = Reason.BEYOND
+                    codes[costly & (self._amount_bounds.least_beyond(cells.pieces) >= enough)] = Reason.BEYOND
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
         if np.isfinite(self.needs).any():

@@ -314,7 +314,7 @@ def _combined(function: Callable[[Interval, Interval], Interval]) -> Callable[[G
     return combined
 
 
-def _unknown(*_: Growing) -> Growing:
+def _unbounded(*_: Growing) -> Growing:
     return Growing(Interval(0.0, np.inf), 0.0)
 
 
@@ -322,7 +322,9 @@ def _settled(name: str) -> Callable[..., Growing]:
     """Return any function of numbers that do not grow."""
 
     def settled(*given: Growing) -> Growing:
-        return _unknown() if any(x.power for x in given) else Growing(ARITHMETIC[name](*(x.factor for x in given)), 0.0)
+        if any(x.power for x in given):
+            return _unbounded()
+        return Growing(ARITHMETIC[name](*(x.factor for x in given)), 0.0)
 
     return settled
 
@@ -330,7 +332,7 @@ def _settled(name: str) -> Callable[..., Growing]:
 GROWTH: dict[str, Callable[..., Growing]] = {
     **{name: _settled(name) for name in ARITHMETIC},
     "CONST": lambda x: Growing(Interval(x), 0.0),
-    "UNKNOWN": _unknown,
+    "UNKNOWN": _unbounded,
     **{name: _combined(ARITHMETIC[name]) for name in ("ADD", "SUB", "FMIN", "FMAX")},
     "MUL": lambda x, y: Growing(x.factor * y.factor, x.power + y.power),
     "DIV": lambda x, y: Growing(x.factor / y.factor, x.power - y.power),

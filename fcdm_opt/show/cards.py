@@ -403,7 +403,7 @@ def map_card(sizes: CompensationMap) -> Card:
         "Compensation map",
         facts=[
             ("triangles", str(len(sizes.table)), solves),
-            ("largest error", sizes.reached_text, f"(asked for {number(sizes.error, 3)} {length})"),
+            ("largest error", sizes.error_text, f"(asked for {number(sizes.error, 3)} {length})"),
         ],
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",

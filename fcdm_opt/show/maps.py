@@ -77,7 +77,7 @@ def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title:
         lines.append(f"     {region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
-    lines += ["", *_signs(sizes), f"{sizes.solved} pairs solved and judged", f"largest error: {sizes.reached_text}"]
+    lines += ["", *_signs(sizes), f"{sizes.solved} pairs solved and judged", f"largest error: {sizes.error_text}"]
     sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
 

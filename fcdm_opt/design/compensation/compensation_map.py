@@ -163,13 +163,13 @@ class CompensationMap(Plain, Shown):
         return (
             f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
             f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
-            f"error {self.reached_text} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
+            f"error {self.error_text} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
         )
 
     @property
-    def reached_text(self) -> str:
+    def error_text(self) -> str:
         """The error in words."""
         known = math.isfinite(self.reached)
         return measured(f"{self.reached:.3g}", self.unit) if known else "not known, the time was over"

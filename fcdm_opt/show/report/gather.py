@@ -135,7 +135,8 @@ def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first
         if problem.requirement is None:
             continue
         told = problem.to_dict()
-        question = told["bodies"], told.get("keep_out"), [told["case"][0].get(key) for key in SHARED]
+        case = told["case"][0] | {"goal": problem.goal, "pair": problem.pair}  # by default, too
+        question = told["bodies"], told.get("keep_out"), [case.get(key) for key in SHARED]
         letter = problem.requirement
         cells = next((cells for other, _, cells in tables if other == question and letter not in cells), None)
         if cells is None:
