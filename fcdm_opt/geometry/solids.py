@@ -173,7 +173,7 @@ def _heights(points: Array, corners: Array) -> Ints:
 def _holds(corners: Array, point: Array) -> bool:
     """Tell whether a triangle holds a point of its plane, rim included."""
     ends = exactly(corners)
-    sides = following(ends) - ends
+    sides = np.roll(ends, -1, axis=0) - ends
     return bool((cross(sides, exactly(point) - ends) @ cross(sides[0], sides[1]) >= 0).all())
 
 
