@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Literal, NamedTuple, TypedDict, Unpack, overload
+from typing import Any, Literal, NamedTuple, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -26,7 +26,8 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import EFFORTS, Bounded, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, StageName, left, settled
@@ -53,9 +54,11 @@ class How(TypedDict, total=False):
 def solve(problem: Problem, **how: Unpack[How]) -> Solution: ...
 @overload
 def solve(problem: Assembly, **how: Unpack[How]) -> AssemblySolution: ...
+@overload
+def solve(problem: Scene, **how: Unpack[How]) -> Bounded: ...
 @known_arguments
 def solve(
-    problem: Problem | Assembly,
+    problem: Scene,
     *,
     model: Literal["auto"] | StageName = "auto",
     certify: bool = False,
@@ -63,7 +66,7 @@ def solve(
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
-) -> Solution | AssemblySolution:
+) -> Bounded:
     """Find the smallest motion that meets a problem's requirement, or an assembly's, and have it judged.
 
     Parameters
@@ -100,8 +103,9 @@ def solve(
     """
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
+    answered: Any = _several if isinstance(problem, Assembly) else _answered
     with pacing.within(time):
-        solution = _several(problem, how) if isinstance(problem, Assembly) else _answered(problem, how)
+        solution: Bounded = answered(problem, how)
         if solution.stopped and time is None:  # whoever asked would take it for all that can be had
             raise pacing.TimeOverError
     if throw and not solution.usable:
@@ -298,7 +302,7 @@ def _least_of(solutions: list[Solution], others: list[float]) -> Solution:
     return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 
-def _check(problem: Problem | Assembly, how: _How) -> None:
+def _check(problem: Scene, how: _How) -> None:
     expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:

@@ -21,6 +21,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
 MadeState = Literal["apart", "touching", "overlapping", "unknown"]
@@ -256,9 +257,23 @@ class Bounded(Plain, Shown):
         raise NotImplementedError
 
     @property
+    def coordinates(self) -> dict[str, float]:
+        """Values of the parameters of all motions by the names of `Scene.coordinates`; empty without a motion."""
+        raise NotImplementedError
+
+    @property
+    def held_by(self) -> tuple[Any, ...]:
+        """What the motion rests on: alike where the same contacts and constraints hold it."""
+        return self.status, self.active
+
+    def answering(self, question: Any) -> Self:
+        """Return the same motion as an answer to another question, to be judged by that."""
+        raise NotImplementedError
+
+    @property
     def amount_unit(self) -> str:
         """Unit of the amount, "" where none is known."""
-        return str(self.question.unit)
+        return str(self.question.amount_unit)
 
     @cached_property
     def left_by_mesh(self) -> str:
@@ -454,9 +469,19 @@ class Solution(Bounded):
         return ""
 
     @property
-    def amount_unit(self) -> str:
-        """As of the problem."""
-        return self.problem.amount_unit
+    def coordinates(self) -> dict[str, float]:
+        """`parameters`."""
+        return dict(self.parameters)
+
+    @property
+    def held_by(self) -> tuple[Any, ...]:
+        """Status, features and what is active."""
+        return self.status, self.features, self.active
+
+    def answering(self, question: Problem) -> Self:
+        """Return the same motion as an answer to another question about the same motion."""
+        features = question.contacts if question.contacts and question.goal != FIT else self.features
+        return replace(self, problem=question, features=features)
 
     @property
     def _limited(self) -> bool:
