@@ -407,7 +407,7 @@ def test_nothing_was_said_while_a_mesh_was_read_for_minutes(tmp_path: Path, monk
 # --------------------------------------------------------------------------------------------------------------- schema
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "result"])
 def test_the_schema_is_one_and_takes_all_files_that_are_here(kind: str) -> None:
     schema = json.loads(run("schema", "--what", kind).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -424,6 +424,22 @@ def test_the_schema_is_one_and_takes_all_files_that_are_here(kind: str) -> None:
         check.validate(data)
         assert not check.is_valid({**data, "nominall": 1}), file
         assert not check.is_valid({**data, "title": 1}), file
+
+
+def test_the_schema_of_results_takes_what_solve_writes() -> None:
+    schema = json.loads(run("schema", "--what", "result").stdout)
+    check = jsonschema.Draft202012Validator(schema)
+    check.check_schema(schema)
+    files = ["bracket_stuck.toml", "example1.toml", "assemblies/loop_of_four.toml", "none.toml"]
+    for told in (files[:2], [*files[2:], "--certify"]):
+        asked = (str(PROBLEMS / own) if "." in own else own for own in told)
+        document = json.loads(run("solve", "--json", *asked).stdout)
+        check.validate(document)
+        case = document["files"][0]["cases"][0]
+        for name, wrong in (("amount", "much"), ("status", "DONE"), ("certificate", [])):
+            kept, case[name] = case[name], wrong
+            assert not check.is_valid(document), name
+            case[name] = kept
 
 
 def test_an_unknown_kind_of_file_is_refused() -> None:

@@ -61,9 +61,9 @@ def init_command(
 
 
 def schema_command(
-    what: Annotated[str, option("--what", "KIND", 'Kind of file: "problem", "study" or "assembly".')] = "problem",
+    what: Annotated[str, option("--what", "KIND", '"problem", "study", "assembly" or "result".')] = "problem",
 ) -> None:
-    """Print the JSON Schema of a kind of file, by which editors complete and check such files.
+    """Print the JSON Schema of a kind of file, or of what `solve --json` writes, by which such files are checked.
 
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
