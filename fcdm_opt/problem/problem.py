@@ -312,6 +312,18 @@ class Problem(NominalContact, Scene, Shown):
         """Return the same question with other limits of a parameter."""
         return self.changed(limits={**self.request["limits"], name: limits})
 
+    def with_motion(self, motion: Motion) -> tuple[Problem, tuple[str, ...]]:
+        """Return the same question about another motion, and which limits, weights and steps it has no parameter for.
+
+        Goal and length stay as they are.
+        """
+        names, given = set(motion.names), {key: self.request[key] for key in ("limits", "weights", "resolution")}
+        given = {key: values for key, values in given.items() if isinstance(values, Mapping)}
+        kept = {key: {k: x for k, x in values.items() if k in names} or None for key, values in given.items()}
+        dropped = tuple(f"{key}.{k}" for key, values in given.items() for k in values if k not in names)
+        same = {"goal": self.goal, "length": self.length, "published": None, "published_text": ""}
+        return self.changed(motion=motion, **same, **kept), dropped
+
     def deviating(self, share: float) -> Problem:
         """Return the same question with a share of the deviation from nominal: of its tolerance, or of its target's."""
         if self.tolerance is not None:
