@@ -11,8 +11,8 @@ from packaging.requirements import Requirement
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
+from fcdm_opt.lazy_import import extra
 
 EXAMPLE = str(Path(__file__).parent.parent / "problems" / "example1.toml")
 

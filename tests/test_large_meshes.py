@@ -88,8 +88,8 @@ def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: st
         fo.Body.from_mesh(vertices, faces, decomposition=method, seed=vertices.mean(axis=0), name="solid")
         for method in ("exact", "surface")
     )
-    assert surface.hollow
-    assert not exact.hollow
+    assert surface.is_surface
+    assert not exact.is_surface
     top = max((vertices[list(face)].mean(axis=0) for face in faces), key=lambda middle: middle[2])
     tip = np.array([(0.01, 0.02, 0.0), (-0.2, 0.0, 0.1), (0.0, -0.3, 0.2), (0.3, 0.2, 1.0)])
     other = fo.Body.convex(top + tip + [0.0, 0.0, 0.02], name="tip")
@@ -103,7 +103,7 @@ def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: st
 
 
 def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored: fo.Body) -> None:
-    assert bored.hollow
+    assert bored.is_surface
     assert f"{SIDES} reflex edges" in bored.notes[0]
     apothem = math.cos(math.pi / SIDES)
     peg = prism(SIDES, PEG, -1.0, 5.0)
@@ -140,7 +140,7 @@ def test_contacts_within_the_thickness_of_a_surface_were_listed() -> None:
     angle = fo.Body.from_mesh(corners, faces, decomposition="surface", seed=(6, -4, 0))
     cube = fo.Body.convex(np.array(list(product((5.5, 6.5), (-4.5, -3.5), (3.5, 4.5)))), seed=(6, -4, 4))
     curve = fo.decision_curve(cube, angle, box=((0.3, 2.0), (0.3, 2.0)))
-    assert angle.hollow
+    assert angle.is_surface
     assert [(4.0 - rho[0] / 2.0) / 6.0 for own in curve.segments for rho in (own.start, own.end)] == pytest.approx(
         [rho[1] for own in curve.segments for rho in (own.start, own.end)]
     )
@@ -313,7 +313,7 @@ def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
         prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
     )
     again = Problem.from_dict(problem.to_dict())
-    assert again.static.hollow
+    assert again.static.is_surface
     assert len(again.request["static"].parts) == len(bored.parts)
     assert fo.solve(again).amount == pytest.approx((1.01 * HOLE - 0.99 * PEG) * math.cos(math.pi / SIDES), rel=1e-9)
 

@@ -342,7 +342,7 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch)
 def test_work_is_named_with_what_it_is_for() -> None:
     told: list[tuple[str, int, int]] = []
     with pacing.listening(lambda *what: told.append(what)), pacing.working_on("case A"):
-        assert pacing.heard()
+        assert pacing.has_listeners()
         pacing.at("searching", 1, 2)
     assert told == [("searching (case A)", 1, 2)]
-    assert not pacing.heard()
+    assert not pacing.has_listeners()

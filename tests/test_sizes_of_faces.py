@@ -222,7 +222,7 @@ def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
     problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]
     tried = 0
     for body in (problem.movable, problem.static):
-        for k, triangles in enumerate(body.skin):
+        for k, triangles in enumerate(body.triangles):
             size = fo.Size("f", "static", faces=f"F{k + 1}")
             try:
                 one, two = (volume(resized(body, {size: p})) for p in (-0.1, 0.1))  # the library has single precision

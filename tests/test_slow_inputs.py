@@ -109,7 +109,7 @@ def test_a_clearance_nobody_had_proved_took_a_quarter_of_a_minute(monkeypatch: p
     vertices, reasons = [0], Exclusion.reasons
 
     def counted(scene: Exclusion, cells: Any, *rest: Any) -> Any:
-        each = sum(len(solid[0]) for solid in (*scene.movable, *scene.opponents))
+        each = sum(len(solid[0]) for solid in (*scene.movable, *scene.obstacles))
         vertices[0] += len(cells.faces) * each
         return reasons(scene, cells, *rest)
 

@@ -27,7 +27,7 @@ def ball(radius, subdivisions, name="ball", centre=(0, 0, 0)):
     body = fo.Body.from_mesh(
         points + centre, np.array(mesh.faces), decomposition="surface", seed=np.array(centre, float), name=name
     )
-    assert body.hollow
+    assert body.is_surface
     return body
 
 
@@ -99,7 +99,7 @@ def test_depth_of_surface_bodies_does_not_fall_with_refinement(refined):
 
 def test_how_deep_parts_overlap_was_worked_out_to_tell_that_they_do_not_touch(monkeypatch):
     lid, ring = box((2, 2, 1)), frame((3, 3, 1), (1, 1, 2), decomposition="surface")
-    assert ring.hollow
+    assert ring.is_surface
     for high, asked in ((1.5, False), (2.0, True), (2.5, False)):
         curve = fo.decision_curve(lid, ring, transform=shifted(0, 0, high))
         with monkeypatch.context() as patched:
@@ -239,7 +239,7 @@ def test_depth_of_an_overlap_with_a_scan_halved_with_each_refinement(finer):
         mesh = trimesh.load(CASES / "scan3.stl").subdivide()
         rough = np.random.default_rng(0).normal(0.0, 1e-4, (len(mesh.vertices), 3))
         static = fo.Body.from_mesh(np.array(mesh.vertices) + rough, np.array(mesh.faces), name="scan4")
-    assert static.hollow
+    assert static.is_surface
     situation = Situation(movable, static, "mm")
     assert situation.state == "overlapping"
     assert situation.gap == pytest.approx(-1.5, abs=1e-3)

@@ -182,7 +182,7 @@ def test_from_step_files_to_the_answer(tmp_path: Path) -> None:
 
 def test_a_body_kept_as_its_surface_keeps_its_error(tmp_path: Path) -> None:
     body = read(tmp_path, polyhedron(PLATE, SIDES, "mm", bore=10.0), deviation=0.05, decomposition="surface")
-    assert body.hollow
+    assert body.is_surface
     problem = fo.Problem(
         fo.Body.convex(PLATE + np.array([0, 0, 20])), body, target=(1.0, 1.0), motion=fo.Translation("z")
     )

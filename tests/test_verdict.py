@@ -84,7 +84,7 @@ def test_what_overlaps_after_the_motion_is_said() -> None:
     ],
 )
 def test_steps_in_words(motion: fo.Motion, q: list[float], deeds: list[tuple[str, str]]) -> None:
-    assert motion.deeds(q, unit="mm") == deeds
+    assert motion.describe_steps(q, unit="mm") == deeds
 
 
 def test_shifts_in_a_row_are_told_together() -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from fcdm_opt import beside, pacing
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
@@ -85,7 +85,7 @@ def warmup_command() -> None:
         pacing.at("compiling the numerical kernels that all commands share")
         warming.shared()
         groups = _moved, warming.sized
-        for done, result in enumerate(beside.each(operator.call, groups), 1):
+        for done, result in enumerate(process_pool.each(operator.call, groups), 1):
             result()
             pacing.at("compiling numerical kernels", done, len(groups))
         for ask in groups:  # of what both compiled one is kept, which the code of the other may not fit

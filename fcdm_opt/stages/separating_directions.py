@@ -190,7 +190,7 @@ class Linearised(NamedTuple):
 
     def ways(self, parts: Parts) -> list[tuple[Array, Array]] | None:
         """Return (gradients, separations) of each direction that may part a pair; None where nothing can join it."""
-        need = self.task.opponents[parts[1]].need
+        need = self.task.obstacles[parts[1]].need
         found = []
         for gradients, gaps in self.directions(parts):
             rows = gaps <= need + self.band
@@ -208,14 +208,14 @@ class Linearised(NamedTuple):
 
     def _directions(self, parts: Parts) -> list[tuple[Array, Array]]:
         task, (i, j) = self.task, parts
-        one, opponent = task.movable.parts[i], task.opponents[j]
-        two, need = opponent.part, opponent.need
+        one, obstacle = task.movable.parts[i], task.obstacles[j]
+        two, need = obstacle.part, obstacle.need
         sites, lines, gaps = task.separations(parts, task.pose(self.q))
         if not self.turns.any() and need <= 0.0:  # a shift: one row for all vertices
             some = np.argsort(-gaps)[: int((gaps >= need - self.band).sum())]  # one that nothing can join comes first
             return list(zip(-(lines[some, None, :3] @ self.shifts.T), gaps[some, None], strict=True))
         x = task.target[0] * (one.vertices - one.seed)
-        p = opponent.placed(task.static.seed)
+        p = obstacle.placed(task.static.seed)
         moved = x @ self.R.T + self.offset
         speeds = np.einsum("kab,nb->kna", self.turns, x) + self.shifts[:, None]  # of the vertices of body 1
         away = p - self.offset

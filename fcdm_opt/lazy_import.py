@@ -8,7 +8,7 @@ from typing import Any
 from fcdm_opt.errors import InputError
 
 
-def upper(place: str) -> Any:
+def imported(place: str) -> Any:
     """Return what stands at "package.module:name" of fcdm_opt."""
     module, name = place.split(":")
     return getattr(import_module(f"fcdm_opt.{module}"), name)
@@ -39,12 +39,12 @@ def extra(module: str, of: str, *, key: str | None = None, found: Any = None) ->
         raise InputError(what, key=key, found=found) from reason
 
 
-class Shown:
+class NotebookRepr:
     """Base of the results that notebooks show as a card, see `fcdm_opt.show.cards`."""
 
     __slots__ = ()
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook."""
-        made: str = upper("show.cards:card_of")(self)
+        made: str = imported("show.cards:card_of")(self)
         return made

@@ -29,7 +29,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
-from fcdm_opt.stages.ways_apart import Linearised
+from fcdm_opt.stages.separating_directions import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
@@ -49,7 +49,7 @@ MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each o
 LINEAR, NEWTON = "1: several contacts, linear equations", "2: several contacts, by Newton's method"
 
 
-def together(task: Task) -> Answer | None:
+def contact_system(task: Task) -> Answer | None:
     """Answer a task that restores several contacts at once; None for any other.
 
     Exact where nothing turns: fewer independent contacts than parameters leave a family, of which the least motion is
@@ -76,7 +76,7 @@ def among_others(task: Task) -> Answer | None:
     """
     if task.goal not in ("at", "seat") or not task.motion.shifts:
         return None
-    own = System(task, (*task.tracked, *task.besides))
+    own = System(task, (*task.tracked, *task.untracked))
     z, sure = least([own])
     if not sure:
         return None
@@ -87,7 +87,7 @@ def _answered(own: System, z: Array, *, exact: bool) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
     count = len(task.joints) or 1
-    beside = [task.opponents[j].keep_out >= 0 for j in range(len(task.opponents))]
+    beside = [task.obstacles[j].keep_out >= 0 for j in range(len(task.obstacles))]
     at_need = np.abs(task.pair_gaps(q) - task.needs) <= DEFAULT.active * task.size
     stopped = {task.named((i, j)): None for i, j in np.argwhere(at_need & beside).tolist()}
     first = f"{count} contacts at once" if count > 1 else "the contact"
@@ -137,7 +137,7 @@ def all_at_once(
     return Answer(status, q, stage, min(bound, amount), active, amount=amount)
 
 
-def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
+def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     """Return an answer about several contacts and a motion that turns with what interval arithmetic proves of it.
 
     How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
@@ -226,10 +226,10 @@ class System:
     def of(cls, task: Task, group: Sequence[int] | None = None) -> System:
         """Return the equations of all of a task's joints, or of some, as if there were no others."""
         if group is None:
-            return cls(task, task.besides)
+            return cls(task, task.untracked)
         joints = tuple(task.joints[k] for k in group)
         lines = tuple(line for joint in joints for line in lines_of(task.movable, task.static, joint))
-        return cls(replace(task, joints=joints, besides=lines), lines)
+        return cls(replace(task, joints=joints, untracked=lines), lines)
 
     def only(self, group: Sequence[int]) -> System:
         """Return the same with some of the contacts; without any the parts are only to be clear of each other."""
@@ -263,7 +263,7 @@ class System:
         task = self.task
         if not self.count:
             return np.empty(0), np.empty((0, len(task.weights)))
-        lines, (T, rates) = replace(task, tracked=(), besides=self.features), task.rates(q)
+        lines, (T, rates) = replace(task, tracked=(), untracked=self.features), task.rates(q)
         normals, gaps = lines.line_gaps(q)
         values = [*(gaps / task.size), *(m @ T[:3, :3] @ p for m, p in self.turns)]
         slopes = [*lines.line_rates(q, normals), *(task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns)]
@@ -296,7 +296,7 @@ class System:
 
     def meets(self, q: Array, slack: float) -> bool:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
-        return replace(self.task, besides=self.features).meets(q, slack)
+        return replace(self.task, untracked=self.features).meets(q, slack)
 
     def blocked(self, q: Array) -> set[Parts]:
         """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
@@ -307,7 +307,7 @@ class System:
         asked = np.isfinite(task.needs)
         return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
-    def ways_apart(self, pairs: Sequence[Parts], q: Array) -> Choices:
+    def separating_directions(self, pairs: Sequence[Parts], q: Array) -> Choices:
         """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
         task, y = self.task, self.task.weights * q
         if not pairs or not task.motion.shifts:
@@ -338,15 +338,15 @@ class System:
         With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may.
         """
         task = self.task
-        hosts = [joint.hosts for joint in task.joints]
+        carriers = [joint.carriers for joint in task.joints]
         if task.must_touch and not self.features:
-            hosts = [tuple(np.ndindex(task.pair_gaps(q).shape))]
+            carriers = [tuple(np.ndindex(task.pair_gaps(q).shape))]
         most = EVERY if task.motion.shifts else NEAREST_WAYS
         groups = [
             [
                 Rows(-rows.normals, self._over(parts, q, most) - rows.levels if shared else -rows.levels)
                 for parts in own for rows in (self._rows(parts, q, most),)
-            ] for own in hosts
+            ] for own in carriers
         ]  # fmt: skip
         return Choices.of(groups, len(task.weights))
 
@@ -390,7 +390,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             closing = systems if exact and blocked else touching
             choices = Choices.of([], len(z)).and_also(
                 *(
-                    own.ways_apart([parts for j, parts in sorted(blocked) if j == k], q)
+                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q)
                     for k, own in enumerate(systems)
                 ),
                 *(own.closings(first.start if exact else q, shared=shared) for own in closing),
@@ -558,7 +558,7 @@ def _fitted(task: Task) -> Answer:
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
         aligned = slopes[count:], slopes[count:] @ z - values[count:]
-        choices, near = own.ways_apart(sorted(blocked), own.q(z)), own.limits()
+        choices, near = own.separating_directions(sorted(blocked), own.q(z)), own.limits()
         if not exact:
             near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
         kept = near
