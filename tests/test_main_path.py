@@ -15,7 +15,7 @@ from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
 # files anything may use
-GROUND = {"beside", "compiling", "doors", "errors", "pacing", "plain", "threads", "tolerances", "version"}
+GROUND = {"process_pool", "compiling", "lazy_import", "errors", "pacing", "plain", "threads", "tolerances", "version"}
 
 PACKAGES = {
     "geometry": set(),

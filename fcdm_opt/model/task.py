@@ -87,7 +87,7 @@ class Answer:
         return self.q is not None or self.last or not math.isfinite(self.lower_bound)
 
 
-class Obstacle(NamedTuple):
+class ObstaclePart(NamedTuple):
     """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
 
     `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
@@ -265,12 +265,12 @@ class Task:
         return spins(self.motion, self.movable, self.static)
 
     @cached_property
-    def obstacles(self) -> tuple[Obstacle, ...]:
+    def obstacles(self) -> tuple[ObstaclePart, ...]:
         """The static body's parts, then those of the keep-outs."""
         need = self.need if self.must_clear else -np.inf
-        contact = [Obstacle(part, float(self.target[1]), need) for part in self.static.parts]
+        contact = [ObstaclePart(part, float(self.target[1]), need) for part in self.static.parts]
         others = [
-            Obstacle(part, scale, keep_out.clearance, k)
+            ObstaclePart(part, scale, keep_out.clearance, k)
             for k, keep_out in enumerate(self.keep_out)
             for part, scale in keep_out.obstacles
         ]
@@ -459,7 +459,7 @@ class Task:
     def _poses(self) -> dict[bytes, Array]:
         return {}
 
-    def _against(self, obstacle: Obstacle, pose: Array) -> tuple[Array, Array]:
+    def _against(self, obstacle: ObstaclePart, pose: Array) -> tuple[Array, Array]:
         """Return a pose relative to an obstacle, the offset leading to its own seed, and the scales made of both."""
         if obstacle.part.seed is not self.static.seed:
             pose = np.append(pose[:9], pose[9:] + obstacle.part.seed - self.static.seed)
