@@ -226,7 +226,7 @@ def print_whatif(answer: WhatIf) -> None:
     notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
     notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
-    print_rows(rows, numbers=("amount",), notes=notes)
+    print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 
 def print_budgets(budgets: Budgets) -> None:
