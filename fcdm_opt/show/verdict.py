@@ -237,7 +237,9 @@ def fit_text(problem: Problem) -> str:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
     scene = Scales(problem.movable, problem.static, Sizes(ends))
-    extremes = scene.extremes(scene.rows(scene.pose(np.eye(4))))  # of several parts the largest gap may be within
+    here = scene.pose(np.eye(4))
+    scene.leave_out([here])
+    extremes = scene.extremes(scene.rows(here))  # of several parts the largest gap may be within
     low, high = extremes.least.gap, extremes.most.gap
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import Extremes, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import NEAR, Extremes, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -17,6 +17,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
+POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
 
@@ -81,7 +82,9 @@ class Worst:
                 cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf)
                 for body, gap in obstacles(problem)
             )
-            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
+            worst = cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
+            worst.scene.leave_out(map(worst.pose, worst.any_poses()))
+            return worst
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
@@ -104,7 +107,17 @@ class Worst:
         for body, gap in obstacles(problem):
             alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
             kept.append(cls(problem, alone, gap, np.inf, limits))
-        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
+        scene = OwnSizes(movable, static, problem.sizes, places)
+        worst = cls(problem, scene, low, high, limits, keep_out=tuple(kept))
+        scene.leave_out(map(worst.pose, worst.any_poses()))
+        return worst
+
+    def any_poses(self) -> Array:
+        """Return parameters about rest, (n, k): what is closed at each of these, the motion does not open."""
+        count = len(self.limits)
+        near = NEAR * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
+        q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
+        return np.clip(np.vstack([np.zeros((1, count)), q]), *self.limits.T)
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""
