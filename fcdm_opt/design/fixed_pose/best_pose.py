@@ -254,6 +254,7 @@ def best_pose(
     if not own:
         need_all_parts(problem, "a pose for all sizes")
     worst = Worst.of(problem, asked, low, high)
+    worst.leave_out_standing()
     slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack

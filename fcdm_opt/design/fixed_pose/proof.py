@@ -134,6 +134,7 @@ def check_proof(
         sure of them falls short.
     """
     worst = Worst.of(problem, sizes, *window)
+    worst.leave_out_standing()
     scene = worst.scene
     most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
     wanted = domain(worst, most, amount)

@@ -83,6 +83,11 @@ class GapRows:
         found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
         return found
 
+    def alone(self, k: int) -> GapRows:
+        """Return the rows of one part pair."""
+        rows = self.rows[self.first[k] : self.first[k + 1]]
+        return replace(self, rows=rows, first=np.array([0, len(rows)]), pairs=self.pairs[k : k + 1])
+
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""
         found, owners, ways = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
@@ -249,11 +254,10 @@ class Scales(SizedBodies):
         best = at.at(corners[int(values.min(axis=0).argmin())])
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
-            first, last = at.first[p : p + 2].tolist()
-            planes = at.rows[first:last, 3:]
+            one = at.alone(p)
+            planes = one.rows[:, 3:]
             if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
-            one = replace(at, rows=at.rows[first:last], first=np.array([0, last - first]), pairs=at.pairs[p : p + 1])
             for _ in range(PLANES):
                 level, rho = least_of(planes, self.sizes.box)
                 if level >= best.gap - near:

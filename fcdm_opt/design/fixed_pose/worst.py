@@ -82,9 +82,7 @@ class Worst:
                 cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf)
                 for body, gap in obstacles(problem)
             )
-            worst = cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
-            worst.scene.leave_out(map(worst.pose, worst.any_poses()))
-            return worst
+            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
@@ -107,17 +105,14 @@ class Worst:
         for body, gap in obstacles(problem):
             alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
             kept.append(cls(problem, alone, gap, np.inf, limits))
-        scene = OwnSizes(movable, static, problem.sizes, places)
-        worst = cls(problem, scene, low, high, limits, keep_out=tuple(kept))
-        scene.leave_out(map(worst.pose, worst.any_poses()))
-        return worst
+        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
 
-    def any_poses(self) -> Array:
-        """Return parameters about rest, (n, k): what is closed at each of these, the motion does not open."""
+    def leave_out_standing(self) -> None:
+        """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""
         count = len(self.limits)
         near = NEAR * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
         q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
-        return np.clip(np.vstack([np.zeros((1, count)), q]), *self.limits.T)
+        self.scene.leave_out(map(self.pose, np.clip(np.vstack([np.zeros((1, count)), q]), *self.limits.T)))
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""
