@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from base64 import b64decode
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -429,3 +430,22 @@ def test_pictures_of_cards_stood_on_a_white_plate_in_dark_notebooks():
     assert (inked[:, :3] == int(MIDDLE[1:3], 16)).all()
     light = [((shade / 255.0 + 0.055) / 1.055) ** 2.4 + 0.05 for shade in (255, int(MIDDLE[1:3], 16), 17)]
     assert min(light[0] / light[1], light[1] / light[2]) > 4.0
+
+
+def test_pictures_for_dark_pages_stand_light_on_dark(tmp_path: Path) -> None:
+    """Words are 7 : 1 against the ground, in PNG and SVG alike; pictures in an SVG are turned, too."""
+    figure = new_figure(2.0, 2.0)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(np.full((2, 2, 3), 255, np.uint8), extent=(0.0, 0.5, 0.0, 1.0))
+    axes.text(0.75, 0.5, "words")
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    png, svg = save(figure, tmp_path / "dark", dark=True)
+    inked = np.asarray(Image.open(png).convert("L"), float)
+    assert np.median(inked) == inked.min() < 25.0
+    assert inked.max() > 200.0
+    text = svg.read_text(encoding="utf-8")
+    assert '<svg fill="#ebebeb"' in text
+    assert "#ffffff" not in text
+    held = re.search(r"data:image/png;base64,([A-Za-z0-9+/=]+)", text)
+    assert held is not None
+    assert np.asarray(Image.open(BytesIO(b64decode(held[1]))).convert("L")).max() < 25.0

@@ -36,6 +36,8 @@ class Album:
         Made if it is not there.
     say : callable
         Gets a line for each file that was written, or could not be.
+    dark : bool
+        Whether pictures are light on dark.
 
     Attributes
     ----------
@@ -48,9 +50,9 @@ class Album:
         Where the directory cannot be made, or nothing can be drawn: before anything is solved.
     """
 
-    def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
+    def __init__(self, directory: Path, say: Callable[[str], None], *, dark: bool = False) -> None:
         extra("matplotlib", "pictures", key="--out")
-        self._directory, self._say = directory, say
+        self._directory, self._say, self._dark = directory, say, dark
         self._given: set[str] = set()
         self._views: dict[str, tuple[float, float]] = {}  # of each file: all its cases are seen from one place
         self.failed = False
@@ -106,7 +108,7 @@ class Album:
 
     def _write(self, name: str, figure: Figure) -> None:
         try:
-            picture, *others = save(figure, self._directory / name)
+            picture, *others = save(figure, self._directory / name, dark=self._dark)
             self._say(f"wrote {picture}{''.join(f' and {other.suffix}' for other in others)}")
         except OSError as reason:
             self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
