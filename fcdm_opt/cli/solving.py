@@ -41,6 +41,7 @@ def curve_command(
         for problem in file.problems:
             found.setdefault(problem.curve, []).append(problem.name)
         unit = next((problem.unit for problem in file.problems), "")  # a file has one
+        made = {problem.curve: bool(problem.made) for problem in file.problems}
         shared = {"unit": unit} if unit else {}
         inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found.items()])
         if found and not as_json:
@@ -49,7 +50,7 @@ def curve_command(
         if inquiry.pictures:
             for number, curve in enumerate(found, 1):
                 suffix = f"-pair{number}" if len(found) > 1 else ""
-                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit)
+                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit, made=made[curve])
     inquiry.finish()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from fcdm_opt.doors import extra
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show.glossary import WORDS
+from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shortened, shown, status_text
 
 LONGEST = 160
@@ -82,6 +82,7 @@ def environment() -> Any:
         "shown": shown,
         "words": status_text,
     }
+    made.globals["glossary"] = EXPLAINED
     return made
 
 
@@ -109,7 +110,7 @@ def explained(word: str, shown: str = "") -> Any:
     """Return a word of the glossary, which explains itself on hover, shown as another text where one is given."""
     from markupsafe import Markup
 
-    return Markup('<abbr title="{}">{}</abbr>').format(WORDS[word], shown or word)
+    return Markup('<abbr title="{}">{}</abbr>').format(EXPLAINED[word], shown or word)
 
 
 def paragraphs(text: str | None) -> list[str]:

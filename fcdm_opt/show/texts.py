@@ -149,7 +149,12 @@ def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit
     values = telling(problem, values, amount)
     if not values:
         return "-"
-    steps = problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS).split(" + ")
+    return without_zeros(problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS))
+
+
+def without_zeros(motion: str) -> str:
+    """Return a motion that is told as parameters without the steps that do nothing, but for the first of none."""
+    steps = motion.split(" + ")
     kept = [step for step in steps if not NO_STEP.fullmatch(step)] or steps[:1]
     return " + ".join(NO_PART.sub("", step).strip() or step for step in kept)
 

@@ -71,7 +71,7 @@ def _refused_text(solution: Solution) -> str:
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
         proved = " (proved)" * (not solution.left_by_mesh)
-        return "; ".join(filter(None, (f"impossible with this motion{limited}{proved}", nearest_miss(problem))))
+        return ": ".join(filter(None, (f"impossible with this motion{limited}{proved}", nearest_miss(problem))))
     if solution.status.name == "OUTSIDE_FIT":
         return "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
@@ -111,7 +111,8 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         deeds = " and ".join(" ".join(deed) for deed in _done(problem, values, far)) if values else ""
         ends.append((event, deeds or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist(), 1.0)
-    sizes = " at sizes that change with the motion (parts of one size leave it at once)" if _across(coherent) else ""
+    sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
+    sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
     for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
         if not deeds:

@@ -47,7 +47,7 @@ def nearest_miss(problem: Problem) -> str:
     limit = f", {' and '.join(held)} at the limit" if held else ""
     where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
     more = f"; {len(told) - TOLD} more" if len(told) > TOLD else ""
-    return f"nearest pose found ({where}{limit}): {'; '.join(told[:TOLD])}{more}"
+    return f"at the nearest pose found ({where}{limit}) {'; '.join(told[:TOLD])}{more}"
 
 
 def _untouched(problem: Problem) -> tuple[Array, list[str]]:
@@ -62,7 +62,7 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
     gaps = sorted(_gaps(worst, found.q), key=lambda own: -own[0])
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
     missed = [told for miss, told in gaps if miss > slack]
-    return found.q, missed + [f"in the way: {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+    return found.q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
