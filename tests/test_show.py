@@ -8,6 +8,7 @@ import sys
 from base64 import b64decode
 from collections.abc import Sequence
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -491,3 +492,15 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert len(steps) == 2
     assert np.linalg.norm(steps, axis=1) == pytest.approx([np.linalg.norm(steps[0])] * 2)  # however far they go
     assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
+
+
+def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:
+    """Its contacts are hidden from everywhere: it is seen from where no wall stands."""
+    corner = Body.from_parts([
+        [*product((-3, 3), (-3, -1), (-3, 3))], [*product((-3, -1), (-3, 3), (-3, 3))],
+        [*product((-3, 3), (-3, 3), (-3, -1))],
+    ], seed=(-2, -2, -2))  # fmt: skip
+    ball = Body.convex([[x, y, z] for x, y, z in np.vstack([np.eye(3), -np.eye(3)])], seed=(0, 0, 0))
+    curve = decision_curve(ball, corner)
+    toward = np.cross(*page_directions(*view_of(curve, (1.0, 1.0))).T)
+    assert (toward > 0.0).all()

@@ -694,6 +694,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
 
     Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
     be seen, and where corners keep apart; from the front (-y), with x to the right, if that does not hide most of it.
+    Where a contact is hidden from everywhere, a ball's in its corner, most of the movable body is to be seen.
     """
     from scipy.spatial import ConvexHull
 
@@ -709,22 +710,28 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     normals = np.concatenate([part.normals for part in parts])
     levels = np.concatenate([part.levels for part in parts])
     firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
-    spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
+    views = list(product((18.0, 32.0, 50.0), AZIMUTHS))
     size = float(np.ptp(points, axis=0).max())
     points = points[ConvexHull(points).vertices]
 
+    def hidden(spots: Array, view: tuple[float, float]) -> float:
+        toward = np.cross(*page_directions(*view).T)
+        starts = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)] + 1e-3 * size * toward
+        return float(np.mean([_hidden(levels - normals @ start, normals @ toward, firsts) for start in starts]))
+
+    shares = {view: hidden(spots, view) for view in views}
+    if min(shares.values()) == 1.0:
+        shares = {view: hidden(one.vertices, view) for view in views}
+
     def merit(view: tuple[float, float]) -> float:
         page = page_directions(*view)
-        toward = np.cross(page[:, 0], page[:, 1])
-        starts, speeds = spots + 1e-3 * size * toward, normals @ toward
-        hidden = np.array([_hidden(levels - normals @ start, speeds, firsts) for start in starts])
-        flat = points @ page
+        toward, flat = np.cross(page[:, 0], page[:, 1]), points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
         flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
         cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
-        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - cost)
+        return float(2.0 * (1.0 - shares[view]) + 0.8 * flatness + 0.2 * area - cost)
 
-    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=merit)
+    return max(views, key=merit)
 
 
 def _normal(points: Array) -> Array:
