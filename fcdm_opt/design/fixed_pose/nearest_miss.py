@@ -20,6 +20,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
 TOLD = 3  # contacts that are told, those that are worst first
+MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
 NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 
 
@@ -35,11 +36,10 @@ def nearest_miss(problem: Problem) -> str:
     problem : Problem
         That has no solution.
     """
-    if problem.partial or not np.isfinite(problem.target).all():
+    if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""
     q, told = _untouched(problem) if problem.goal in ("touch", "clear") else _contact_missed(problem)
-    others = any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)) if told else True
-    if others:
+    if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
     q = np.clip(np.where(np.abs(q) <= near, 0.0, q), low, high)
