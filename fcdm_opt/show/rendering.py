@@ -80,6 +80,7 @@ def environment() -> Any:
         "numbers": numbers,
         "paragraphs": paragraphs,
         "shown": shown,
+        "unbroken": unbroken,
         "words": status_text,
     }
     made.globals["glossary"] = EXPLAINED
@@ -111,6 +112,13 @@ def explained(word: str, shown: str = "") -> Any:
     from markupsafe import Markup
 
     return Markup('<abbr title="{}">{}</abbr>').format(EXPLAINED[word], shown or word)
+
+
+def unbroken(text: str) -> Any:
+    """Return a text in which no line ends behind the sign of a number or of a direction, as in "facing -" and "y"."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"(?<![\w)])-[\w.]+", r'<span class="whole">\g<0></span>', str(escape(text))))
 
 
 def paragraphs(text: str | None) -> list[str]:
