@@ -28,7 +28,7 @@ from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.stages.together import all_at_once
+from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
 Solve = Callable[[Problem], Solution]
@@ -158,8 +158,11 @@ class _Solving:
         met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})
         if answer.q is None:
             return met._replace(shared=shared)
+        rounding = np.abs(tasks[0].weights * answer.q) <= DEFAULT.tie * assembly.size
+        moved = np.where(rounding, 0.0, answer.q)
+        answer = replace(answer, q=moved)
         ends = np.cumsum([len(assembly.motions[part].parameters) for part in parts])
-        q = dict(zip(parts, np.split(answer.q, ends[:-1]), strict=True))
+        q = dict(zip(parts, np.split(moved, ends[:-1]), strict=True))
         contacts = {}
         for pair, problem in zip(group, problems, strict=True):
             if pair in assembly.contacts:

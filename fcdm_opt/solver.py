@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Literal, NamedTuple, TypedDict, Unpack, overload
+from typing import Any, Literal, NamedTuple, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -20,18 +20,19 @@ from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides, with_parts
+from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import EFFORTS, Effort, Solution, Status
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import EFFORTS, Bounded, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
-from fcdm_opt.stages.order import STAGES, StageName, left, settled
+from fcdm_opt.stages.contact_system import check_uniqueness, proof_of
+from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
 from fcdm_opt.stages.rounding import in_steps
-from fcdm_opt.stages.together import alone, proof_of
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
@@ -53,9 +54,11 @@ class How(TypedDict, total=False):
 def solve(problem: Problem, **how: Unpack[How]) -> Solution: ...
 @overload
 def solve(problem: Assembly, **how: Unpack[How]) -> AssemblySolution: ...
+@overload
+def solve(problem: Scene, **how: Unpack[How]) -> Bounded: ...
 @known_arguments
 def solve(
-    problem: Problem | Assembly,
+    problem: Scene,
     *,
     model: Literal["auto"] | StageName = "auto",
     certify: bool = False,
@@ -63,7 +66,7 @@ def solve(
     seconds: float | None = None,
     time: float | None = None,
     throw: bool = False,
-) -> Solution | AssemblySolution:
+) -> Bounded:
     """Find the smallest motion that meets a problem's requirement, or an assembly's, and have it judged.
 
     Parameters
@@ -100,8 +103,9 @@ def solve(
     """
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
+    answered: Any = _several if isinstance(problem, Assembly) else _answered
     with pacing.within(time):
-        solution = _several(problem, how) if isinstance(problem, Assembly) else _answered(problem, how)
+        solution: Bounded = answered(problem, how)
         if solution.stopped and time is None:  # whoever asked would take it for all that can be had
             raise pacing.TimeOverError
     if throw and not solution.usable:
@@ -172,7 +176,7 @@ def _outside_of_solids(problem: Problem, how: _How, answer: Answer | None = None
 
 def _with_all_that_matters(problem: Problem, how: _How, answer: Answer | None = None) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
-    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
+    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, BATCH_SIZE
     if not problem.partial:
         return _solved(problem, how, answer)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -250,7 +254,7 @@ def _least_motion(task: Task, model: str) -> Answer:
     try:
         return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
     except pacing.TimeOverError:
-        return left(task)
+        return best_so_far(task)
 
 
 def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
@@ -264,7 +268,7 @@ def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[An
 def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the same, where the time does for it."""
     if task.joints:
-        answer = alone(problem, task, answer) if how.effort == "proved" else answer
+        answer = check_uniqueness(problem, task, answer) if how.effort == "proved" else answer
         return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         cells, before = len(task.weights) <= MOST_CHECKED, answer.q
@@ -298,7 +302,7 @@ def _least_of(solutions: list[Solution], others: list[float]) -> Solution:
     return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 
-def _check(problem: Problem | Assembly, how: _How) -> None:
+def _check(problem: Scene, how: _How) -> None:
     expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:

@@ -32,7 +32,8 @@ from fcdm_opt.problem.syntax import parsed
 if TYPE_CHECKING:
     from fcdm_opt.design.study.running import Engine
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.scene import Scene
+    from fcdm_opt.problem.solution import Bounded
 
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; with a yield the stack-up it is of
@@ -46,7 +47,8 @@ BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance b
 SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
 SET = (
     "Change any key of a case, or bodies.movable..., or size.NAME...: tolerance=0.03, limits.RZ_deg=[-5,5], "
-    "made.NAME=0.01, size.NAME.tolerance=0.02; may be repeated."
+    "made.NAME=0.01, size.NAME.tolerance=0.02; of an assembly scales.PART=1.01, part.NAME.limits.TZ=[-1,1], "
+    "contact[1].clearance=0.1; may be repeated."
 )
 BUDGET = (
     'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any motion within the '
@@ -123,12 +125,12 @@ def whatif_command(
         raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"') from None
     plain = not (changes or budget or conflicts or drop or compare)
 
-    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+    def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if changes:
             yield "whatif", whatif(*_changed(file.path, problem.name, values)), tables.print_whatif
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
-        solution: Solution | None = solve(problem, time=math.inf) if plain or conflicts else None
+        solution: Bounded | None = solve(problem, time=math.inf) if plain or conflicts else None
         if plain and solution is not None and solution.verified and not solution.usable:  # outside the fit
             yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
         if conflicts or (solution is not None and not solution.verified):
@@ -138,7 +140,7 @@ def whatif_command(
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked)
+    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
 
 
 def map_command(
@@ -352,10 +354,10 @@ def _code(answer: Any) -> int:
     """Return the exit code that an answer stands for."""
     from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED, BestPose
     from fcdm_opt.design.whatif.whatif import WhatIf
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.solution import Bounded
 
     solution = answer.after if isinstance(answer, WhatIf) else answer
-    if isinstance(solution, Solution):
+    if isinstance(solution, Bounded):
         return code_of(solution.usable, solution.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
@@ -375,7 +377,7 @@ def _change(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Problem, Problem]:
+def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scene]:
     """Return a case of a file as it is, and with other values at some places."""
     from fcdm_opt.design.question import Question
 

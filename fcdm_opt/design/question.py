@@ -1,4 +1,4 @@
-"""A problem as plain tables: any key of it can be changed, and it travels to other processes as it stands."""
+"""A problem or an assembly as plain tables: any key can be changed, and it travels to other processes as it stands."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -23,6 +24,8 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, is_assembly
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
@@ -33,6 +36,7 @@ ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
 _MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")
+_OF_PARTS = tuple(key for key in PartEntry.model_fields if key not in BodyEntry.model_fields)
 _BESIDE_MESH = ("seed", "name", *_OF_KEEP_OUTS)
 _NO_DEFAULTS = Defaults()
 _UNITS = (("_per_deg", "_per_rad"), ("_deg", "_rad"))
@@ -102,7 +106,7 @@ class BodyTable:
     ----------
     data : mapping
     role : str
-        "movable", "static" or "keep-out 1": the name of the body where none is given.
+        "movable", "static", "keep-out 1" or the name of a part: the name of the body where none is given.
     """
 
     data: Mapping[str, Any]
@@ -111,7 +115,7 @@ class BodyTable:
     @cached_property
     def checked(self) -> BodyEntry:
         """The contents as an entry, which refuses what no body has."""
-        return checked(BodyEntry if self.role in ROLES else KeepOutEntry, self.data)
+        return checked(KeepOutEntry if self.data.keys() & _OF_KEEP_OUTS else BodyEntry, self.data)
 
     @cached_property
     def drawn(self) -> BodyTable:
@@ -164,39 +168,59 @@ def _built(text: str, role: str) -> Body:
 
 @dataclass(frozen=True, eq=False)
 class SceneTables:
-    """Both bodies and the keep-outs of a question, as plain tables.
+    """The bodies of a question, and all that its cases share, as plain tables.
 
     Attributes
     ----------
     tables : dict of str to BodyTable
-        By their places: bodies.movable, bodies.static, keep_out[1] and on.
+        By their places: bodies.movable and bodies.static, or part.NAME of each part; keep_out[1] and on.
     sizes : tuple of mappings
         The [[size]] tables.
+    assembled : mapping
+        Of an assembly "part": name -> what it has besides a body, and "contact": the [[contact]] tables; else empty.
     latest : list
         The curve of the last problem asked about it, which the next one finds as long as it is kept; or empty.
     """
 
     tables: Mapping[str, BodyTable]
     sizes: tuple[Mapping[str, Any], ...] = ()
+    assembled: Mapping[str, Any] = field(default_factory=dict)
     latest: list[DecisionCurve] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> SceneTables:
-        """Return the scene of plain data with the keys bodies and keep_out."""
-        bodies = {f"bodies.{role}": BodyTable(data["bodies"][role], role) for role in ROLES}
+        """Return the scene of plain data with the keys bodies, or part and contact, and keep_out and size."""
+        if assembled := {key: data[key] for key in ("contact",) if key in data}:
+            parts = {str(table["name"]): table for table in data["part"]}
+            split = {name: _split(table) for name, table in parts.items()}
+            assembled["part"] = {name: rest for name, (_, rest) in split.items()}
+            bodies = {written(("part", name)): BodyTable(body, name) for name, (body, _) in split.items()}
+        else:
+            bodies = {f"bodies.{role}": BodyTable(data["bodies"][role], role) for role in ROLES}
         others = enumerate(data.get("keep_out", ()), 1)
         tables = bodies | {f"keep_out[{k}]": BodyTable(table, f"keep-out {k}") for k, table in others}
-        return cls(tables, tuple(data.get("size", ())))
+        return cls(tables, tuple(data.get("size", ())), assembled)
+
+    def to_dict(self, *, bare: bool = False) -> dict[str, Any]:
+        """Return the plain data; `bare` without the unit of vertices, which is only shown."""
+        told = {place: dict(table.bare if bare else table.data) for place, table in self.tables.items()}
+        others = [told.pop(place) for place in self.tables if place.startswith("keep_out[")]
+        more = {"keep_out": others} | ({"size": list(self.sizes)} if self.sizes else {})
+        if not self.assembled:
+            return {"bodies": dict(zip(ROLES, told.values(), strict=True)), **more}
+        rest = self.assembled["part"]
+        parts = [{**body, **rest[name]} for name, body in zip(rest, told.values(), strict=True)]
+        return {"part": parts, "contact": self.assembled["contact"], **more}
 
     @cached_property
     def text(self) -> str:
         """The scene as canonical JSON."""
-        return _scene_text(self.sizes, *(table.data for table in self.tables.values()))
+        return canonical(self.to_dict())
 
     @cached_property
     def key(self) -> str:
         """The sha256 of `text` without the unit of vertices: bodies of scenes with equal keys are equal."""
-        return digest(_scene_text(self.sizes, *(table.bare for table in self.tables.values())))
+        return digest(canonical(self.to_dict(bare=True)))
 
     @cached_property
     def drawn(self) -> SceneTables:
@@ -204,7 +228,7 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        return SceneTables(self._each(lambda table: table.drawn), self.sizes)
+        return SceneTables(self._each(lambda table: table.drawn), self.sizes, self.assembled)
 
     @cached_property
     def unit(self) -> str:
@@ -213,13 +237,24 @@ class SceneTables:
 
     @cached_property
     def built(self) -> Parts:
-        """The bodies themselves."""
-        (movable, _), (static, _), *others = [
-            (body, self.tables[place].data) for place, body in self._each(lambda table: table.body).items()
-        ]
-        kept = [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in others]
-        return Parts(
-            movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit, self.checked_sizes
+        """The bodies of a problem themselves."""
+        bodies = self.bodies
+        kept = {keep_out.name: keep_out for keep_out in self.kept}
+        return Parts(bodies["movable"], bodies["static"], kept, self.unit, self.checked_sizes)
+
+    @cached_property
+    def bodies(self) -> dict[str, Body]:
+        """The bodies but the keep-outs themselves, by roles or names of parts."""
+        own = {place: table for place, table in self.tables.items() if not place.startswith("keep_out[")}
+        return {own[place].role: body for place, body in _each(own, lambda table: table.body).items()}
+
+    @cached_property
+    def kept(self) -> tuple[KeepOut, ...]:
+        """The keep-outs themselves."""
+        own = {place: table for place, table in self.tables.items() if place.startswith("keep_out[")}
+        told = [(body, own[place].data) for place, body in _each(own, lambda table: table.body).items()]
+        return keep_outs(
+            [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in told]
         )
 
     @cached_property
@@ -233,36 +268,55 @@ class SceneTables:
 
     def check(self) -> None:
         """Refuse tables that are no bodies or sizes; reads and builds nothing."""
+        if self.assembled:
+            return
         self._each(lambda table: table.checked)
         assert len(self.checked_sizes) == len(self.sizes)  # refuses what is no size
 
     def _each(self, made: Callable[[BodyTable], Any]) -> dict[str, Any]:
-        """Return what is made of each table; an error says of which one."""
-        results = {}
-        for place, table in self.tables.items():
-            with placed(key=place):
-                results[place] = made(table)
-        return results
+        return _each(self.tables, made)
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
         """Return the scene with a value at a place.
 
-        It starts with bodies.movable, bodies.static or keep_out[k]; or with size[k] or size.NAME, and has a key then.
+        It starts with bodies.movable, bodies.static, part.NAME or keep_out[k]; or with size[k] or size.NAME, and has a
+        key then; or with contact[k].
         """
         if place[0] == "size":
-            return SceneTables(self.tables, self._other_sizes(place, value))
+            return SceneTables(self.tables, self._other_sizes(place, value), self.assembled)
         table = written(place[:2])
+        if place[0] in ("part", "contact"):
+            self._check_part(place)
+            if place[0] == "contact" or (len(place) > 2 and place[2] in _OF_PARTS):
+                return SceneTables(self.tables, self.sizes, put(self.assembled, place, value, dropped=excluded))
         if place[0] == "keep_out":
             if isinstance(place[1], str):
                 allowed = "keep_out[1], ..."
                 raise InputError("keep-outs are counted", key=written(place), found=place[1], allowed=allowed)
-            check_item([*self.tables][len(ROLES) :], place, 1)
+            if "keep_out[1]" not in self.tables:
+                raise InputError("there are no keep-outs", key=written(place), allowed="one in the file first")
+            check_item([own for own in self.tables if own.startswith("keep_out[")], place, 1)
         elif table not in self.tables:
+            if self.assembled:
+                allowed = f"part.NAME, of {', '.join(self.assembled['part'])}"
+                raise InputError("an assembly has parts", key=written(place), found=place[0], allowed=allowed)
             role = str(place[1]) if len(place) > 1 else ""
             what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
         with placed(key=table):
-            return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)}, self.sizes)
+            changed = {**self.tables, table: self.tables[table].with_value(place[2:], value)}
+            return SceneTables(changed, self.sizes, self.assembled)
+
+    def _check_part(self, place: Place) -> None:
+        """Refuse a place that starts with part or contact, and names no part or contact there is."""
+        if not self.assembled:
+            allowed = "bodies.movable or bodies.static"
+            raise InputError("two parts, and no assembly", key=written(place), found=place[0], allowed=allowed)
+        if place[0] == "part" and (len(place) < 3 or place[1] not in self.assembled["part"]):
+            name = str(place[1]) if len(place) > 1 else ""
+            what = f"no such part{closest(name, self.assembled['part'])}" if len(place) > 2 else "a whole part at once"
+            allowed = f"a key of part.NAME, of {', '.join(self.assembled['part'])}"
+            raise InputError(what, key=written(place), found=name or None, allowed=allowed)
 
     def _other_sizes(self, place: Place, value: Any) -> tuple[Mapping[str, Any], ...]:
         names, rows = [str(table.get("name")) for table in self.sizes], list(self.sizes)
@@ -278,9 +332,19 @@ class SceneTables:
         return tuple(rows)
 
 
-def _scene_text(sizes: Any, movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:
-    more = {"size": sizes} if sizes else {}
-    return canonical({"bodies": {"movable": movable, "static": static}, "keep_out": others, **more})
+def _each(tables: Mapping[str, BodyTable], made: Callable[[BodyTable], Any]) -> dict[str, Any]:
+    """Return what is made of each table; an error says of which one."""
+    results = {}
+    for place, table in tables.items():
+        with placed(key=place):
+            results[place] = made(table)
+    return results
+
+
+def _split(part: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a part has of a body, and what besides."""
+    rest = {key: value for key, value in part.items() if key in _OF_PARTS}
+    return {key: value for key, value in part.items() if key not in rest}, rest
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -290,7 +354,7 @@ def _scene(text: str) -> SceneTables:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One case of a problem file as plain tables, defaults merged in.
+    """One case of a file as plain tables, defaults merged in.
 
     Attributes
     ----------
@@ -304,15 +368,22 @@ class Question:
     case: Mapping[str, Any]
 
     @classmethod
-    def of(cls, problem: Problem) -> Question:
-        """Return the question that a problem answers, in the form of `Problem.to_dict`."""
+    def of(cls, problem: Problem | Assembly) -> Question:
+        """Return the question of a problem or an assembly, in the form of its `to_dict`."""
         data = problem.to_dict()
         return cls(SceneTables.of(data), data["case"][0])
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> tuple[Question, ...]:
-        """Return the questions of a problem file, one a case; raises `InputError` as `load_problems`."""
+        """Return the questions of a file, one a case; raises `InputError` as `load_problems` and `load_assemblies`."""
         path = Path(path)
+        if is_assembly(path):
+            several = AssemblyFile.read(path)
+            several.check(path)
+            parts, kept = ([_given(own, path.parent) for own in each] for each in (several.part, several.keep_out))
+            told = {"contact": [*map(_given, several.contact)], "size": [*map(_given, several.size)]}
+            scene = SceneTables.of({"part": parts, "keep_out": kept, **told})
+            return tuple(cls(scene, _given(case)) for case in several.case)
         file = ProblemFile.read(path)
         cases = file.named_cases(path).values()
         bodies, home = file.both_bodies(path)
@@ -338,7 +409,8 @@ class Question:
         Parameters
         ----------
         values : mapping of place to value
-            A place that starts with `bodies.`, `size` or `keep_out[` is of the scene, any other of the case. None
+            A place that starts with `bodies.`, `part.`, `contact[`, `size` or `keep_out[` is of the scene, any other
+            of the case. None
             takes a key away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting
             the target drops requirement and tolerance, and the other way round.
 
@@ -352,7 +424,7 @@ class Question:
         together = {place[: k + 1] for place in places for k in range(len(place))}
         for place, value in places.items():
             given = plain_value(value)
-            if place[0] in ("bodies", "size") or (place[0] == "keep_out" and len(place) > 1):
+            if place[0] in ("bodies", "part", "contact", "size") or (place[0] == "keep_out" and len(place) > 1):
                 scene = scene.with_value(place, given)
             else:
                 case = put(case, place, given, kept=together, dropped=excluded)
@@ -362,20 +434,38 @@ class Question:
         """Return the question without mesh files, the bodies as plain data."""
         return self if self.scene.drawn is self.scene else replace(self, scene=self.scene.drawn)
 
-    def check(self) -> Case:
-        """Return the checked case; refuses keys and values that no case or body has, and reads and builds nothing."""
-        self.scene.check()
-        return checked(Case, self.case)
+    def check(self) -> None:
+        """Refuse keys and values that no case or body has; reads and builds nothing."""
+        if self.scene.assembled:
+            with _case_alone(self.name):
+                checked(AssemblyFile, {**self.scene.to_dict(), "case": [self.case]})
+        else:
+            self.scene.check()
+            checked(Case, self.case).arguments(_NO_DEFAULTS)
 
-    def problem(self) -> Problem:
-        """Return the problem; raises `InputError` as `Problem` does.
+    def problem(self) -> Problem | Assembly:
+        """Return the problem, or assembly; raises `InputError` as these do.
 
         Equal bodies are built once a process, and the decision curve found once for each scene and box.
         """
         scene = self.scene.drawn
+        if scene.assembled:
+            with _case_alone(self.name):
+                file = checked(AssemblyFile, {**scene.to_dict(), "case": [self.case]})
+                return file.assemblies(bodies=scene.bodies, keep_out=scene.kept)[0]
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
         scene.latest[:] = [problem.curve]
         return problem
+
+
+@contextmanager
+def _case_alone(name: str) -> Iterator[None]:
+    """Leave out of an error's key that it is about the one case there is."""
+    try:
+        yield
+    except InputError as reason:
+        key = re.sub(rf"^case\[1\]( {re.escape(repr(name))})?\.", "", reason.key or "") or None
+        raise InputError(reason.what, file=reason.file, key=key, found=reason.found, allowed=reason.allowed) from reason
 
 
 def _given(entry: Entry, folder: Path | None = None) -> dict[str, Any]:

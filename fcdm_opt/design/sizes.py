@@ -19,6 +19,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 
 SCALES = ("rho_1", "rho_2")  # names of the pair that is spoken of, unless two of the problem's own sizes are
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
@@ -105,9 +106,9 @@ def chosen_sizes(problem: Problem, over: Any) -> tuple[Size, ...]:
     return tuple(problem.sizes[names.index(name)] for name in found)
 
 
-def by_name(problem: Problem, sizes: Any = None, box: Any = None) -> bool:
-    """Tell whether a problem is asked about its own sizes, not about scales."""
-    return bool(problem.sizes) and problem.tolerance is None and sizes is None and box is None
+def by_name(scene: Scene, sizes: Any = None, box: Any = None) -> bool:
+    """Tell whether a scene is asked about its own sizes, not about scales."""
+    return bool(scene.sizes) and getattr(scene, "tolerance", None) is None and sizes is None and box is None
 
 
 def tolerance_boxes(sizes: Sequence[Size]) -> Array:

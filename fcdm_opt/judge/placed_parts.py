@@ -48,8 +48,7 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
         poses = assembly.poses(q)
     except InputError as reason:  # a screw whose axis has vanished on the way
         return (Check("parameters", False, float("nan"), 0.0, str(reason)),)
-    smallest = min(body.size for body in assembly.parts.values())
-    limit = max(tolerances.touch * smallest, tolerances.tie * assembly.size)
+    limit = max(tolerances.touch * min(body.size for body in assembly.parts.values()), tolerances.tie * assembly.size)
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
     for one, two in assembly.pairs():

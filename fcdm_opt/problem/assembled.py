@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any, Self
 
 import numpy as np
 
-from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.solution import Bounded, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT
 
@@ -115,7 +116,7 @@ class AssemblySolution(Bounded):
 
     def __str__(self) -> str:
         """Return the verdict in words."""
-        name, told = self.assembly.name, upper("show.assemblies:assembly_verdict")(self)
+        name, told = self.assembly.name, imported("show.assemblies:assembly_verdict")(self)
         return f"{name}: {told}" if name else str(told)
 
     @property
@@ -124,19 +125,35 @@ class AssemblySolution(Bounded):
         return self.assembly
 
     @property
+    def coordinates(self) -> dict[str, float]:
+        """The parameters of all motions as "part.parameter"."""
+        return {f"{part}.{name}": x for part, own in self.parameters.items() for name, x in own.items()}
+
+    def answering(self, question: Assembly) -> Self:
+        """Return the same motions as an answer to another question about the same parts and motions."""
+        contacts = tuple(
+            own.answering(question.problem(pair, _parts_of(own.parameters)))
+            for pair, own in zip(question.contacts, self.contacts, strict=False)
+        )
+        return replace(self, assembly=question, contacts=contacts)
+
+    @property
     def _limited(self) -> bool:
         return any(map(len, self.assembly.limits.values()))
 
     @property
     def _why_not(self) -> str:
-        """Which part leaves its fit, and where."""
-        checks = self.certificate.checks if self.certificate and self.status is Status.OUTSIDE_FIT else ()
+        """Which part leaves its fit, and where, or which widths do not go together."""
+        if self.status is not Status.OUTSIDE_FIT:
+            words = verdict(self.assembly)
+            return words[:1].upper() + words[1:]
+        checks = self.certificate.checks if self.certificate else ()
         return next((check.note for check in checks if check.name == IN_PLACE), "")
 
     @cached_property
     def sensitivity(self) -> AssemblySensitivity:
         """Derivatives of amount and motions by scales and sizes; worked out when first asked for, then kept."""
-        return upper("along.sensitivity:assembly_sensitivity")(self)
+        return imported("along.sensitivity:assembly_sensitivity")(self)
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:
@@ -205,5 +222,11 @@ def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> S
     """Return the solution of a contact, in the parameters of one part's motion or, as PART.NAME, of several."""
     if [*told["parts"]] != [*pair[:2]]:
         raise InputError("not the assembly's contact", key="contacts.parts", found=told["parts"], allowed=str(pair))
-    parts = [*dict.fromkeys(name.rpartition(".")[0] for name in told["parameters"])]
-    return Solution.from_dict({**told, "problem": assembly.problem(pair, None if "" in parts else parts)})
+    parts = _parts_of(told["parameters"])
+    return Solution.from_dict({**told, "problem": assembly.problem(pair, parts)})
+
+
+def _parts_of(names: Iterable[str]) -> list[str] | None:
+    """Return the parts whose motions parameters PART.NAME are of; None where they are those of one motion."""
+    parts = [*dict.fromkeys(name.rpartition(".")[0] for name in names)]
+    return None if "" in parts else parts

@@ -31,7 +31,9 @@ from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Coordinate, Scene
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
+from fcdm_opt.tolerances import DEFAULT
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -72,7 +74,7 @@ class JoinedPair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Assembly:
+class Assembly(Scene):
     """The question: which motions of several parts, as small as possible together, restore all their contacts.
 
     Parameters
@@ -115,6 +117,8 @@ class Assembly:
     contacts : tuple of JoinedPair
     fixed : tuple of str
         The parts without a motion.
+    request : dict
+        The arguments as given; `changed` asks with others.
 
     Raises
     ------
@@ -137,6 +141,7 @@ class Assembly:
     name: str
     unit: UnitOrNone
     fixed: tuple[str, ...]
+    request: Mapping[str, Any] = field(repr=False)
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
 
     @known_arguments
@@ -158,6 +163,7 @@ class Assembly:
         name: str = "",
         unit: UnitOrNone = "",
     ) -> None:
+        request = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         bodies = {
             part: fit_for_sizes(body, tuple(size for size in sizes if size.body == part))
             for part, body in _bodies(parts).items()
@@ -208,6 +214,7 @@ class Assembly:
                 | {f"keep_out[{k}]": other.body.unit for k, other in enumerate(others, 1)},
             ),
             "fixed": resting,
+            "request": request,
         }
         for key, value in own.items():
             object.__setattr__(self, key, value)
@@ -233,6 +240,78 @@ class Assembly:
     def bodies(self) -> tuple[Body, ...]:
         """All bodies of the question, at the sizes made."""
         return (*self.bodies_made.values(), *(other.body for other in self.keep_out))
+
+    @property
+    def drawn(self) -> Mapping[str, Body]:
+        """`parts`."""
+        return self.parts
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The parameters of all motions, in order, as "part.parameter"; weights are those in the total."""
+        found = list[Coordinate]()
+        for part, motion in self.motions.items():
+            weights = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
+            for (name, kind), weight in zip(motion.parameters, weights, strict=True):
+                limits = self.limits[part].get(name, (-math.inf, math.inf))
+                found.append(Coordinate(f"{part}.{name}", kind, weight, limits))
+        return tuple(found)
+
+    @property
+    def relations(self) -> tuple[Problem, ...]:
+        """Those of `questions`."""
+        return tuple(self.questions.values())
+
+    @property
+    def shifts(self) -> bool:
+        """Whether all motions only shift."""
+        return all(motion.shifts for motion in self.motions.values())
+
+    @property
+    def turning_length(self) -> float:
+        """The least of `lengths`."""
+        return min(self.lengths.values())
+
+    @property
+    def limit_slack(self) -> float:
+        """Amount by which the judge lets a limit be passed."""
+        return DEFAULT.requirement * self.size
+
+    @property
+    def contact_slack(self) -> float:
+        """Gap up to which two parts touch, length units, relative to the smallest one."""
+        return max(DEFAULT.touch * min(body.size for body in self.parts.values()), DEFAULT.tie * self.size)
+
+    @property
+    def amount_unit(self) -> str:
+        """`unit`."""
+        return self.unit
+
+    def changed(self, **arguments: Any) -> Assembly:
+        """Return the same question with other arguments; raises as the constructor does."""
+        return Assembly(**{**self.request, **arguments})
+
+    def with_limits(self, name: str, limits: tuple[float, float]) -> Assembly:
+        """Return the same question with other limits of a coordinate."""
+        part, _, own = name.rpartition(".")
+        return self.changed(limits={**self.limits, part: {**self.limits[part], own: limits}})
+
+    def with_motion(self, motion: Motion) -> tuple[Assembly, tuple[str, ...]]:
+        """Return the same question with another motion of each part that moves, and which limits it has no more."""
+        names, owned = set(motion.names), [(part, k) for part, own in self.limits.items() for k in own]
+        limits = {part: {k: ends for k, ends in own.items() if k in names} for part, own in self.limits.items()}
+        dropped = tuple(f"limits.{part}.{k}" for part, k in owned if k not in names)
+        return self.changed(motions=dict.fromkeys(self.motions, motion), limits=limits), dropped
+
+    def deviating(self, share: float) -> Assembly:
+        """Return the same question with a share of the deviations of all scales and sizes."""
+        scales = {part: 1.0 + share * (scale - 1.0) for part, scale in self.scales.items()}
+        return self.changed(scales=scales, made={name: share * value for name, value in self.made.items()})
+
+    @property
+    def deviates(self) -> bool:
+        """Whether a scale or a size is off what is drawn."""
+        return any(scale != 1.0 for scale in self.scales.values()) or any(self.made.values())
 
     @cached_property
     def parameters(self) -> tuple[tuple[str, Parameter], ...]:
@@ -481,7 +560,7 @@ def _followed(
             if other not in reached:
                 reached.append(other)
                 found[other] = part
-    lost = [part for part in parts if part not in reached]
+    lost = [part for part in parts if part not in reached and part not in asked]
     if lost:
         what = f"no contacts lead from a fixed part ({', '.join(fixed)}) to this one"
         raise InputError(what, key="contacts", found=", ".join(lost), allowed="contacts that join all parts")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import rshift
 from pathlib import Path
 from typing import Any, Literal
 
 from fcdm_opt.errors import InputError, known_arguments, placed
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, StepEntry
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.keys import by_name, each, unlike_names
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
@@ -102,12 +104,22 @@ class AssemblyFile(Entry, title="Assembly file"):
         """Return the checked contents of a file; raises `InputError` as `load_assemblies`."""
         return read_entry(cls, path, "file of an assembly", "[[part]], [[contact]] and [[case]]")
 
-    def assemblies(self, file: Path | None = None) -> tuple[Assembly, ...]:
-        """Return the assembly of each case; `file` is where the contents come from."""
+    def check(self, file: Path | None = None) -> None:
+        """Refuse two parts or cases of one name."""
         with placed(file=file):
             unlike_names("part", self.part)
             unlike_names("case", self.case)
-            asked = self._asked(file)
+
+    def assemblies(
+        self,
+        file: Path | None = None,
+        bodies: Mapping[str, Body] | None = None,
+        keep_out: Sequence[KeepOut] | None = None,
+    ) -> tuple[Assembly, ...]:
+        """Return the assembly of each case; `file` is where the contents come from, bodies are those built already."""
+        self.check(file)
+        with placed(file=file):
+            asked = self._asked(file, bodies, keep_out)
             made = []
             for k, case in enumerate(self.case, 1):
                 own: dict[str, Any] = {"name": case.name, "scales": case.scales, "made": case.made}
@@ -119,12 +131,21 @@ class AssemblyFile(Entry, title="Assembly file"):
                     raise (reason.within(key=place) if head in own else _renamed(reason)) from reason
         return tuple(made)
 
-    def _asked(self, file: Path | None) -> dict[str, Any]:
+    def _asked(
+        self, file: Path | None, built: Mapping[str, Body] | None, kept: Sequence[KeepOut] | None
+    ) -> dict[str, Any]:
         """Return what all cases share, as `Assembly` wants it."""
         units = {f"part[{k}]": entry.unit for k, entry in enumerate(self.part, 1)}
         unit = same_unit(units | {f"keep_out[{k}]": own.unit for k, own in enumerate(self.keep_out, 1)}, file)
-        bodies = each("part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part])
+        bodies = [built[own.name] for own in self.part] if built else each(
+            "part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part]
+        )
         moving = [(k, own) for k, own in enumerate(self.part, 1) if own.motion]
+        for k, own in ((k, own) for k, own in enumerate(self.part, 1) if not own.motion):
+            for key in ("weight", "length", "limits", "resolution"):
+                if key in own.model_fields_set and getattr(own, key):
+                    what, allowed = "a part without a motion is fixed", "none, or a motion"
+                    raise InputError(what, key=f"part[{k}].{key}", found=getattr(own, key), allowed=allowed)
         motions, limits, steps = {}, dict[str, Mapping[str, Any]](), dict[str, Any]()
         for k, own in moving:
             with placed(key=f"part[{k}]"):
@@ -141,7 +162,7 @@ class AssemblyFile(Entry, title="Assembly file"):
             "weights": {own.name: own.weight for _, own in moving},
             "lengths": {own.name: own.length for _, own in moving if own.length is not None},
             "limits": limits,
-            "keep_out": each(
+            "keep_out": kept if kept is not None else each(
                 "keep_out",
                 [
                     lambda k=k, own=own: own.keep_out(f"keep-out {k}", file and file.parent)

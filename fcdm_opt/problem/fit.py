@@ -18,6 +18,7 @@ from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.tolerances import DEFAULT
 
 REST = np.eye(4)
@@ -212,8 +213,17 @@ def _wall(part: ConvexPart, normal: Array) -> Element | None:
     return part.elements["F"][best] if towards[best] >= 1.0 - DEFAULT.side else None
 
 
-def verdict(problem: Problem) -> str:
-    """Return the misfit of a problem's parts in words; empty where no two walls tell."""
+def mismatched(scene: Scene) -> bool:
+    """Tell whether two parts of a scene do not go together, see `misfit`."""
+    return any(misfit(problem) is not None for problem in scene.relations)
+
+
+def verdict(scene: Scene) -> str:
+    """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
+    return next(filter(None, map(_verdict, scene.relations)), "")
+
+
+def _verdict(problem: Problem) -> str:
     found = misfit(problem)
     if found is None:
         return ""

@@ -19,7 +19,6 @@ from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -27,6 +26,7 @@ from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
@@ -49,6 +49,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
+from fcdm_opt.problem.scene import Coordinate, Scene
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -63,7 +64,7 @@ _NOMINAL = ("nominal_contact", "nominal_pair", "_closed")  # what the nominal co
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(NominalContact, Shown):
+class Problem(NominalContact, Scene, NotebookRepr):
     """The question: which smallest motion brings the parts actually made into the intended contact.
 
     The arguments are what the user asks; the attributes of the same name hold what that means (`goal`, `target`,
@@ -228,6 +229,37 @@ class Problem(NominalContact, Shown):
         return (self.movable, self.static, *(keep_out.body for keep_out in self.keep_out))
 
     @property
+    def drawn(self) -> dict[str, Body]:
+        """Both bodies as drawn, by their roles."""
+        return {"movable": self.request["movable"], "static": self.request["static"]}
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The motion's parameters with weights and limits."""
+        rows = zip(self.motion.parameters, self.weights.tolist(), self.limits.tolist(), strict=True)
+        return tuple(Coordinate(*own, weight, (low, high)) for own, weight, (low, high) in rows)
+
+    @property
+    def relations(self) -> tuple[Problem, ...]:
+        """The problem itself: it is about two parts."""
+        return (self,)
+
+    @property
+    def shifts(self) -> bool:
+        """Whether the motion only shifts."""
+        return self.motion.shifts
+
+    @property
+    def turning_length(self) -> float:
+        """`length`."""
+        return self.length
+
+    @property
+    def limit_slack(self) -> float:
+        """Amount by which the judge lets a limit be passed."""
+        return DEFAULT.requirement * self.length
+
+    @property
     def amount_unit(self) -> str:
         """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
         return self.unit if isinstance(self.amount, str) else ""
@@ -275,6 +307,34 @@ class Problem(NominalContact, Shown):
         if same:
             return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
+
+    def with_limits(self, name: str, limits: tuple[float, float]) -> Problem:
+        """Return the same question with other limits of a parameter."""
+        return self.changed(limits={**self.request["limits"], name: limits})
+
+    def with_motion(self, motion: Motion) -> tuple[Problem, tuple[str, ...]]:
+        """Return the same question about another motion, and which limits, weights and steps it has no parameter for.
+
+        Goal and length stay as they are.
+        """
+        names, given = set(motion.names), {key: self.request[key] for key in ("limits", "weights", "resolution")}
+        given = {key: values for key, values in given.items() if isinstance(values, Mapping)}
+        kept = {key: {k: x for k, x in values.items() if k in names} or None for key, values in given.items()}
+        dropped = tuple(f"{key}.{k}" for key, values in given.items() for k in values if k not in names)
+        same = {"goal": self.goal, "length": self.length, "published": None, "published_text": ""}
+        return self.changed(motion=motion, **same, **kept), dropped
+
+    def deviating(self, share: float) -> Problem:
+        """Return the same question with a share of the deviation from nominal: of its tolerance, or of its target's."""
+        if self.tolerance is not None:
+            return self.changed(tolerance=(share * self.tolerance).tolist())
+        nominal = self.nominal_pair
+        return self.changed(target=(nominal + share * (self.target - nominal)).tolist())
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the target pair is off the nominal one."""
+        return bool(self.signs.any())
 
     def curve_after(self, transform: Array | None, rho: Array) -> DecisionCurve:
         """Return the decision curve after a motion; of large bodies about a scale pair, to tell what touches there."""

@@ -13,14 +13,15 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
 MadeState = Literal["apart", "touching", "overlapping", "unknown"]
@@ -107,7 +108,7 @@ class Check(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Certificate(Plain, Shown):
+class Certificate(Plain, NotebookRepr):
     """Outcome of the judge: a list of checks, all of which must pass; an empty list does not.
 
     One that was `read`, from plain data, is a claim, which `verify` compares with what it finds.
@@ -237,7 +238,7 @@ class Sensitivity(Plain):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Bounded(Plain, Shown):
+class Bounded(Plain, NotebookRepr):
     """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
 
     status: Status
@@ -256,9 +257,23 @@ class Bounded(Plain, Shown):
         raise NotImplementedError
 
     @property
+    def coordinates(self) -> dict[str, float]:
+        """Values of the parameters of all motions by the names of `Scene.coordinates`; empty without a motion."""
+        raise NotImplementedError
+
+    @property
+    def held_by(self) -> tuple[Any, ...]:
+        """What the motion rests on: alike where the same contacts and constraints hold it."""
+        return self.status, self.active
+
+    def answering(self, question: Any) -> Self:
+        """Return the same motion as an answer to another question, to be judged by that."""
+        raise NotImplementedError
+
+    @property
     def amount_unit(self) -> str:
         """Unit of the amount, "" where none is known."""
-        return str(self.question.unit)
+        return str(self.question.amount_unit)
 
     @cached_property
     def left_by_mesh(self) -> str:
@@ -426,7 +441,7 @@ class Solution(Bounded):
 
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
-        motion = upper("show.texts:motion_text")(self) if self.parameters else "no motion"
+        motion = imported("show.texts:motion_text")(self) if self.parameters else "no motion"
         amount, proved = (measured(f"{x:.4g}", self.amount_unit) for x in (self.amount, self.lower_bound))
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)
         found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
@@ -434,7 +449,7 @@ class Solution(Bounded):
 
     def __str__(self) -> str:
         """Return the verdict in words, and below it what its row in a table says."""
-        text: str = upper("show.verdict:answer_text")(self)
+        text: str = imported("show.verdict:answer_text")(self)
         return text
 
     @property
@@ -454,9 +469,19 @@ class Solution(Bounded):
         return ""
 
     @property
-    def amount_unit(self) -> str:
-        """As of the problem."""
-        return self.problem.amount_unit
+    def coordinates(self) -> dict[str, float]:
+        """`parameters`."""
+        return dict(self.parameters)
+
+    @property
+    def held_by(self) -> tuple[Any, ...]:
+        """Status, features and what is active."""
+        return self.status, self.features, self.active
+
+    def answering(self, question: Problem) -> Self:
+        """Return the same motion as an answer to another question about the same motion."""
+        features = question.contacts if question.contacts and question.goal != FIT else self.features
+        return replace(self, problem=question, features=features)
 
     @property
     def _limited(self) -> bool:
@@ -471,7 +496,7 @@ class Solution(Bounded):
     @cached_property
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
-        return upper("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
+        return imported("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
 
     @property
     def keep_out_gaps(self) -> dict[str, float]:

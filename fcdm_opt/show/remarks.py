@@ -19,6 +19,7 @@ from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
@@ -59,9 +60,10 @@ def remarks(solution: Solution) -> list[str]:
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
-def known_gaps(problem: Problem) -> list[str]:
-    """Return how well gaps of a problem's bodies are known, where that is less than the digits of files."""
-    return known_to(problem.movable, problem.bodies[1:], problem.unit)
+def known_gaps(scene: Scene) -> list[str]:
+    """Return how well gaps of a scene's bodies are known, where that is less than the digits of files."""
+    first, *others = scene.bodies
+    return known_to(first, others, scene.unit)
 
 
 def _frames(solution: Solution) -> list[str]:

@@ -68,7 +68,7 @@ def solved_case(
     InputError
         As `solve` does.
     """
-    solution = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
+    solution: Any = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
     unproved = without_evidence(solution) if certify and solution.status.found else ""
     if certify and solution.status.found and solution.amount > 0.0 and not unproved and not pacing.over():
         pacing.at(f"checking the proof for {problem.name}")

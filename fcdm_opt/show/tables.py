@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.texts import (
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.compare import Comparison
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
-    from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Bounded, Certificate, Solution
+    from fcdm_opt.problem.scene import Scene
+    from fcdm_opt.problem.solution import Bounded, Certificate
     from fcdm_opt.show.solved import SolvedCase
 
 OPTIONAL = ("published\namount", 'least\n"touch"')
@@ -204,9 +205,10 @@ def _spans(coherent: CoherentRange, spans: Sequence[StateSpan]) -> str:
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
-def print_case(file: str, problem: Problem) -> None:
+def print_case(file: str, problem: Scene) -> None:
     """Print which case is asked about, and once what its numbers are in."""
-    console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+    goal = f", goal {problem.goal}" if isinstance(problem, Problem) else ""
+    console().print(f"{file}: {problem.name} ({asked_text(problem)}{goal})", style="bold")
     if problem.unit:
         console().print(units_text(problem.unit))
 
@@ -224,7 +226,7 @@ def print_whatif(answer: WhatIf) -> None:
     notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
     notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
-    print_rows(rows, numbers=("amount",), notes=notes)
+    print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 
 def print_budgets(budgets: Budgets) -> None:
@@ -252,7 +254,7 @@ def print_budgets(budgets: Budgets) -> None:
 
 def print_costs(costs: Costs) -> None:
     """Print what each constraint costs."""
-    amount = amount_text(costs.solution.amount, costs.solution.problem.amount_unit)
+    amount = amount_text(costs.solution.amount, costs.solution.amount_unit)
     console().print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
     rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
     if not rows:
@@ -273,7 +275,7 @@ def print_comparison(comparison: Comparison) -> None:
             "amount": amount_text(row.amount),
             "proved at least": "" if row.solution is None else bound_line(row.solution),
             "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
-            "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
+            "pair made": getattr(row.solution, "pair_state", "") if row.solution and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
         for row in comparison.table
@@ -316,13 +318,13 @@ def print_clearances(clearances: Clearances, problem: Problem, *, where: str = "
     print_rows(rows, numbers=("gap",))
 
 
-def _solved(name: str, solution: Solution) -> dict[str, str]:
+def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
-        "asked": asked_text(solution.problem),
+        "asked": asked_text(solution.question),
         "amount": amount_text(solution.amount),
         "motion": motion_text(solution, unit=False),
-        "pair made": solution.pair_state,
+        "pair made": getattr(solution, "pair_state", ""),
         "outcome": outcome_text(solution),
     }
 

@@ -8,11 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.problem.assembly import Assembly
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.motion.motions import Motion
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Bounded, Solution
+    from fcdm_opt.problem.scene import Scene
+    from fcdm_opt.problem.solution import Bounded
     from fcdm_opt.show.solved import SolvedCase
 
 DIGITS = 4
@@ -90,8 +93,13 @@ def shortened(text: str, longest: int) -> str:
     return text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
-def asked_text(problem: Problem) -> str:
-    """Return requirement and signs, or the sizes made, or the target."""
+def asked_text(scene: Scene) -> str:
+    """Return requirement and signs, or the sizes made, or the target; of an assembly the scales and sizes made."""
+    if isinstance(scene, Assembly):
+        told = [f"{part} {100.0 * (scale - 1.0):+.6g} %" for part, scale in scene.scales.items() if scale != 1.0]
+        told += [f"{name} {x:+.6g}" for name, x in scene.made.items() if x]
+        return f"made {', '.join(told)}" if told else "parts as drawn"
+    problem: Any = scene
     if problem.requirement:
         signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
         return f"{problem.requirement} ({signs})"
@@ -126,9 +134,9 @@ def in_unit(value: float, unit: str) -> float:
     return math.degrees(value) if unit == "deg" else value
 
 
-def telling(problem: Problem, values: Sequence[float], amount: float | None = None) -> list[float]:
+def telling(scene: Scene, values: Sequence[float], amount: float | None = None) -> list[float]:
     """Return values of the parameters, 0 for those that add nothing to so large an amount, by default their own."""
-    weighted = [w * q for q, w in zip(values, problem.weights.tolist(), strict=False)]
+    weighted = [own.weight * q for q, own in zip(values, scene.coordinates, strict=False)]
     amount = math.hypot(*weighted) if amount is None else amount
     return [q if abs(x) > NOTHING * amount else 0.0 for q, x in zip(values, weighted, strict=False)]
 
@@ -139,9 +147,19 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
     return [measured(f"{in_unit(x, unit):.{DIGITS}g}", unit if unit == "deg" else problem.unit) for unit, x in named]
 
 
-def motion_text(solution: Solution, *, unit: bool = True) -> str:
+def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
-    return steps_text(solution.problem, list(solution.parameters.values()), solution.amount, unit=unit)
+    scene, found = solution.question, [*solution.coordinates.values()]
+    values = telling(scene, found, solution.amount)
+    if not values:
+        return "-"
+    if not isinstance(scene, Assembly):
+        return described(scene.motion, values, scene.unit if unit else "")
+    told, start = list[str](), 0
+    for part, motion in scene.motions.items():
+        own, start = values[start : start + len(motion.names)], start + len(motion.names)
+        told += [f"{part} {described(motion, own, scene.unit if unit else '')}"] if any(own) else []
+    return "; ".join(told) or "-"
 
 
 def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
@@ -149,12 +167,12 @@ def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit
     values = telling(problem, values, amount)
     if not values:
         return "-"
-    return without_zeros(problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS))
+    return described(problem.motion, values, problem.unit if unit else "")
 
 
-def without_zeros(motion: str) -> str:
-    """Return a motion that is told as parameters without the steps that do nothing, but for the first of none."""
-    steps = motion.split(" + ")
+def described(motion: Motion, values: Sequence[float], unit: str) -> str:
+    """Return a motion in words, without steps and parameters that do nothing."""
+    steps = motion.describe(values, unit=unit, digits=DIGITS).split(" + ")
     kept = [step for step in steps if not NO_STEP.fullmatch(step)] or steps[:1]
     return " + ".join(NO_PART.sub("", step).strip() or step for step in kept)
 
@@ -191,7 +209,7 @@ def bound_line(solution: Bounded) -> str:
     return ", ".join([measured(bound, solution.amount_unit) if bound[0].isdigit() else bound, *near])
 
 
-def outcome_text(solution: Solution) -> str:
+def outcome_text(solution: Bounded) -> str:
     """Return how a solve ended, in words for the cell of a table."""
     return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
 

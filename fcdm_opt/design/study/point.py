@@ -12,15 +12,15 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.plain import plain
 
 if TYPE_CHECKING:
-    from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.scene import Scene
+    from fcdm_opt.problem.solution import Bounded
 
 Asked = tuple[str, str, Mapping[str, Any], bool, str]
 """A point as plain data: its key, the canonical JSON of its scene, its case, and `certify` and `effort` of `solve`."""
 
 Row = dict[str, Any]
 
-AS_PLAIN = ("usable", "parameters", "rho", "pair", "pair_state", "active", "stage", "modelled")
+AS_PLAIN = ("usable", "rho", "pair", "pair_state", "active", "stage", "modelled", "features")
 
 BAD_INPUT, ERROR, WORKER_LOST = "BAD_INPUT", "ERROR", "WORKER_LOST"
 """What a row's status may be besides the names of `Status`: no question, an unexpected error, no answer at all."""
@@ -62,8 +62,8 @@ def load() -> None:
 def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Row:
     """Return the row of a point without a solution, with the reason in words.
 
-    Features are labels, "checks_failed" names of checks, "seconds" those of "build", "solve", "prove", "verify", and
-    "point" for all of it; the others as in `Solution`, None for nan.
+    Parameters have the names of `Scene.coordinates`, features are labels, "checks_failed" names of checks, "seconds"
+    those of "build", "solve", "prove", "verify", and "point" for all of it; the others as in `Solution`, None for nan.
     """
     return {
         "key": key,
@@ -86,13 +86,13 @@ def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Ro
     }
 
 
-def _solved(problem: Problem, certify: bool, effort: Any) -> tuple[Solution, dict[str, float]]:
+def _solved(problem: Scene, certify: bool, effort: Any) -> tuple[Any, dict[str, float]]:
     """Return the judged solution, and what it took; what a proof says is checked too."""
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.solver import solve
 
     start = perf_counter()
-    solution = solve(problem, certify=certify, effort=effort)
+    solution: Any = solve(problem, certify=certify, effort=effort)
     seconds = dict(solution.seconds)
     seconds["solve"] += perf_counter() - start - sum(seconds.values())  # features that were tried besides, and the rest
     if solution.evidence is not None:
@@ -102,13 +102,13 @@ def _solved(problem: Problem, certify: bool, effort: Any) -> tuple[Solution, dic
     return solution, seconds
 
 
-def _answer(key: str, solution: Solution) -> Row:
-    certificate = solution.certificate
+def _answer(key: str, solution: Bounded) -> Row:
+    certificate, empty = solution.certificate, row(key, solution.status.name, solution.advice)
     return {
-        **row(key, solution.status.name, solution.advice),
-        **{name: _number(getattr(solution, name)) for name in ("amount", "lower_bound", "pair_gap")},
-        **{name: plain(getattr(solution, name)) for name in AS_PLAIN},
-        "features": plain(solution.features),
+        **empty,
+        **{name: _number(getattr(solution, name, math.nan)) for name in ("amount", "lower_bound", "pair_gap")},
+        **{name: plain(getattr(solution, name, empty[name])) for name in AS_PLAIN},
+        "parameters": plain(solution.coordinates),
         "checks_failed": [check.name for check in certificate.failed] if certificate else [],
     }
 

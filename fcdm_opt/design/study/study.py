@@ -20,8 +20,7 @@ from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, Yi
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
 from fcdm_opt.errors import InputError, checked_path, closest, placed
 from fcdm_opt.problem.arguments import items
-from fcdm_opt.problem.keys import Defaults
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.schema import checked, read_entry
 from fcdm_opt.problem.solution import Effort
 from fcdm_opt.version import __version__
@@ -56,12 +55,13 @@ class Study:
 
     Parameters
     ----------
-    problem : path, Problem, Question, or a sequence of problems or questions
+    problem : path, Problem, Assembly, Question, or a sequence of these
         What is varied; a problem file with all its cases.
     vary : mapping of key to values, or sequence of Variable
-        A key is a place such as "tolerance", "target[1]", "limits.RZ_deg", `bodies.movable.vertices[5][3]` or
-        "parameters.draft_deg", or a tuple of such keys that vary together. Values: a list (with several keys, of
-        lists), a mapping of names to values, or `Uniform`, `Normal`, `Measured`. None stands for the default.
+        A key is a place such as "tolerance", "target[1]", "limits.RZ_deg", `bodies.movable.vertices[5][3]`, of an
+        assembly "scales.slide" or "part.slide.limits.TZ", or "parameters.draft_deg", or a tuple of such keys that vary
+        together. Values: a list (with several keys, of lists), a mapping of names to values, or `Uniform`, `Normal`,
+        `Measured`. None stands for the default.
     parameters : mapping of name to number or expression
     derive : mapping of key to value
         Texts in a value, at any depth, are expressions in the parameters; `{"text": "..."}` is a text.
@@ -371,15 +371,15 @@ def _questions(problem: Any) -> tuple[Question, ...]:
     if isinstance(problem, str | os.PathLike):
         return Question.read(problem)
     given = problem if isinstance(problem, list | tuple) else (problem,)
-    if not given or not all(isinstance(item, Problem | Question) for item in given):
-        allowed = "the path of a problem file, a Problem, or a list of problems"
+    if not given or not all(isinstance(item, Scene | Question) for item in given):
+        allowed = "the path of a problem file, a Problem or an Assembly, or a list of them"
         raise InputError("nothing to study", key="problem", found=problem, allowed=allowed)
     return tuple(item if isinstance(item, Question) else Question.of(item) for item in given)
 
 
 def _mesh_file(place: Place, value: Any) -> str | None:
     """Return the mesh file that a value at a place names: itself, or in the table of a body."""
-    if place[0] not in ("bodies", "keep_out"):
+    if place[0] not in ("bodies", "part", "keep_out"):
         return None
     file = value if place[-1] == "file" else value.get("file") if isinstance(value, Mapping) else None
     return file if isinstance(file, str) else None
@@ -424,7 +424,7 @@ def _check_values(variables: Sequence[Variable], derived: Iterable[str], asked: 
     first = dict.fromkeys(variables, 0)
     try:
         question = asked(base, first)
-        question.check().arguments(Defaults())
+        question.check()
         question.drawn()
     except InputError as reason:
         raise _placed(reason, _places(variables, derived)) from reason

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,10 +23,12 @@ from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.fit import misfit, verdict
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.fit import mismatched, verdict
 from fcdm_opt.problem.keys import Corner, Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -34,12 +36,16 @@ LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 
 WIDENED = 4.0  # times the tolerances of sizes up to which is looked, and as far as all faces stay: this share of it
 STAYS = 0.999
 CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of sizes
+OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
 DEARER = 4  # times: what a tolerance of sizes costs to look at
 SECANTS = 3  # guesses of a crossing by the amounts at both ends, before a bracket is halved
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
+
+
+Deviations = Literal["made", "larger", "smaller"]
 
 
 class End(Enum):
@@ -60,13 +66,14 @@ class Budget(Plain):
     Attributes
     ----------
     requirement : str
-        A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high".
+        A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
+        assembly's parts "made" (which way they are off), "larger" or "smaller".
     tolerance : float
         All tolerances up to this one can be made good; 0 where none can. Of sizes the largest deviation of a length
         (of a scale, where there are no lengths), those of the others in proportion.
     table : (2, 2) or (k, 2) array
         What it means for each body, minus and plus, or each size, least and largest deviation: `tolerance` times the
-        shape.
+        shape. Of an assembly's scales twice the deviation of each part.
     end : End
         What is wrong just above it.
     solution : Solution or None
@@ -85,7 +92,7 @@ class Budget(Plain):
     spacing : float
         Widest gap between tolerances that were looked at, 0 where `proved`.
     sizes : tuple of str
-        Names of the rows of `table`, none where these are the scales of both bodies.
+        Names of the rows of `table`, sizes or parts of an assembly; none where these are the scales of both bodies.
     unit : str
         Of lengths, "" where the problem names none.
     """
@@ -99,8 +106,8 @@ class Budget(Plain):
     tolerance: float
     table: Array
     end: End
-    solution: Solution | None
-    above: Solution | None
+    solution: Bounded | None
+    above: Bounded | None
     bracket: tuple[float, float]
     limit: float | None
     points: int
@@ -114,14 +121,21 @@ class Budget(Plain):
         """Return plain data."""
         return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
 
+    @property
+    def of_scales(self) -> bool:
+        """Whether tolerances are shares of scales, not deviations of sizes."""
+        return not self.sizes or self.requirement in OF_SCALES
+
     def tolerance_text(self, digits: int = 6) -> str:
         """Return the tolerance in words: a share of the scales, or a deviation of sizes."""
-        own = self.tolerance if self.sizes else 100.0 * self.tolerance
-        return measured(f"{own:.{digits}g}", self.unit if self.sizes else "%")
+        own = 100.0 * self.tolerance if self.of_scales else self.tolerance
+        return measured(f"{own:.{digits}g}", "%" if self.of_scales else self.unit)
 
     def sizes_text(self, digits: int = 6) -> str:
         """Return how far each size may be off, in words; "" where the scales are asked about."""
         rows = zip(self.sizes, self.table.tolist(), strict=True) if self.sizes else ()
+        if self.of_scales:
+            return ", ".join(f"{part} {100.0 * share + 0.0:+.{digits}g} %" for part, (share, _) in rows)
         return ", ".join(f"{name} {low + 0.0:+.{digits}g} to {high + 0.0:+.{digits}g}" for name, (low, high) in rows)
 
     @property
@@ -132,12 +146,12 @@ class Budget(Plain):
     @property
     def parameters(self) -> dict[str, float]:
         """Parameters of the least motion at `tolerance`, empty where there is none."""
-        return {} if self.solution is None else dict(self.solution.parameters)
+        return {} if self.solution is None else self.solution.coordinates
 
     @property
     def advice(self) -> str:
         """What ends it, in words, with the widths where the parts do not go together."""
-        why = "" if self.above is None or self.above.usable else verdict(self.above.problem)
+        why = "" if self.above is None or self.above.usable else verdict(self.above.question)
         return f"{self.end.value}: {why}" if why else self.end.value
 
     @property
@@ -161,7 +175,7 @@ class Budgets(Mapping[str, Budget]):
 
     Attributes
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     limit : float or None
     shape : (2, 2) or (k, 2) array
         Tolerances of the bodies, minus and plus, at tau = 1; the largest is 1. Or deviations of sizes.
@@ -171,7 +185,7 @@ class Budgets(Mapping[str, Budget]):
         Letter -> `Budget`.
     """
 
-    problem: Problem = field(repr=False)
+    problem: Scene = field(repr=False)
     limit: float | None
     shape: Array
     largest: float
@@ -206,10 +220,10 @@ class Budgets(Mapping[str, Budget]):
 
 @known_arguments
 def budget(
-    problem: Problem,
+    problem: Scene,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement | Corner] | None = None,
+    requirements: Sequence[Requirement | Corner | Deviations] | Corner | Deviations | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
@@ -220,15 +234,17 @@ def budget(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
         Its goal, motion, limits and keep-outs hold for every requirement. One with sizes of its own and no tolerance of
-        the scales is asked how far these may be off.
+        the scales is asked how far these may be off, an assembly without sizes how far the scales of its parts may.
     limit : float or None
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
-        scales that turn faces, whose least gap is not known beforehand, "low" and "high".
+        scales that turn faces, whose least gap is not known beforehand, and of assemblies "low" and "high". Of the
+        scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
+        default "made", of parts as drawn the two others.
     largest : float, optional
         Tolerance up to which is looked; default 0.2, of sizes four times their own or as far as no face vanishes.
     accuracy : float
@@ -246,16 +262,20 @@ def budget(
     InputError
         For arguments out of range, a question that does not hold with a requirement, and sizes without a tolerance.
     """
-    expected(problem, Problem, "problem")
+    expected(problem, (Problem, Assembly), "problem")
     own = by_name(problem)
     if limit is not None:
         limit = arguments.real(limit, "limit", "a length >= 0, or None", lambda x: x >= 0)
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     arguments.truth(scale, "scale")
-    known = CORNERS if own else tuple(SIGNS)
+    known: tuple[str, ...] = CORNERS if own else tuple(SIGNS)
     if own:
         shape, most, usual = _shape_of_sizes(problem, scale)
-    else:
+        known = usual if isinstance(problem, Assembly) else known
+    elif isinstance(problem, Assembly):
+        shape, most, known = _deviations(problem, scale), LARGEST, OF_SCALES
+        usual = OF_SCALES[:1] if problem.deviates else OF_SCALES[1:]
+    elif isinstance(problem, Problem):
         shape, most, usual = _shape(problem) if scale else np.ones((2, 2)), LARGEST, known
     given: Any = usual if requirements is None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
@@ -271,7 +291,10 @@ def budget(
     else:
         largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
     shape = frozen(shape)
-    each = {letter: _Tolerances(problem, letter, shape, limit, largest, accuracy).budget() for letter in letters}
+    each = dict[str, Budget]()
+    for letter in letters:
+        own_shape = {"larger": np.ones_like(shape), "smaller": -np.ones_like(shape)}.get(letter, shape)
+        each[letter] = _Tolerances(problem, letter, own_shape, limit, largest, accuracy).budget()
     return Budgets(problem=problem, limit=limit, shape=shape, largest=largest, each=each)
 
 
@@ -282,17 +305,24 @@ def _shape(problem: Problem) -> Array:
     return table / float(table.max())
 
 
-def _shape_of_sizes(problem: Problem, scale: bool) -> tuple[Array, float, tuple[str, ...]]:
+def _deviations(assembly: Assembly, scale: bool) -> Array:
+    """Return how the scales of all parts are off, twice each, (k, 2), the largest by 1; of parts as drawn all alike."""
+    off = np.array([x - 1.0 for x in assembly.scales.values()])
+    largest = float(np.abs(off).max())
+    return np.repeat((off / largest if scale and largest else np.ones(len(off)))[:, None], 2, axis=1)
+
+
+def _shape_of_sizes(problem: Scene, scale: bool) -> tuple[Array, float, tuple[str, ...]]:
     """Return deviations of sizes, (k, 2), of lengths up to 1, times what is looked at most, and at which corners."""
     box, lengths = tolerance_boxes(problem.sizes), np.array([size.is_length for size in problem.sizes])
     unit = float(np.abs(box[lengths] if lengths.any() else box).max())
     if not unit > 0.0:
         raise InputError("all sizes are as drawn", key="sizes.tolerance", found=box.tolist(), allowed="tolerances > 0")
     shape, most = box / unit if scale else np.tile([-1.0, 1.0], (len(box), 1)), WIDENED * unit
-    usual: tuple[str, ...] = CORNERS[:2]
-    for role in ("movable", "static"):
-        body, rows = problem.request[role], [k for k, size in enumerate(problem.sizes) if size.body == role]
-        if body.hollow and rows:
+    usual: tuple[str, ...] = CORNERS[2:] if isinstance(problem, Assembly) else CORNERS[:2]
+    for role, body in problem.drawn.items():
+        rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
+        if body.is_surface and rows:
             usual = CORNERS[2:]
         elif rows:
             moving = Resizing.of(body, [problem.sizes[k] for k in rows])
@@ -306,7 +336,7 @@ class _Point(NamedTuple):
 
     tau: float
     good: bool
-    solution: Solution
+    solution: Bounded
 
     @property
     def amount(self) -> float:
@@ -314,15 +344,14 @@ class _Point(NamedTuple):
 
     def like(self, other: _Point) -> bool:
         """Tell whether the same contact is held by the same constraints in the same state."""
-        one, two = self.solution, other.solution
-        return (one.status, one.features, one.active) == (two.status, two.features, two.active)
+        return self.solution.held_by == other.solution.held_by
 
 
 @dataclass(eq=False)
 class _Tolerances:
     """The search along the tolerances of one requirement."""
 
-    problem: Problem
+    problem: Any
     letter: str
     shape: Array
     limit: float | None
@@ -344,17 +373,27 @@ class _Tolerances:
         return CELLS // DEARER if by_name(self.problem) else CELLS
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sizes, or of an assembly's parts; none where the scales of both bodies are asked about."""
+        if by_name(self.problem):
+            return tuple(size.name for size in self.problem.sizes)
+        return tuple(self.problem.parts) if isinstance(self.problem, Assembly) else ()
+
+    @property
     def smallest(self) -> float:
         """The tolerance from which on the judge can tell."""
         lengths = any(size.is_length for size in self.problem.sizes) and by_name(self.problem)
         return SMALLEST * (self.problem.size if lengths else 1.0)
 
-    def asked(self, tau: float) -> Problem:
+    def asked(self, tau: float) -> Scene:
         """Return the question at a tolerance."""
         table = tuple(map(tuple, (tau * self.shape).tolist()))
         if by_name(self.problem):
             sizes = [replace(size, tolerance=ends) for size, ends in zip(self.problem.sizes, table, strict=True)]
             return self.problem.changed(sizes=sizes, made=self.letter)
+        if isinstance(self.problem, Assembly):
+            scales = (1.0 + tau * self.shape[:, 0]).tolist()
+            return self.problem.changed(scales=dict(zip(self.problem.parts, scales, strict=True)))
         goal = self.problem.goal
         return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
 
@@ -383,7 +422,7 @@ class _Tolerances:
             proved=lie is not Order.ANY,
             reason=why,
             spacing=spacing,
-            sizes=tuple(size.name for size in self.problem.sizes) if by_name(self.problem) else (),
+            sizes=self.names,
             unit=self.problem.unit,
         )
 
@@ -396,7 +435,7 @@ class _Tolerances:
             return End.OUTSIDE_FIT
         if high.solution.usable:
             return End.LIMIT
-        return End.NOT_VERIFIED if misfit(high.solution.problem) is None else End.MISFIT
+        return End.MISFIT if mismatched(high.solution.question) else End.NOT_VERIFIED
 
     def _nested(self, lie: Order) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance where there is one stretch of good ones at most."""
@@ -462,6 +501,6 @@ class _Tolerances:
 
     def _may_be_good(self, tau: float) -> bool:
         """Tell whether a tolerance is good: parts that do not go together need no search for a shift."""
-        if tau not in self.points and self.problem.motion.shifts and misfit(self.asked(tau)) is not None:
+        if tau not in self.points and self.problem.shifts and mismatched(self.asked(tau)):
             return False
         return self.at(tau).good

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
-from fcdm_opt.design.whatif.constraints import Constraint, problem_of
+from fcdm_opt.design.whatif.constraints import Constraint, scene_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.fit import verdict
-from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded, Status
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,7 +22,7 @@ class Conflicts(Plain):
 
     Attributes
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     constraints : tuple of Constraint
         All that the problem has.
     clashes : tuple of Clash
@@ -45,7 +45,7 @@ class Conflicts(Plain):
         "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
     )  # fmt: skip
 
-    problem: Problem = field(repr=False)
+    problem: Scene = field(repr=False)
     constraints: tuple[Constraint, ...]
     clashes: tuple[Clash, ...]
     complete: bool
@@ -77,13 +77,13 @@ class Conflicts(Plain):
 
 @known_arguments
 def conflicts(
-    problem: Problem | Solution, *, certify: bool = False, relax: bool = True, deviation: bool = True
+    problem: Scene | Bounded, *, certify: bool = False, relax: bool = True, deviation: bool = True
 ) -> Conflicts:
-    """Find out why a problem has no motion, or none that stays in the fit in which the parts are drawn.
+    """Find out why a problem or an assembly has no motion, or none that stays in the fit in which the parts are drawn.
 
     Parameters
     ----------
-    problem : Problem or Solution
+    problem : Problem or Assembly, or a solution of one
         One that cannot be solved; a solution without a motion is asked for its problem.
     certify : bool
         Try to prove by branch and bound what was found by sampling; may take a minute a clash.
@@ -102,12 +102,11 @@ def conflicts(
     InputError
         For a problem that has a motion: `drop` tells what its constraints cost.
     """
-    known = problem if isinstance(problem, Solution) else None
-    problem = problem_of(problem)
+    known, scene = problem if isinstance(problem, Bounded) else None, scene_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         arguments.truth(value, key)
-    start, search = perf_counter(), ClashSearch(problem)
-    whole = known or search.solved(problem, effort="proved")  # as `solve` answers it
+    start, search = perf_counter(), ClashSearch(scene)
+    whole = known or search.solved(scene, effort="proved")  # as `solve` answers it
     search.inside = whole.verified and not whole.usable
     if whole.usable:
         what = "the problem has a motion: nothing clashes"
@@ -119,7 +118,7 @@ def conflicts(
     members = dict.fromkeys(name for clash in clashes for name in clash.names)
     by_name = {one.name: one for one in search.constraints}
     return Conflicts(
-        problem=problem,
+        problem=scene,
         constraints=search.constraints,
         clashes=tuple(clashes),
         complete=complete,

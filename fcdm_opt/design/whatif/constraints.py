@@ -7,7 +7,7 @@ the keep-out itself. Dropping the weaker one drops the stronger one too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,22 +16,28 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import Plain, plain
+from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution, kept_clear_by
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
+from fcdm_opt.problem.scene import Coordinate, Scene
+from fcdm_opt.problem.solution import Bounded, Certificate, Solution, kept_clear
 from fcdm_opt.tolerances import DEFAULT
 
 OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
 
 
-def _unknown(sensitivity: Sensitivity) -> float:
+Rates = Sensitivity | AssemblySensitivity
+
+
+def _unknown(sensitivity: Rates) -> float:
     return math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """One constraint of a problem.
+    """One constraint of a problem or an assembly.
 
     Attributes
     ----------
@@ -63,8 +69,8 @@ class Constraint:
     """
 
     name: str
-    changed: Callable[[Problem, float], Problem]
-    excess: Callable[[Solution, Certificate], float]
+    changed: Callable[[Any, float], Any]
+    excess: Callable[[Any, Certificate], float]
     value: float = math.nan
     unit: str = ""
     includes: str = ""
@@ -73,61 +79,65 @@ class Constraint:
     outward: float = math.nan
     slack: float = 0.0
     kept_at_rest: bool = False
-    rate: Callable[[Sensitivity], float] = _unknown
+    rate: Callable[[Any], float] = _unknown
 
 
-def _limit(problem: Problem, k: int, label: str, sides: tuple[int, ...]) -> Constraint:
+def _limit(scene: Scene, coordinate: Coordinate, label: str, sides: tuple[int, ...]) -> Constraint:
     """Return the lower (sides (0,)) or upper ((1,)) limit of a parameter, or both where they are equal: it is held."""
-    parameter, value = problem.motion.parameters[k], float(problem.limits[k, sides[0]])
-    name, held = parameter.name, len(sides) > 1
+    name, value, held = coordinate.name, coordinate.limits[sides[0]], len(sides) > 1
 
-    def changed(problem: Problem, by: float) -> Problem:
-        given = problem.request["limits"]
-        ends = list(given.get(name, (-math.inf, math.inf)))
+    def changed(scene: Scene, by: float) -> Scene:
+        ends = next([*own.limits] for own in scene.coordinates if own.name == name)
         for side in sides:
             ends[side] = value + OUTWARD[side] * by
-        return problem.changed(limits={**given, name: tuple(ends)})
+        return scene.with_limits(name, (ends[0], ends[1]))
 
-    def rate(sensitivity: Sensitivity) -> float:  # equal limits are one datum, the lower
+    def rate(sensitivity: Rates) -> float:  # equal limits are one datum, the lower
+        if isinstance(sensitivity, AssemblySensitivity):
+            return math.nan
         rates = sensitivity.limits[name]
         return abs(rates[0]) if held else -OUTWARD[sides[0]] * rates[sides[0]]
 
     return Constraint(
         name=label,
         changed=changed,
-        excess=lambda solution, _: max(OUTWARD[side] * (solution.parameters[name] - value) for side in sides),
+        excess=lambda solution, _: max(OUTWARD[side] * (solution.coordinates[name] - value) for side in sides),
         value=value,
-        unit="length" if parameter.kind == "translation" else "radian",
+        unit="length" if coordinate.kind == "translation" else "radian",
         parameter=name,
         outward=math.nan if held else OUTWARD[sides[0]],
-        slack=DEFAULT.requirement * problem.length / float(problem.weights[k]),
+        slack=scene.limit_slack / coordinate.weight,
         kept_at_rest=all(OUTWARD[side] * value >= 0.0 for side in sides),
         rate=rate,
     )
 
 
 def _clearance(
-    problem: Problem, name: str, value: float = math.nan, includes: str = "", kept: KeepOut | None = None
+    scene: Scene, name: str, value: float = math.nan, includes: str = "", kept: KeepOut | None = None
 ) -> Constraint:
     """Return a clearance of the target pair or to a keep-out; nan: that it is clear at all, which is kept or not."""
     whole = math.isnan(value)
 
-    def changed(problem: Problem, by: float) -> Problem:
+    def changed(scene: Scene, by: float) -> Scene:
         clearance = 0.0 if whole else value - by
         if kept is None:
-            return problem.changed(clearance=clearance, **({"pair": "any"} if whole else {}))
-        others = [one for one in problem.keep_out if one.name != kept.name or not whole]
-        return problem.changed(
+            return scene.changed(clearance=clearance, **({"pair": "any"} if whole else {}))
+        others = [one for one in scene.keep_out if one.name != kept.name or not whole]
+        return scene.changed(
             keep_out=tuple(replace(one, clearance=clearance) if one.name == kept.name else one for one in others)
         )
 
-    def excess(solution: Solution, certificate: Certificate) -> float:
-        check = "clearance" if kept is None else kept_clear(kept.name)
+    def excess(solution: Bounded, certificate: Certificate) -> float:
+        names = ["clearance" if kept is None else kept_clear(kept.name)]
+        if kept is not None and isinstance(solution, AssemblySolution):
+            names = [kept_clear_by(part, kept.name) for part in solution.assembly.motions]
+        known = {one.name: one.value for one in certificate.checks}
         # what the judge could not find is infinitely bad
-        measured = next((one.value for one in certificate.checks if one.name == check), -math.inf)
-        return (0.0 if whole else value) - measured
+        return (0.0 if whole else value) - min(known.get(check, -math.inf) for check in names)
 
-    def rate(sensitivity: Sensitivity) -> float:
+    def rate(sensitivity: Rates) -> float:
+        if isinstance(sensitivity, AssemblySensitivity):
+            return math.nan
         if kept is not None:
             return sensitivity.keep_out[kept.name]
         return math.nan if whole else sensitivity.clearance
@@ -141,7 +151,7 @@ def _clearance(
         includes=includes,
         most=value,
         outward=-1.0,
-        slack=max(problem.contact_slack, 0.0 if kept is None else DEFAULT.tie * kept.body.size),
+        slack=max(scene.contact_slack, 0.0 if kept is None else DEFAULT.tie * kept.body.size),
         rate=rate,
     )
 
@@ -155,7 +165,7 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
 
     def excess(solution: Solution, certificate: Certificate) -> float:
         if problem.goal == FIT:
-            return max(-replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf), 0.0)
+            return max(-solution.answering(problem).contact_gaps.get(feature.label, math.inf), 0.0)
         # by these very faces: the parts may touch elsewhere
         return next((one.value for one in certificate.checks if one.name == f"contact {k}"), math.inf)
 
@@ -167,24 +177,38 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
     return Constraint(name=name, changed=changed, excess=excess, slack=problem.contact_slack, rate=rate)
 
 
+def _meeting(assembly: Assembly, pair: JoinedPair) -> Constraint:
+    """Return that two parts of an assembly meet as is asked; without it, they only do not overlap."""
+
+    def changed(assembly: Assembly, by: float) -> Assembly:
+        asked = [JoinedPair(*own[:2], CLEAR) if own[:2] == pair[:2] else own for own in assembly.contacts]
+        return assembly.changed(contacts=[{"parts": own[:2], **own.asked} for own in asked], follows=assembly.follows)
+
+    return replace(_passed(f"contact {pair}", f"contact: {pair}", {}), changed=changed)
+
+
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
-    """Return that the judge's checks whose names start so pass; without it, the problem has other arguments."""
+    """Return that the judge's checks whose names start so pass; without it, the question has other arguments."""
 
-    def changed(problem: Problem, by: float) -> Problem:
+    def changed(scene: Scene, by: float) -> Scene:
         if unit and math.isfinite(by):
-            steps = problem.request["resolution"]
-            return problem.changed(resolution={name: step / 2.0**by for name, step in steps.items()})
-        return problem.changed(**instead)
+            return scene.changed(resolution=_divided(scene.request["resolution"], 2.0**by))
+        return scene.changed(**instead)
 
-    def excess(solution: Solution, certificate: Certificate) -> float:
+    def excess(solution: Bounded, certificate: Certificate) -> float:
         checks = [one.passed for one in certificate.checks if one.name.startswith(check)]
         return 0.0 if checks and all(checks) else math.inf
 
     return Constraint(name=name, changed=changed, excess=excess, unit=unit)
 
 
-def constraints(problem: Problem) -> tuple[Constraint, ...]:
-    """Return all constraints of a problem; what is implied by the goal is none.
+def _divided(steps: Any, by: float) -> Any:
+    """Return steps of a machine, of parameters or of parts and theirs, by as much smaller."""
+    return {name: _divided(own, by) for name, own in steps.items()} if isinstance(steps, Mapping) else steps / by
+
+
+def constraints(scene: Scene) -> tuple[Constraint, ...]:
+    """Return all constraints of a problem or an assembly; what is implied by the goal is none.
 
     Returns
     -------
@@ -193,17 +217,29 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         steps; a weaker one stands before the one that includes it.
     """
     listed: list[Constraint] = []
-    for k, (parameter, ends) in enumerate(zip(problem.motion.parameters, problem.limits.tolist(), strict=True)):
-        name = parameter.name
-        limits = {f"lower limit of {name}": (0,), f"upper limit of {name}": (1,)}
-        for label, sides in {f"{name} held": (0, 1)}.items() if ends[0] == ends[1] else limits.items():
-            if math.isfinite(ends[sides[0]]):
-                listed.append(_limit(problem, k, label, sides))
-    for kept in problem.keep_out:
+    for own in scene.coordinates:
+        limits = {f"lower limit of {own.name}": (0,), f"upper limit of {own.name}": (1,)}
+        for label, sides in {f"{own.name} held": (0, 1)}.items() if own.limits[0] == own.limits[1] else limits.items():
+            if math.isfinite(own.limits[sides[0]]):
+                listed.append(_limit(scene, own, label, sides))
+    for kept in scene.keep_out:
         label = f"keep-out {kept.name!r}"
-        listed.append(_clearance(problem, label, kept=kept))
+        listed.append(_clearance(scene, label, kept=kept))
         if kept.clearance > 0:
-            listed.append(_clearance(problem, kept_clear(kept.name), kept.clearance, label, kept))
+            listed.append(_clearance(scene, kept_clear(kept.name), kept.clearance, label, kept))
+    if isinstance(scene, Assembly):
+        listed += [_meeting(scene, pair) for pair in scene.contacts]
+    if isinstance(scene, Problem):
+        listed += _of_the_pair(scene)
+    if scene.resolution is not None and len(scene.resolution):
+        check = "contact: " if isinstance(scene, Assembly) else "whole steps"
+        listed.append(_passed("whole steps", check, {"resolution": None}, "halvings"))
+    return tuple(listed)
+
+
+def _of_the_pair(problem: Problem) -> list[Constraint]:
+    """Return what is asked of two parts besides the goal."""
+    listed = list[Constraint]()
     if len(problem.contacts) > 1:
         listed += [_contact(problem, *own) for own in enumerate(problem.contacts, 1)]
     state = "" if problem.contacts or problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
@@ -215,15 +251,13 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         listed.append(_clearance(problem, "clearance", problem.clearance, "" if problem.goal == "clear" else state))
     if problem.goal in TRACKING and problem.path == "coherent":
         listed.append(_passed("coherence", "path", {"path": "free"}))
-    if problem.resolution is not None:
-        listed.append(_passed("whole steps", "whole steps", {"resolution": None}, "halvings"))
-    return tuple(listed)
+    return listed
 
 
 class PlainMotion(Plain):
     """Base of what has a `solution`, whose motion is told with it."""
 
-    solution: Solution | None
+    solution: Bounded | None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data with status, amount and parameters; nan becomes None and infinity "inf"."""
@@ -234,45 +268,45 @@ class PlainMotion(Plain):
         return {**told, **motion, **told}
 
 
-def problem_of(asked: Problem | Solution) -> Problem:
-    """Return the problem that is spoken of; raises `InputError` for what is neither problem nor solution."""
-    if not isinstance(asked, Problem | Solution):
-        found, allowed = type(asked).__name__, "a Problem or a Solution"
+def scene_of(asked: Scene | Bounded) -> Any:
+    """Return the question that is spoken of; raises `InputError` for what is neither question nor solution."""
+    if not isinstance(asked, Scene | Bounded):
+        found, allowed = type(asked).__name__, "a Problem, an Assembly, or a Solution of one"
         raise InputError("wrong kind of argument", key="problem", found=found, allowed=allowed)
-    return asked.problem if isinstance(asked, Solution) else asked
+    return asked.question if isinstance(asked, Bounded) else asked
 
 
-def without(problem: Problem, names: Iterable[str]) -> Problem:
-    """Return a problem without some of its constraints, and without those that include them.
+def without(scene: Any, names: Iterable[str]) -> Any:
+    """Return a question without some of its constraints, and without those that include them.
 
     Parameters
     ----------
-    problem : Problem
+    scene : Problem or Assembly
     names : iterable of str
         As `constraints` names them.
 
     Raises
     ------
     InputError
-        For a name that no constraint of the problem has.
+        For a name that no constraint of the question has.
     """
-    known = {one.name: one for one in constraints(problem)}
+    known = {one.name: one for one in constraints(scene)}
     for name in dict.fromkeys(names):
         if name not in known:
             allowed = ", ".join(known) or "none: the problem has no constraint"
             raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
-        problem = known[name].changed(problem, known[name].most)
-    return problem
+        scene = known[name].changed(scene, known[name].most)
+    return scene
 
 
-def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
-    """Return by how much a motion passes each constraint of a problem, as judged.
+def excesses(scene: Scene, solution: Bounded) -> dict[str, float]:
+    """Return by how much a motion passes each constraint of a question, as judged.
 
     Parameters
     ----------
-    problem : Problem
-    solution : Solution
-        Of the problem without some of its constraints, with a motion.
+    scene : Problem or Assembly
+    solution : Solution or AssemblySolution
+        Of the question without some of its constraints, with a motion.
 
     Returns
     -------
@@ -280,7 +314,6 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         Name -> amount in the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is
         not and there is no amount.
     """
-    features = problem.contacts if problem.contacts and problem.goal != FIT else solution.features
-    certificate = verify(replace(solution, problem=problem, features=features))
-    passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(problem)}
+    certificate = verify(solution.answering(scene))
+    passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(scene)}
     return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}

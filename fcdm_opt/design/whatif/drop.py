@@ -6,27 +6,28 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, problem_of, without
+from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, scene_of, without
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Dropped(PlainMotion):
-    """The problem without one constraint, or with another goal.
+    """The question without one constraint, or with another goal.
 
     Attributes
     ----------
     name : str
         The constraint's name as `constraints` has it, or `goal "touch"`.
-    solution : Solution
-        Of the problem so changed.
+    solution : Solution or AssemblySolution
+        Of the question so changed.
     amount : float
         Its least amount; nan where none was found.
     saving : float
@@ -46,7 +47,7 @@ class Dropped(PlainMotion):
     plain_names: ClassVar[tuple[str, ...]] = ("name", "amount", "saving", "excess", "rate", "estimate")
 
     name: str
-    solution: Solution = field(repr=False)
+    solution: Bounded = field(repr=False)
     amount: float
     saving: float
     excess: float = math.nan
@@ -74,19 +75,20 @@ class Costs(Plain):
 
     Attributes
     ----------
-    solution : Solution
+    solution : Solution or AssemblySolution
         With all constraints.
     rows : tuple of Dropped
         One for each constraint, the largest saving first.
     goals : tuple of Dropped
-        One for each other goal that the problem can have, the largest saving first, those without a motion last.
+        One for each other goal that a problem of two parts can have, the largest saving first, those without a motion
+        last.
     solves : int
     seconds : float
     """
 
     plain_names: ClassVar[tuple[str, ...]] = ("amount", "rows", "goals", "free", "solves", "seconds")
 
-    solution: Solution = field(repr=False)
+    solution: Bounded = field(repr=False)
     rows: tuple[Dropped, ...]
     goals: tuple[Dropped, ...]
     solves: int
@@ -109,12 +111,12 @@ class Costs(Plain):
 
 
 @known_arguments
-def drop(problem: Problem | Solution) -> Costs:
-    """Find out which constraint of a problem costs how much.
+def drop(problem: Scene | Bounded) -> Costs:
+    """Find out which constraint of a problem or an assembly costs how much.
 
     Parameters
     ----------
-    problem : Problem or Solution
+    problem : Problem or Assembly, or a solution of one
         One that can be solved; a solution is taken as it is.
 
     Raises
@@ -123,15 +125,15 @@ def drop(problem: Problem | Solution) -> Costs:
         For a problem that has no motion: `conflicts` tells why.
     """
     start = perf_counter()
-    known = isinstance(problem, Solution)
-    solution = problem if isinstance(problem, Solution) else solve(problem_of(problem), effort="quick")
+    known = isinstance(problem, Bounded)
+    solution: Any = problem if isinstance(problem, Bounded) else solve(scene_of(problem), effort="quick")
     if not solution.usable:
         what = "the problem has no motion that could become smaller"
         allowed = "a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none"
         raise InputError(what, key="problem", found=solution.status.name, allowed=allowed)
-    asked = solution.problem
+    asked = solution.question
     rows = [_without(solution, one) for one in constraints(asked)]
-    goals = list(_other_goals(solution))
+    goals = list(_other_goals(solution.problem, solution.amount)) if isinstance(asked, Problem) else []
     return Costs(
         solution=solution,
         rows=tuple(sorted(rows, key=lambda row: -row.saving)),
@@ -141,12 +143,12 @@ def drop(problem: Problem | Solution) -> Costs:
     )
 
 
-def _without(solution: Solution, constraint: Constraint) -> Dropped:
+def _without(solution: Any, constraint: Constraint) -> Dropped:
     """Return what a constraint costs.
 
     The motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing.
     """
-    problem, name, rate = solution.problem, constraint.name, constraint.rate(solution.sensitivity)
+    problem, name, rate = solution.question, constraint.name, constraint.rate(solution.sensitivity)
     without_it = solve(without(problem, [name]), effort="quick")
     if not (without_it.usable and without_it.amount < solution.amount * (1.0 - DEFAULT.tied)):
         return Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
@@ -164,9 +166,8 @@ def _without(solution: Solution, constraint: Constraint) -> Dropped:
     )
 
 
-def _other_goals(solution: Solution) -> Iterator[Dropped]:
+def _other_goals(problem: Problem, least: float) -> Iterator[Dropped]:
     """Yield the problem with each other goal that makes a question; a clearance goes where nothing asks for it."""
-    problem = solution.problem
     for goal in GOALS:
         if goal == problem.goal:
             continue
@@ -177,6 +178,6 @@ def _other_goals(solution: Solution) -> Iterator[Dropped]:
             continue
         answer = solve(other, effort="quick")
         amount = answer.amount if answer.usable else math.nan
-        saving = solution.amount - amount
-        tied = abs(saving) <= DEFAULT.tied * max(amount, solution.amount)
+        saving = least - amount
+        tied = abs(saving) <= DEFAULT.tied * max(amount, least)
         yield Dropped(name=f'goal "{goal}"', solution=answer, amount=amount, saving=0.0 if tied else saving)

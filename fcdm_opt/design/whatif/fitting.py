@@ -15,6 +15,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
@@ -32,14 +33,6 @@ def narrowed(
         middle = (low + high) / 2.0
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low, high
-
-
-def deviating(problem: Problem, share: float) -> Problem:
-    """Return a problem with a share of its deviation from nominal: of its tolerance, or of its target's."""
-    if problem.tolerance is not None:
-        return problem.changed(tolerance=(share * problem.tolerance).tolist())
-    nominal = problem.nominal_pair
-    return problem.changed(target=(nominal + share * (problem.target - nominal)).tolist())
 
 
 def fits_up_to(problem: Problem) -> float | None:
@@ -68,7 +61,7 @@ def fits_up_to(problem: Problem) -> float | None:
 
     def fits(share: float) -> bool:
         try:
-            made = deviating(problem, share)
+            made = problem.deviating(share)
             answer = None if misfit(made) is not None else solve(made, effort="quick", time=math.inf)
             if answer is not None and answer.stopped:
                 raise pacing.TimeOverError
@@ -91,8 +84,10 @@ class Order(Enum):
     ANY = "nothing is known"
 
 
-def order(problem: Problem) -> tuple[Order, str]:
+def order(problem: Scene) -> tuple[Order, str]:
     """Return how the tolerances lie that a problem's requirement can be made good for, and why that is so.
+
+    Of an assembly nothing is known.
 
     Sets of scaled bodies that are star-shaped about their seeds are nested, so are the motions that keep them clear.
     For "touch", the gap of the pair with less deviation has one sign at rest and the other where the pair with more
@@ -100,9 +95,11 @@ def order(problem: Problem) -> tuple[Order, str]:
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
         With a requirement, at any tolerance of the shape asked about.
     """
+    if not isinstance(problem, Problem):
+        return Order.ANY, UNKNOWN
     changes = problem.target - problem.nominal_pair
     grows, shrinks = bool((changes >= 0).all()), bool((changes <= 0).all())
     alone = not problem.keep_out and problem.pair == "any"

@@ -12,7 +12,10 @@ from fcdm_opt.along.sensitivity import Sensitivity, by_moves
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
@@ -41,23 +44,27 @@ class Prediction(Plain):
     reasons: tuple[str, ...] = ()
 
 
+BY_SIZE, IN_WORDS = ("scales", "made"), ("name", "unit")  # arguments of an assembly: with derivatives, and only shown
+
 Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
 
 
-def prediction(before: Solution, problem: Problem) -> Prediction:
-    """Return the amount of a changed problem to first order.
+def prediction(before: Any, problem: Any) -> Prediction:
+    """Return the amount of a changed question to first order.
 
     Right to second order in the changes while the same constraints hold the motion.
 
     Parameters
     ----------
-    before : Solution
-    problem : Problem
+    before : Solution or AssemblySolution
+    problem : Problem or Assembly
         The changed question.
     """
-    told = [*_discrete(before.problem, problem)]
-    if not told:  # else the derivatives need not be worked out
-        told = [*_changes(before, problem)]
+    several = isinstance(before, AssemblySolution)
+    discrete = [] if several else [*_discrete(before.problem, problem)]
+    told = discrete
+    if not discrete:  # else the derivatives need not be worked out
+        told = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
         blocking = "; ".join(why for why in before.sensitivity.reasons if not why.startswith(HARMLESS))
         if told and blocking:
             told = [(name, NAN, blocking) for name, _, _ in told]
@@ -67,6 +74,18 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
     if terms and amount < -DEFAULT.tie * problem.size:
         reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
+
+
+def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
+    """Yield what changed scales and sizes of an assembly add to the amount; by all else there is no derivative."""
+    old, rates = before.assembly, before.sensitivity
+    for key, value in new.request.items():
+        if key not in (*BY_SIZE, *IN_WORDS) and not same(old.request[key], value):
+            yield key, NAN, f"no derivative by {key} of an assembly"
+    for key, known in (("scales", rates.scales), ("made", rates.sizes)):
+        was, now = getattr(old, key), getattr(new, key)
+        for name in (name for name in known if name in now and was[name] != now[name]):
+            yield _told(f"{key}.{name}", [known[name]], [now[name] - was[name]])
 
 
 def _discrete(old: Problem, new: Problem) -> Told:
@@ -205,4 +224,8 @@ def same(one: Any, two: Any) -> bool:
         return True
     if isinstance(one, np.ndarray) or isinstance(two, np.ndarray):
         return np.array_equal(one, two)
+    if isinstance(one, list | tuple) and isinstance(two, list | tuple):
+        return len(one) == len(two) and all(map(same, one, two))
+    if isinstance(one, Size) and isinstance(two, Size):
+        return one.to_dict() == two.to_dict()
     return bool(type(one) is type(two) and one == two)

@@ -17,12 +17,12 @@ from itertools import combinations, product
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import deviating, narrowed
+from fcdm_opt.design.whatif.fitting import narrowed
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
-from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Effort, Solution, Status
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.solution import Bounded, Effort, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -81,7 +81,7 @@ class LeastRelaxation(PlainMotion):
     impossible : float
         Largest relaxation that is proved not to do; infinite where it is proved that the constraint cures nothing, nan
         where nothing is proved. Close to the least one, proofs take too long.
-    solution : Solution or None
+    solution : Solution, AssemblySolution or None
         The least motion of the problem so relaxed.
     note : str
         What else there is to say.
@@ -98,7 +98,7 @@ class LeastRelaxation(PlainMotion):
     unit: str = ""
     failing: float = 0.0
     impossible: float = math.nan
-    solution: Solution | None = None
+    solution: Bounded | None = None
     note: str = ""
 
     @property
@@ -110,12 +110,12 @@ class LeastRelaxation(PlainMotion):
         if not self.cures:
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
         shown = math.degrees if self.unit == "radian" else float
-        problem = None if self.solution is None else self.solution.problem
-        lengths = problem.unit if problem else ""
+        question = None if self.solution is None else self.solution.question
+        lengths = question.unit if question else ""
         unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(self.unit, "")
         done = "drop it" if math.isinf(self.by) else f"by {measured(f'{shown(self.by):.9g}', unit)}"
         done += "" if math.isnan(self.value) else f" to {measured(f'{shown(self.value):.9g}', unit)}"
-        amount = measured(f"{self.amount:.6g}", problem.amount_unit if problem else "")
+        amount = measured(f"{self.amount:.6g}", question.amount_unit if question else "")
         out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
         notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
         return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
@@ -129,18 +129,18 @@ class Trial(PlainMotion):
     ----------
     change : str
         What was changed, with all constraints dropped.
-    solution : Solution
+    solution : Solution or AssemblySolution
     """
 
     plain_names: ClassVar[tuple[str, ...]] = ("change",)
 
     change: str
-    solution: Solution
+    solution: Bounded
 
     def __str__(self) -> str:
         if not self.solution.usable:
             return f"{self.change}: no motion to use ({self.solution.status.name.replace('_', ' ').lower()})"
-        return f"{self.change}: amount {measured(f'{self.solution.amount:.6g}', self.solution.problem.amount_unit)}"
+        return f"{self.change}: amount {measured(f'{self.solution.amount:.6g}', self.solution.amount_unit)}"
 
 
 class ClashSearch:
@@ -150,17 +150,17 @@ class ClashSearch:
     motions out of the fit only, motions `inside` are asked for.
     """
 
-    def meets(self, solution: Solution) -> bool:
+    def meets(self, solution: Bounded) -> bool:
         """Whether a motion was found that will do."""
         return solution.usable if self.inside else solution.verified
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Any) -> None:
         self.problem, self.inside = problem, False
         self.constraints = constraints(problem)
         self.names: Names = frozenset(one.name for one in self.constraints)
         self.solves = 0
         self.kept: list[Names] = []  # of each motion found, what it keeps
-        self._asked: dict[Names, Solution] = {}
+        self._asked: dict[Names, Bounded] = {}
         weaker = {one.name: one.includes for one in self.constraints}
         self.chains: list[list[Names]] = []  # of each strongest constraint, closed sets from the weakest on
         self.chosen: dict[Names, str] = {}  # the strongest constraint of each such set
@@ -171,16 +171,16 @@ class ClashSearch:
             self.chains.append([frozenset(chain[: k + 1]) for k in range(len(chain))])
             self.chosen.update(zip(self.chains[-1], chain, strict=True))
 
-    def solved(self, problem: Problem, *, certify: bool = False, effort: Effort = "quick") -> Solution:
+    def solved(self, problem: Any, *, certify: bool = False, effort: Effort = "quick") -> Bounded:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
-        solution = solve(problem, certify=certify, effort="proved" if certify else effort)
+        solution: Bounded = solve(problem, certify=certify, effort="proved" if certify else effort)
         if self.meets(solution):
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
         return solution
 
-    def alone(self, names: Names) -> Solution:
+    def alone(self, names: Names) -> Bounded:
         """Return the answer with these constraints alone."""
         if names not in self._asked:
             self._asked[names] = self.solved(without(self.problem, self.names - names))
@@ -190,7 +190,7 @@ class ClashSearch:
         """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
         return any(names <= kept for kept in self.kept) or self.meets(self.alone(names))
 
-    def smallest(self, whole: Solution) -> tuple[list[Clash], bool]:
+    def smallest(self, whole: Bounded) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
 
         Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
@@ -269,7 +269,7 @@ class ClashSearch:
             return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
         return self._bracketed(constraint, common)
 
-    def _relaxed(self, constraint: Constraint, by: float, **changes: Any) -> tuple[Solution, float]:
+    def _relaxed(self, constraint: Constraint, by: float, **changes: Any) -> tuple[Bounded, float]:
         """Return the answer with a constraint relaxed, and by how much it is passed; infinite without a motion."""
         relaxed = constraint.changed(self.problem, by)
         solution = self.solved(relaxed.changed(**changes) if changes else relaxed)
@@ -284,7 +284,7 @@ class ClashSearch:
         """
         assert common.solution is not None
         # twice what the judge lets pass, of the constraint itself and of the contact: a longer motion opens it
-        longer = 1.0 + self.problem.size / self.problem.length if constraint.parameter else 1.0
+        longer = 1.0 + self.problem.size / self.problem.turning_length if constraint.parameter else 1.0
         fuzz, best, best_by = 2.0 * constraint.slack * longer, common.solution, math.inf
         low, high = 0.0, excesses(self.problem, best)[constraint.name]
         nearest = self._nearest(constraint, high)
@@ -333,12 +333,10 @@ class ClashSearch:
 
         It passes the limit by least where rest keeps that: all motions are then beyond it.
         """
-        if not constraint.kept_at_rest:
+        if not constraint.kept_at_rest or isinstance(self.problem, Assembly):  # whose parts have one weight each
             return math.inf
-        weights = {
-            name: weight * (1.0 if name == constraint.parameter else LIGHT)
-            for name, weight in self.problem.motion.by_name(self.problem.weights).items()
-        }
+        weights = {own.name: own.weight * LIGHT for own in self.problem.coordinates}
+        weights[constraint.parameter] /= LIGHT
         return self._relaxed(constraint, most, amount="weighted", weights=weights)[1]
 
     def largest_deviation(self) -> LeastRelaxation | None:
@@ -346,12 +344,12 @@ class ClashSearch:
 
         Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in.
         """
-        if not self.problem.signs.any():
+        if not self.problem.deviates:
             return None
-        solutions: dict[float, Solution] = {}
+        solutions: dict[float, Bounded] = {}
 
         def can(share: float) -> bool:
-            solutions[share] = self.solved(deviating(self.problem, share))
+            solutions[share] = self.solved(self.problem.deviating(share))
             return self.meets(solutions[share])
 
         name, note = "deviation from nominal", "sampled"
@@ -366,6 +364,11 @@ class ClashSearch:
     def trials(self) -> Iterator[Trial]:
         """Ask, with all constraints dropped, whether any motion can do it, and whether another goal can be met."""
         bare = without(self.problem, self.names)
+        if isinstance(bare, Assembly):
+            motions = dict.fromkeys(bare.motions, Free())
+            if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
+                yield Trial(change="all motions Free()", solution=self.solved(bare.changed(motions=motions)))
+            return
         given = {"weights": None, "published": None, "amount": "weighted"}
         if self.problem.motion.parameters != Free().parameters:
             yield Trial(change="motion Free()", solution=self.solved(bare.changed(motion=Free(), **given)))

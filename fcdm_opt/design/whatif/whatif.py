@@ -12,15 +12,15 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.question import excluded
-from fcdm_opt.design.whatif.constraints import problem_of
+from fcdm_opt.design.whatif.constraints import scene_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
-from fcdm_opt.problem.keys import ARGUMENTS
-from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -34,14 +34,14 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WhatIf(Plain, Shown):
+class WhatIf(Plain, NotebookRepr):
     """A solved problem, a changed one, and what the change did.
 
     Attributes
     ----------
     changed : tuple of str
-        The arguments of `Problem` that were changed.
-    before, after : Solution
+        The arguments of `Problem`, or of `Assembly`, that were changed.
+    before, after : Solution or AssemblySolution
     prediction : Prediction
         What the derivatives of `before` foretell for the amount.
     seconds : dict
@@ -54,8 +54,8 @@ class WhatIf(Plain, Shown):
     )  # fmt: skip
 
     changed: tuple[str, ...]
-    before: Solution
-    after: Solution
+    before: Any
+    after: Any
     prediction: Prediction
     seconds: Mapping[str, float]
 
@@ -76,7 +76,7 @@ class WhatIf(Plain, Shown):
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and foretold."""
-        after = measured(f"{self.after.amount:.6g}", self.after.problem.amount_unit)
+        after = measured(f"{self.after.amount:.6g}", self.after.amount_unit)
         amounts = f"amount {self.before.amount:.6g} -> {after}"
         told = f"foretold {self.predicted_amount:.6g}"
         if np.isnan(self.predicted_amount):
@@ -85,22 +85,22 @@ class WhatIf(Plain, Shown):
         return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {status}"
 
 
-def whatif(problem: Problem | Solution, other: Problem | None = None, /, **changes: Any) -> WhatIf:
-    """Change a solved problem, solve it again, and say what changed.
+def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:
+    """Change a solved problem or assembly, solve it again, and say what changed.
 
     The changed problem shares what did not change: bodies, decision curve, compiled programs. A solution that is
     certified is compared with one that is.
 
     Parameters
     ----------
-    problem : Problem or Solution
+    problem : Problem or Assembly, or a solution of one
         A problem is solved first. A solution's problem names the features that it tracks, where there was a choice:
         give the problem to leave it open again.
-    other : Problem, optional
-        The changed problem as a whole, in place of `changes`.
+    other : Problem or Assembly, optional
+        The changed question as a whole, in place of `changes`.
     **changes
-        Arguments of `Problem`. A target drops requirement and tolerance, and these drop a target, unless given too;
-        another motion drops `published`.
+        Arguments of `Problem`, or of `Assembly`. A target drops requirement and tolerance, and these drop a target,
+        unless given too; another motion drops `published`.
 
     Returns
     -------
@@ -109,24 +109,25 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
     Raises
     ------
     InputError
-        For an argument that `Problem` does not have or does not take, what is neither problem nor solution, and
+        For an argument that the question does not have or does not take, what is neither problem nor solution, and
         changes besides a changed problem.
     """
-    asked = problem_of(problem)
+    asked = scene_of(problem)
     for name in changes:
-        if name not in ARGUMENTS:
-            what = f"a problem has no such argument{closest(name, ARGUMENTS)}"
-            raise InputError(what, key=name, allowed=", ".join(ARGUMENTS))
+        if name not in asked.request:
+            kind = "an assembly" if isinstance(asked, Assembly) else "a problem"
+            what = f"{kind} has no such argument{closest(name, asked.request)}"
+            raise InputError(what, key=name, allowed=", ".join(asked.request))
     if other is None:
         other = asked.changed(**{**_dropped(changes), **changes})
-    elif changes or not isinstance(other, Problem):
-        found = ", ".join(changes) or type(other).__name__
-        raise InputError("not one way to say what changes", key="other", found=found, allowed="a Problem, or changes")
-    names = tuple(changes) or tuple(name for name in ARGUMENTS if not same(asked.request[name], other.request[name]))
+    elif changes or type(other) is not type(asked):
+        found, allowed = ", ".join(changes) or type(other).__name__, f"a {type(asked).__name__}, or changes"
+        raise InputError("not one way to say what changes", key="other", found=found, allowed=allowed)
+    names = tuple(changes) or tuple(key for key, own in asked.request.items() if not same(own, other.request[key]))
     times = [perf_counter()]
-    before = problem if isinstance(problem, Solution) else solve(problem)
+    before: Any = problem if isinstance(problem, Bounded) else solve(problem)
     times.append(perf_counter())
-    after = solve(other, certify=before.evidence is not None)
+    after: Any = solve(other, certify=before.evidence is not None)
     times.append(perf_counter())
     foretold = prediction(before, other)
     times.append(perf_counter())
@@ -145,22 +146,19 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
     return dropped
 
 
-def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
-    floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
-    weights = dict[str, float]()
-    for problem in (before.problem, after.problem):
-        weights |= problem.motion.by_name(problem.weights)
-    for name in dict.fromkeys((*before.parameters, *after.parameters)):
-        one, two = before.parameters.get(name), after.parameters.get(name)
+def _differences(before: Any, after: Any) -> Iterator[Difference]:
+    floor = DEFAULT.tie * max(before.question.size, after.question.size)  # of lengths: below it, rounding
+    weights = {own.name: own.weight for answer in (before, after) for own in answer.question.coordinates}
+    for name in dict.fromkeys((*before.coordinates, *after.coordinates)):
+        one, two = before.coordinates.get(name), after.coordinates.get(name)
         if one is None or two is None or abs(one - two) * weights[name] > floor:
             yield Difference(f"parameters.{name}", one, two)
     for name in ("amount", "lower_bound", "pair_gap"):
-        was_told, now_told = plain(getattr(before, name)), plain(getattr(after, name))
+        was_told, now_told = (plain(getattr(told, name, None)) for told in (before, after))
         tied = isinstance(was_told, float) and isinstance(now_told, float) and abs(was_told - now_told) <= floor
         if was_told != now_told and not tied:  # infinity is a word
             yield Difference(name, was_told, now_told)
     for name in ("status", "usable", "pair_state", "pair", "features", "active"):
-        was, now = (plain(getattr(told, name))
-                    for told in (before, after))  # fmt: skip
+        was, now = (plain(getattr(told, name, None)) for told in (before, after))
         if was != now:
             yield Difference(name, was, now)

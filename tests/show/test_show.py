@@ -1,0 +1,506 @@
+"""Pictures: written the same every time, saying what they should, nothing off the page."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from base64 import b64decode
+from collections.abc import Sequence
+from io import BytesIO
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from matplotlib.text import Text
+from ordinary import problems, solved
+from picture_checks import check_texts, shown
+from PIL import Image
+
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.show import GREY, MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show.lettering import Sheet, clipped, fitted
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
+from fcdm_opt.show.raster import Raster
+from fcdm_opt.show.scene import (
+    MOVES,
+    ShownPair,
+    _joined,
+    contacts_of,
+    draw_scene,
+    own_polygons,
+    page_directions,
+    parts_figure,
+    scene_figure,
+    sharp_edges,
+    true_edges,
+    view_of,
+)
+from fcdm_opt.show.sections import CORNER, _section_plane, free_corner, section
+from fcdm_opt.show.texts import described
+
+TITLE = "Example (reconstruction)"
+
+
+def published(example: int, name: str) -> Solution:
+    """The paper's motion as a solution: pictures need no solver."""
+    asked = problems(f"example{example}")[name]
+    assert asked.published is not None
+    transform = asked.motion.transform(asked.published, asked.movable.seed, asked.static.seed)
+    moved = decision_curve(asked.movable, asked.static, box=asked.box, transform=transform)
+    point = moved.switching_points[asked.nominal - 1]
+    return Solution(
+        problem=asked,
+        status=Status.SOLVED,
+        transform=transform,
+        rho=point.rho,
+        pair=asked.target,
+        features=point.contact_features,
+    )
+
+
+def draw(kind: str, example: int, name: str) -> Any:
+    asked, solution = problems(f"example{example}")[name], published(example, name)
+    if kind == "curve":
+        return decision_curve_figure(asked.curve, title=TITLE, caption="a caption")
+    if kind == "before and after":
+        return before_after_figure(asked, solution, title=TITLE, caption="a caption")
+    moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
+    shown = ShownPair.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform)
+    return scene_figure(
+        shown,
+        contacts=contacts_of(moved, solution.rho, shown),
+        moved=solution.transform,
+        said=asked.published_text,
+        title=TITLE,
+        caption="a caption",
+    )
+
+
+KINDS = pytest.mark.parametrize("kind", ["curve", "before and after", "scene"])
+
+
+def texts(figure: Any) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+
+@KINDS
+def test_the_same_picture_gives_the_same_bytes(kind: str, tmp_path: Path) -> None:
+    first, second = (save(draw(kind, 1, "B"), tmp_path / part / "picture") for part in ("one", "two"))
+    for one, two in zip(first, second, strict=True):
+        assert one.read_bytes() == two.read_bytes()
+    png, svg = first
+    assert (png.name, svg.name) == ("picture.png", "picture.svg")
+    assert TITLE in svg.read_text()
+    assert "a caption" in svg.read_text()
+    assert "<dc:date>" not in svg.read_text()
+
+
+def test_drawing_leaves_the_global_plotting_state_alone() -> None:
+    code = """if True:
+        import sys, tempfile, matplotlib
+        from fcdm_opt.geometry.bodies import Body
+        from fcdm_opt.show import GREY, save
+        from fcdm_opt.show.scene import ShownPair, scene_figure
+        state = lambda: {key: matplotlib.rcParams[key] for key in matplotlib.rcParams if key != "backend"}
+        before = state()
+        body = Body.convex([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+        with tempfile.TemporaryDirectory() as directory:
+            save(scene_figure(ShownPair.of(body, body)), directory + "/picture")
+        print("matplotlib.pyplot" in sys.modules, state() == before)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+@KINDS
+@pytest.mark.parametrize(("example", "name"), [(1, "A"), (1, "B"), (1, "C"), (1, "D"), (2, "A"), (2, "B")])
+def test_no_text_runs_off_the_page_or_into_another(kind: str, example: int, name: str) -> None:
+    check_texts(draw(kind, example, name), least=6)
+
+
+def test_the_check_sees_texts_off_the_page_upon_another_or_too_small() -> None:
+    for x, y, size in ((0.99, 0.5, 8.0), (0.48, 0.51, 8.0), (0.2, 0.2, 4.0)):
+        sheet = Sheet.of(3.0, 2.0, title="a title", caption="a caption")
+        sheet.figure.text(0.5, 0.5, "words")
+        check_texts(sheet.figure, least=3)
+        sheet.figure.text(x, y, "more words", fontsize=size)
+        with pytest.raises(AssertionError, match="words"):
+            check_texts(sheet.figure, least=3)
+
+
+def test_long_titles_and_captions_are_wrapped_onto_the_page() -> None:
+    asked = problems("example1")["A"]
+    long = "a title that is much longer than the page is wide, " * 5
+    figure = decision_curve_figure(asked.curve, title=long, caption="x" * 300 + " " + long)
+    check_texts(figure, least=6)
+    told = " ".join(" ".join(text.get_text() for text in shown(figure)).split())
+    assert long.strip() in told
+    assert told.replace(" ", "").count("x" * 300) == 1
+
+
+def test_lines_break_at_spaces_then_commas_then_anywhere() -> None:
+    figure = Sheet.of(3.0, 1.0).figure
+    assert fitted(figure, "one two", 8.0, 2.0) == ["one two"]
+    assert fitted(figure, "one two", 8.0, 0.3) == ["one", "two"]
+    assert fitted(figure, "  aaaa,bbbb", 8.0, 0.45, hang="  ") == ["  aaaa,", "    bbbb"]
+    assert fitted(figure, "a\n\nb", 8.0, 2.0) == ["a", "", "b"]
+    assert "".join(fitted(figure, "abcdefghijklmnop", 8.0, 0.3)) == "abcdefghijklmnop"
+
+
+def test_a_list_without_room_says_how_much_is_left_out() -> None:
+    sheet = Sheet.of(3.0, 0.7)
+    sheet.list(0.1, 0.65, 2.5, [f"line {k}" for k in range(20)])
+    last = shown(sheet.figure)[0].get_text().splitlines()
+    assert last[-1] == f"... and {20 - (len(last) - 1)} more lines"
+    assert last[:-1] == [f"line {k}" for k in range(len(last) - 1)]
+
+
+@pytest.mark.parametrize("name", ["lid", "bracket", "keyway"])
+def test_names_keep_apart_in_other_problems(name: str) -> None:
+    asked = next(iter(problems(name).values()))
+    check_texts(decision_curve_figure(asked.curve, title=name, caption="a caption"))
+    keep_out = [own.body.scaled(own.ends[1]) for own in asked.keep_out]
+    shown = ShownPair.of(asked.movable, asked.static, keep_out=keep_out)
+    check_texts(scene_figure(shown, title=name, caption="a caption"))
+
+
+# --------------------------------------------------------------------------------------------------------------- curves
+
+
+def test_the_curve_is_drawn_with_the_labels_of_the_paper(tmp_path: Path) -> None:
+    svg = save(draw("curve", 1, "B"), tmp_path / "curve")[1].read_text()
+    for label in ("S1  V1F2(P1V6; P2V2,V3,V5)", "SW3  (1.273451, 1.214536)"):
+        assert label in svg
+    for name in ("S5", "SW4", "apart", "overlapping"):
+        assert f">{name}<" in svg
+    assert ">S6<" not in svg
+    two_contacts = "\n".join(texts(draw("curve", 2, "B")))
+    for label in ("V1F2(P1V5; P2V4,V5,V10,V11)", "V1F2(P1V4; P2V3,V4,V9,V10)", "V1E2(P1V4; P2V9,V10)"):
+        assert label in two_contacts
+
+
+def test_a_box_without_contact_says_so() -> None:
+    asked = problems("example1")["A"]
+    apart = decision_curve(asked.movable, asked.static, box=((0.8, 0.85), (0.8, 0.85)))
+    assert "no contact in the box: apart" in texts(decision_curve_figure(apart))
+
+
+def test_before_and_after_shows_both_curves_and_the_three_points() -> None:
+    asked, solution = problems("example1")["C"], published(1, "C")
+    figure = before_after_figure(asked, solution)
+    whole, zoom = figure.axes
+    points = {line.get_label(): line.get_xydata()[0] for line in zoom.lines if line.get_linestyle() == "None"}
+    np.testing.assert_array_equal(points["tracked point before"], asked.nominal_pair)
+    np.testing.assert_array_equal(points["target pair (parts made)"], asked.target)
+    np.testing.assert_array_equal(points["tracked point after"], solution.rho)
+    told = texts(figure)
+    assert {"SW3", "SW3'", "S3", "S3'", "decision curve before", "after the motion", "tolerance"} <= set(told)
+    low, high = np.transpose([zoom.get_xlim(), zoom.get_ylim()])
+    for point in (asked.target, solution.rho, 0.98 * asked.nominal_pair, 1.02 * asked.nominal_pair):
+        assert np.all((low < point) & (point < high))
+    assert whole.get_xlim() == (0.8, 3.0)
+
+
+def test_without_a_motion_only_the_curve_before_is_drawn() -> None:
+    asked = problems("example1")["C"]
+    told = texts(before_after_figure(asked, Solution(problem=asked, status=Status.NOT_FOUND, pair=asked.target)))
+    assert "decision curve before" in told
+    assert "after the motion" not in told
+    assert "tracked point after" not in told
+
+
+def test_clipping_a_straight_piece() -> None:
+    window = ((0.0, 1.0), (0.0, 1.0))
+    lines = [((-1, -1), (2, 2)), ((0.5, 2), (0.5, -1)), ((0.2, 0.3), (0.4, 0.1)), ((0, 2), (2, 1.1)), ((2, 0), (2, 1))]
+    parts, inside = clipped(lines, window)
+    expected = [[[0, 0], [1, 1]], [[0.5, 1], [0.5, 0]], [[0.2, 0.3], [0.4, 0.1]]]
+    np.testing.assert_allclose(parts, expected, atol=1e-15)
+    assert inside.tolist() == [True, True, True, False, False]
+    assert not len(clipped(np.zeros((0, 2, 2)), window)[0])
+    random = np.random.default_rng(5)
+    kept = 0
+    for start, end in random.uniform(-2, 3, (200, 2, 2)):
+        (piece,) = parts if len(parts := clipped([start, end], window)[0]) else (None,)
+        if piece is None:  # then a dense sample stays outside too
+            sample = start + np.linspace(0, 1, 501)[:, None] * (end - start)
+            assert not np.any(np.all((sample > 0) & (sample < 1), axis=1))
+            continue
+        kept += 1
+        along = (piece - start) @ (end - start) / ((end - start) @ (end - start))
+        np.testing.assert_allclose(start + along[:, None] * (end - start), piece, atol=1e-12)
+        assert -1e-12 < along[0] < along[1] < 1 + 1e-12
+        assert np.all((piece > -1e-12) & (piece < 1 + 1e-12))
+    assert kept > 40
+
+
+# --------------------------------------------------------------------------------------------------------------- scenes
+
+
+def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
+    cube = Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    edges = true_edges(cube)
+    assert len(edges) == 12
+    np.testing.assert_allclose([np.linalg.norm(b - a) for a, b in edges.values()], 1.0)
+    ell = true_edges(problems("example2")["A"].static)  # a prism over a hexagon, cut along 1-4-10-7
+    assert len(ell) == 18
+    assert (1, 4) not in ell
+    assert (7, 10) not in ell
+    assert (4, 10) in ell  # the reflex edge
+
+
+def test_a_scene_numbers_corners_at_one_scale() -> None:
+    """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
+    cube = box((0.0, 0.0, 0.0), 1.0)
+    sheet = Sheet.of(4.0, 3.0)
+    shown = ShownPair.of(cube, box((9.0, 0.0, 0.0), 1.0), view=(30.0, -50.0))
+    axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown, numbered=True)
+    numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]
+    grey = [text.get_text() for text in numbers if text.get_color() == GREY]
+    assert sorted(text.get_text() for text in numbers) == sorted("12345678" * 2)
+    assert grey == ["3", "3"]  # (-1, 1, -1), farthest from where x > 0, y < 0, z > 0
+    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
+    gram = rows @ rows.T
+    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
+
+
+def box(at: Sequence[float], size: float) -> Body:
+    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    return Body.convex(np.array(corners) * size / 2.0 + at)
+
+
+def seen(body: Body, behind: Body | None = None) -> float:
+    """Length on the page of the edges that are seen, of all that are there."""
+    page = page_directions(30.0, -50.0)
+    raster = Raster(page, np.array([-3.0, -3.0]), np.array([3.0, 3.0]), 600)
+    for each in (body, behind) if behind is not None else (body,):
+        raster.fill(own_polygons(each), "#0072B2", 0)
+    pieces = raster.visible(sharp_edges(body))
+    whole = np.diff(sharp_edges(body) @ page, axis=1)
+    return sum(float(np.linalg.norm(b - a)) for a, b in pieces) / float(np.linalg.norm(whole, axis=2).sum())
+
+
+def test_hidden_edges_are_not_drawn() -> None:
+    """Edges along one axis have one length on the page, and of the four of each a convex cube hides one."""
+    cube = box((0.0, 0.0, 0.0), 1.0)
+    assert seen(cube) == pytest.approx(0.75, abs=0.02)
+    page = page_directions(30.0, -50.0)
+    toward = np.cross(page[:, 0], page[:, 1])
+    assert seen(cube, box(20.0 * toward, 5.0)) == pytest.approx(0.0, abs=0.02)  # a larger one stands before it
+    assert seen(cube, box(-20.0 * toward, 5.0)) == pytest.approx(0.75, abs=0.02)
+
+
+@pytest.mark.parametrize("kept", ["exact", "surface"])
+def test_cuts_within_a_solid_were_drawn_as_edges(kept: str) -> None:
+    """A tray is cut inside its walls: these lines showed as dots on its faces."""
+    x = (0.0, 1.0, 9.0, 10.0)
+    blocks = [trimesh.creation.box(bounds=ends) for ends in (((0, 0, 0), (10, 10, 5)), ((1, 1, 1), (9, 9, 6)))]
+    edges = sharp_edges(Body.from_mesh(trimesh.boolean.difference(blocks), decomposition=kept))
+    assert len(edges) == 24
+    assert np.isin(edges[..., :2], x).all()
+
+
+def test_dashes_went_round_no_curve() -> None:
+    """Each facet's edge began them anew: a ring was drawn in full."""
+    angles = 2.0 * np.pi * np.arange(25) / 24
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    pieces = np.stack([ring[:-1], ring[1:]], axis=1)[np.random.default_rng(0).permutation(24)]
+    (line,) = _joined(pieces, 2.0)
+    assert len(line) == 25
+
+
+def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    ends = [np.column_stack([np.cos(angles), np.sin(angles), np.full(24, z)]) for z in (0.0, 1.0)]
+    pin = Body.convex(np.vstack(ends))
+    edges = sharp_edges(pin)
+    assert len(true_edges(pin)) == 72
+    assert len(edges) == 48
+    assert (edges[:, 0, 2] == edges[:, 1, 2]).all()
+    assert len(sharp_edges(box((0.0, 0.0, 0.0), 1.0))) == 12
+
+
+def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> None:
+    one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
+    motion = np.eye(4)
+    motion[0, 3] = -0.001
+    shown = ShownPair.of(one, two, transform=motion, view=(20.0, -70.0))
+    old, times = shown.before(motion)
+    assert old is not None
+    np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
+    assert times > 10.0
+    figure = scene_figure(shown, moved=motion, said="0.001 along -x")
+    assert f"before the motion (motion drawn {times:g} times larger)" in texts(figure)
+    motion[0, 3] = -1.0
+    assert shown.before(motion)[1] == 1.0
+
+
+def test_a_section_is_what_a_plane_cuts_out() -> None:
+    plane = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    (square,) = section(box((0.0, 0.0, 0.0), 2.0), np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 1.0]), plane)
+    assert sorted(map(tuple, square.tolist())) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+    assert section(box((0.0, 0.0, 9.0), 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), plane) == []
+
+
+def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
+    """A cube on a plate, beside a tower that hides it from one side."""
+    plate = box((0.0, 0.0, -5.0), 10.0)
+    tower = Body.from_parts([plate.vertices, box((-3.0, 0.0, 4.0), 4.0).vertices * [1, 2, 2] - [0, 0, 4]])
+    cube = box((0.5, 0.0, 0.5), 1.0)
+    view = view_of(decision_curve(cube, tower), (1.0, 1.0))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[0] > 0.0
+    assert "in contact" in texts(draw("scene", 2, "A"))
+
+
+@pytest.mark.parametrize("view", [(18.0, -70.0), (32.0, -20.0), (18.0, 110.0), (50.0, -55.0)])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], way: Any) -> None:
+    """Whichever way a part moves in the scene, it moves in the inset, as right, left, up or down; z stays up."""
+    step, page = np.array(way), page_directions(*view)
+    facing, plane = _section_plane(step, 0.1 * step, page)
+    assert facing @ np.cross(page[:, 0], page[:, 1]) > 0.0  # seen from the scene's side
+    np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
+    np.testing.assert_allclose(sorted(np.abs(step @ plane)), [0.0, 1.0], atol=1e-12)
+    assert (step @ plane) @ (step @ page) > 0.0
+    if abs(facing[2]) < 0.5:
+        np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_parts_were_seen_from_behind(axis: int) -> None:
+    """A contact that is seen as well from the front is seen from there, x to the right."""
+    shift = 2.0 * np.eye(3)[axis]
+    view = view_of(decision_curve(box(tuple(shift), 2.0), box((0.0, 0.0, 0.0), 2.0)), (1.0, 1.0))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[1] < 0.0
+    assert page[0, 0] > 0.0
+
+
+def test_a_picture_in_a_page_stood_on_a_white_plate() -> None:
+    """It has no ground, its words have the page's colours, and pictures beside it share no identifier."""
+    one, two = (inline_svg(draw("scene", 1, "A"), name) for name in ("one", "two"))
+    assert "#ffffff" not in one.lower()
+    assert "var(--quiet)" in one
+    ids = [set(re.findall(r' id="([^"]+)"', svg)) for svg in (one, two)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    assert {own[1:] for own in re.findall(r'href="(#[^"]+)"', one)} <= ids[0]
+
+
+def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
+    shares = np.linspace(-1.0, 1.0, 401)
+    for turn in np.linspace(0.0, np.pi, 25):
+        way = 3.0 * np.array([np.cos(turn), np.sin(turn)])
+        left, foot = free_corner(2.0, np.array([-way, way]))
+        points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
+        assert -2.0 < left < far[0] < 2.0
+        assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()
+
+
+def test_numbers_of_faces_stood_across_their_edges():
+    """In the middle of what is seen of a face: a square of 4 x 4, of which one of 2 x 4 before it leaves 2 x 4."""
+    page = np.eye(3)[:, :2]
+    raster = Raster(page, np.zeros(2), np.full(2, 6.0), 300)
+    square = [np.array([(x, y, z) for x, y in ((1, 1), (1 + wide, 1), (1 + wide, 5), (1, 5))], float)
+              for wide, z in ((4, 0.0), (2, 1.0))]  # fmt: skip
+    for owner, own in enumerate(square):
+        raster.fill([own], "#0072B2", owner)
+    found = raster.roomiest()
+    for owner, x in ((0, 4.0), (1, 2.0)):
+        place, room = found[owner]
+        assert place == pytest.approx((x, 3.0), abs=2 * raster.pixel)
+        assert room == pytest.approx(1.0, abs=3 * raster.pixel)
+
+
+def test_pictures_of_cards_stood_on_a_white_plate_in_dark_notebooks():
+    """No ground, and words and axes in a grey that is 4 : 1 against white and against a notebook's dark page."""
+    figure = new_figure(2.0, 2.0)
+    axes = figure.add_axes((0.2, 0.2, 0.7, 0.7))
+    axes.set_title("words")
+    image = np.asarray(Image.open(BytesIO(bare_pixels(figure, across=200))).convert("RGBA"))
+    inked = image[image[..., 3] > 250]
+    assert len(inked) > 300
+    assert (image[..., 3] == 0).mean() > 0.8
+    assert (inked[:, :3] == int(MIDDLE[1:3], 16)).all()
+    light = [((shade / 255.0 + 0.055) / 1.055) ** 2.4 + 0.05 for shade in (255, int(MIDDLE[1:3], 16), 17)]
+    assert min(light[0] / light[1], light[1] / light[2]) > 4.0
+
+
+def test_pictures_for_dark_pages_stand_light_on_dark(tmp_path: Path) -> None:
+    """Words are 7 : 1 against the ground, in PNG and SVG alike; pictures in an SVG are turned, too."""
+    figure = new_figure(2.0, 2.0)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(np.full((2, 2, 3), 255, np.uint8), extent=(0.0, 0.5, 0.0, 1.0))
+    axes.text(0.75, 0.5, "words")
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    png, svg = save(figure, tmp_path / "dark", dark=True)
+    inked = np.asarray(Image.open(png).convert("L"), float)
+    assert np.median(inked) == inked.min() < 25.0
+    assert inked.max() > 200.0
+    text = svg.read_text(encoding="utf-8")
+    assert '<svg fill="#ebebeb"' in text
+    assert "#ffffff" not in text
+    held = re.search(r"data:image/png;base64,([A-Za-z0-9+/=]+)", text)
+    assert held is not None
+    assert np.asarray(Image.open(BytesIO(b64decode(held[1]))).convert("L")).max() < 25.0
+
+
+def test_contacts_were_numbered_that_nothing_told() -> None:
+    """The sentence names three of six, so that numbers 4 to 6 stood in the picture alone."""
+    told = " ".join(texts(solution_figure(solved("locating", "A"), caption="then{sizes}")))
+    assert re.findall(r"[:;]\s(\d) (\w+) face of\s+block", told) == [
+        ("1", "bottom"), ("2", "bottom"), ("3", "bottom"), ("4", "front"), ("5", "front"), ("6", "left")
+    ]  # fmt: skip
+    assert {"1", "2", "3", "4", "5", "6"} <= set(texts(solution_figure(solved("locating", "A"))))
+
+
+def test_parts_made_were_said_to_be_shown_at_the_sizes_drawn() -> None:
+    made, drawn = (solved("slot_and_key", name) for name in ("low foot, deep slot", "as drawn"))
+    assert "(shown at the sizes made)" in " ".join(texts(solution_figure(made, caption="then{sizes}")))
+    assert "(shown at the sizes drawn)" in " ".join(texts(solution_figure(drawn, caption="then{sizes}")))
+    scales = [text for text in texts(before_after_figure(made.problem, made)) if "size of the" in text]
+    assert all("(1 = as made)" in text for text in scales)
+
+
+def test_the_box_of_a_problem_with_sizes_was_one_of_scales_that_nobody_gave() -> None:
+    """.8 to 3: the panel goes about the parts made, twice as far to each side as the other is wide."""
+    solution = solved("slot_and_key", "as drawn")
+    asked = solution.problem.changed(box=DEFAULT_BOX)
+    wide, near = before_after_figure(asked, solution).axes[:2]
+    assert wide.get_xlim() == pytest.approx(np.array([-2.0, 2.0]) * np.ptp(near.get_xlim()) + np.mean(near.get_xlim()))
+
+
+def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_arrows() -> None:
+    motion = Translation("x") >> Translation("z")
+    assert described(motion, [-0.03, 0.0], "") == "TX -0.03"
+    assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
+    bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
+    ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
+    figure = parts_figure(bodies, ["up", "fixed", "along x"], ways)
+    arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
+    steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
+    assert len(steps) == 2
+    assert np.linalg.norm(steps, axis=1) == pytest.approx([np.linalg.norm(steps[0])] * 2)  # however far they go
+    assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
+
+
+def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:
+    """Its contacts are hidden from everywhere: it is seen past the wall in front, from +x."""
+    walls = ([*product(*((-3, -2) if k == axis else (-3, 3) for k in range(3)))] for axis in range(3))
+    corner = Body.from_parts([*walls], seed=(-2, -2, -2))
+    ball = Body.convex(trimesh.creation.icosphere(subdivisions=2, radius=2.0).vertices, seed=(0, 0, 0))
+    curve = decision_curve(ball, corner)
+    toward = np.cross(*page_directions(*view_of(curve, (1.0, 1.0))).T)
+    assert toward[0] > 0.8, toward
