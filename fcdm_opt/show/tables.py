@@ -155,7 +155,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount)
-        + (f"\n{wrapped(solution.doubt.partition(': the mesh')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
+        + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
