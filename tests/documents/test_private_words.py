@@ -9,12 +9,13 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "fcdm_opt"
 INSTEAD = {
-    "way": "direction", "ways": "directions, choices", "together": "contact_system, stacked", "alone": "by itself:
-    say what", "beside": "process_pool, next_to", "besides": "untracked", "doors": "lazy_import", "reach":
-    "circumradius, bound", "left": "rest, remaining", "host": "carrier", "hosts": "carriers", "seat": "flush
-    contact", "standing": "permanent", "hollow": "is_surface", "skin": "triangles", "outline": "loop", "outlines":
-    "loops", "opponent": "obstacle", "opponents": "obstacles", "hand": "orientation", "hands": "orientations",
-    "merit": "objective", "deed": "instruction", "deeds": "instructions", "told": "label, text", "said": "text",
+    "way": "direction", "ways": "directions, choices", "together": "contact_system, stacked",
+    "alone": "by itself: say what", "beside": "process_pool, next_to", "besides": "untracked",
+    "doors": "lazy_import", "reach": "circumradius, bound", "left": "rest, remaining", "host": "carrier",
+    "hosts": "carriers", "seat": "flush contact", "standing": "permanent", "hollow": "is_surface",
+    "skin": "triangles", "outline": "loop", "outlines": "loops", "opponent": "obstacle",
+    "opponents": "obstacles", "hand": "orientation", "hands": "orientations", "merit": "objective",
+    "deed": "instruction", "deeds": "instructions", "told": "label, text", "said": "text",
     "heard": "has_listeners", "spare": "unused, exclude",
 }  # fmt: skip
 MOST = {
