@@ -75,7 +75,7 @@ LOOKS = 32  # calls of kernels by one another between two looks at the clock, wh
 LITTLE = 400000  # entries of all its arrays up to which it is light
 _left = [IN_ALL]  # seconds
 _taken = [0.0]  # seconds that are to be noted
-NOTE, NOTED = "seconds-of-plain-python", 1.0  # where, and how many at least
+NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
 
 
 def kernel(function: Callable[..., Any]) -> Any:
