@@ -192,7 +192,8 @@ class _Compiled(_Dispatcher):
             there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
             called = () if there else _with_called(self, set())
             self.patience = COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
-        return _left[0] > 0.0 and not self.overloads and sum(array.size for array in _arrays(args)) <= LITTLE
+        lasting = min(self.patience, _left[0]) > 0.0 and not self.overloads
+        return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
         """Run as plain Python, with all that it calls, or compiled where that takes too long.
