@@ -103,12 +103,11 @@ def light(made: Any) -> Any:
 
 def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
     """Add a kernel to those known, and all that it calls."""
-    if made not in known:
-        known.add(made)
-        names = made.py_func.__globals__
-        for called in (names.get(name) for name in made.py_func.__code__.co_names):
-            if isinstance(called, _Compiled):
-                _with_called(called, known)
+    known.add(made)
+    for name in made.py_func.__code__.co_names:
+        called = made.py_func.__globals__.get(name)
+        if isinstance(called, _Compiled) and called not in known:
+            _with_called(called, known)
     return known
 
 
