@@ -54,7 +54,10 @@ BUDGET = (
     "case's own limits does."
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
-OVER = "Two sizes of the file, in place of both scales; the others stay as made. Default: where there are just two."
+OVER = (
+    "Two sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others stay as "
+    "made. Default: where there are just two."
+)
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
@@ -164,8 +167,8 @@ def map_command(
 ) -> None:
     """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
 
-    The sizes are the scales of both parts, or two [[size]] tables of the file. The grid, one by the other, is written
-    as CSV and as a page to print.
+    The sizes are the scales of both parts, or two [[size]] tables of the file, of an assembly too, or scales of its
+    parts. The grid, one by the other, is written as CSV and as a page to print.
     """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
@@ -177,10 +180,10 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
     pictures = inquiry.pictures
 
-    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+    def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
         spent = min(seconds, max(pacing.left(), LEAST))
         with pacing.unlimited():  # it has its own limit
@@ -195,8 +198,11 @@ def map_command(
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
-            own = [size for name in found.over for size in problem.sizes if size.name == name]
-            scattered: Any = tuple(spreads(own) if own else ends) if pairs is None else pairs
+            own = [size for size in problem.sizes if size.name in found.over]
+            told = dict(zip(found.over, ends, strict=True)) | {
+                size.name: spread for size, spread in zip(own, spreads(own), strict=True)
+            }
+            scattered: Any = tuple(told.values()) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
