@@ -261,7 +261,7 @@ def _met(holding: Holding, known: Sequence[Feature]) -> list[str]:
     """
     task, found = holding.task, {-1: [("", feature) for feature in known]}
     for parts, feature in holding.near_features() if np.isfinite(task.needs).any() else ():
-        keep_out = task.opponents[parts[1]].keep_out
+        keep_out = task.obstacles[parts[1]].keep_out
         found.setdefault(keep_out, []).append(("" if keep_out < 0 else f"{task.named(parts)} ", feature))
     labels = [
         f"{prefix}{feature.label}"

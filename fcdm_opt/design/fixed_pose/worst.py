@@ -145,7 +145,7 @@ def obstacles(problem: Problem) -> list[tuple[Body, float]]:
     """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them."""
     found = []
     for own in problem.keep_out:
-        if own.body.hollow:
+        if own.body.is_surface:
             what = "one pose for all pairs looks at solids, and of this keep-out only the surface is known"
             raise InputError(what, key="keep_out", found=own.name, allowed='decomposition = "exact"')
         seed = own.body.seed
