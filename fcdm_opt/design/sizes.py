@@ -97,7 +97,7 @@ def chosen_sizes(scene: Scene, over: Any) -> tuple[str, str]:
     over : (name, name) or None
         None: the only two sizes, where there are some and no tolerance of the scales; else the only two scales.
     """
-    own, scales = tuple(size.name for size in scene.sizes), scene.scale_names
+    own, scales = tuple(size.name for size in scene.sizes), tuple(scene.nominal_scales)
     found = tuple((own if by_name(scene) else scales) if over is None else arguments.items(over))
     if len(found) != 2 or found[0] == found[1] or not {*found} <= {*own, *scales}:
         allowed = f"two of {', '.join((*own, *scales))}"
@@ -108,9 +108,9 @@ def chosen_sizes(scene: Scene, over: Any) -> tuple[str, str]:
 def box_over(scene: Scene, names: Sequence[str], box: Any = None) -> Array:
     """Return the box of two sizes or scales, (2, 2): the one given, or what their tolerances leave open."""
     if box is not None:
-        return size_box(box, "box", positive=[name in scene.scale_names for name in names])
+        return size_box(box, "box", positive=[name in scene.nominal_scales for name in names])
     own = {size.name: size for size in scene.sizes}
-    scales = {} if {*names} <= {*own} else dict(zip(scene.scale_names, tolerance_box(scene), strict=True))
+    scales = {} if {*names} <= {*own} else dict(zip(scene.nominal_scales, tolerance_box(scene), strict=True))
     return frozen([scales[name] if name in scales else tolerance_boxes([own[name]])[0] for name in names])
 
 

@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import solids_gap
 from fcdm_opt.problem.scene import Scene
@@ -172,7 +172,7 @@ class MotionClaims:
         for place, q, amount, (error, displaced) in rows:
             if not np.isfinite([*q, amount, error, displaced]).all():
                 continue  # no motion, or nothing is told of its error
-            off = self._off(place, q, displaced)
+            off = self._missed(place, q, displaced)
             told = float(np.linalg.norm(weights * q)) if weighted else amount
             worst, count = np.maximum(worst, [off, abs(told - amount) - error]), count + 1
         slack, note = 10.0 * self.scene.contact_slack, f"beyond the error told, at {count} sizes with a motion"
@@ -182,14 +182,12 @@ class MotionClaims:
             _share(self.share),
         )
 
-    def _off(self, place: Array, q: Array, displaced: float) -> float:
+    def _missed(self, place: Array, q: Array, displaced: float) -> float:
         """Return how far gaps after a motion are from what is asked, by more than vertices may be displaced."""
         scene, most = self.scene, 0.0
         values = {**(scene.made or {}), **dict(zip(self.over, place.tolist(), strict=True))}
-        scaled = zip(scene.scale_names, scene.scales_made.items(), strict=True)
-        scales = {part: values.get(name, scale) for name, (part, scale) in scaled}
-        own = {part: {size: values.get(size.name, 0.0) for size in scene.sizes if size.body == part} for part in scales}
-        made = {part: resized(body, own[part]) for part, body in scene.drawn.items()}
+        scales = scene.scales_at(values)
+        made = each_resized(scene.drawn, {size: values.get(size.name, 0.0) for size in scene.sizes})
         for pair, problem in scene.relations.items():
             one, two = (made[part] for part in pair)
             rho, T = np.array([scales[part] for part in pair]), problem.motion.transform(q, one.seed, two.seed)
@@ -205,12 +203,8 @@ def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> t
     if not sizes:
         return bodies, np.asarray(place, float)[None]
     values = dict(zip(sizes, np.asarray(place, float).tolist(), strict=True))
-    own = (
-        resized(body, {size: x for size, x in values.items() if size.body == role})
-        for role, body in zip(("movable", "static"), bodies, strict=True)
-    )
-    movable, static = own
-    return (movable, static), np.ones((1, 2))
+    made = each_resized({"movable": bodies[0], "static": bodies[1]}, values)
+    return (made["movable"], made["static"]), np.ones((1, 2))
 
 
 def _spread(box: Array) -> Array:

@@ -21,7 +21,7 @@ from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.resizing import fit_for_sizes, resized
+from fcdm_opt.geometry.resizing import each_resized, fit_for_sizes
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
@@ -240,10 +240,7 @@ class Assembly(Scene):
     @cached_property
     def bodies_made(self) -> dict[str, Body]:
         """The parts at the sizes made, unscaled."""
-        return {
-            part: resized(body, {size: self.made[size.name] for size in self.sizes if size.body == part})
-            for part, body in self.parts.items()
-        }
+        return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -282,9 +279,9 @@ class Assembly(Scene):
         return self.scales
 
     @property
-    def scale_names(self) -> tuple[str, ...]:
-        """Those by which cases have them, "scales.PART"."""
-        return tuple(f"scales.{part}" for part in self.parts)
+    def nominal_scales(self) -> dict[str, float]:
+        """As drawn, by where cases have them, "scales.PART"."""
+        return {f"scales.{part}": 1.0 for part in self.parts}
 
     @cached_property
     def kinematics(self) -> dict[str, Kinematics]:
@@ -337,10 +334,8 @@ class Assembly(Scene):
 
     def with_sizes(self, values: Mapping[str, float]) -> Assembly:
         """Return the same question with other sizes or scales made; raises as the constructor does."""
-        named = zip(self.scale_names, self.scales.items(), strict=True)
-        scales = {part: values.get(name, own) for name, (part, own) in named}
         made = {name: values.get(name, own) for name, own in self.made.items()}
-        return self.changed(scales=scales, **({"made": made} if made != self.made else {}))
+        return self.changed(scales=self.scales_at(values), **({"made": made} if made != self.made else {}))
 
     def with_limits(self, name: str, limits: tuple[float, float]) -> Assembly:
         """Return the same question with other limits of a coordinate."""

@@ -253,9 +253,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return dict(zip(self.drawn, self.target.tolist(), strict=True))
 
     @property
-    def scale_names(self) -> tuple[str, ...]:
-        """`SCALES`."""
-        return SCALES
+    def nominal_scales(self) -> dict[str, float]:
+        """The nominal pair, by `SCALES`."""
+        return dict(zip(SCALES, self.nominal_pair.tolist(), strict=True))
 
     @property
     def kinematics(self) -> dict[str, Kinematics]:
@@ -341,8 +341,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """Return the same question for a target pair, or other sizes made, or both."""
         given: dict[str, Any] = {"goal": self.goal}
         if not values.keys().isdisjoint(SCALES):
-            target = [values.get(name, own) for name, own in zip(SCALES, self.target.tolist(), strict=True)]
-            given |= {"target": target, "requirement": None, "tolerance": None}
+            given |= {"target": [*self.scales_at(values).values()], "requirement": None, "tolerance": None}
         if made := {name: x for name, x in values.items() if name not in SCALES}:
             given["made"] = {**(self.made or {}), **made}
         return self.changed(**given)

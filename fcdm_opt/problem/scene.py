@@ -71,8 +71,8 @@ class Scene(ABC):
 
     @property
     @abstractmethod
-    def scale_names(self) -> tuple[str, ...]:
-        """What the scales of the parts are called beside `sizes`, in the order of the parts."""
+    def nominal_scales(self) -> Mapping[str, float]:
+        """The nominal scales of the parts, in their order, by what they are called beside `sizes`."""
 
     @property
     @abstractmethod
@@ -117,6 +117,11 @@ class Scene(ABC):
     @abstractmethod
     def changed(self, **arguments: Any) -> Self:
         """Return the same question with other arguments."""
+
+    def scales_at(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the scales of the parts, by their names, where some sizes and scales have values: others as made."""
+        named = zip(self.nominal_scales, self.scales_made.items(), strict=True)
+        return {part: values.get(name, scale) for name, (part, scale) in named}
 
     @abstractmethod
     def with_sizes(self, values: Mapping[str, float]) -> Self:

@@ -93,7 +93,7 @@ def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
             length = own[name].drawn(scene.drawn[own[name].body])
             made.append(_Length(name, length, "off drawn" if np.isnan(length) else ""))
             continue
-        part = [*scene.drawn][scene.scale_names.index(name)]
+        part = [*scene.drawn][[*scene.nominal_scales].index(name)]
         extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
         told = scene.drawn[part].name or (f"the {part} part" if part in ROLES else part)
         along = f", length along {'xyz'[int(extents.argmax())]}" if found.unit else ""

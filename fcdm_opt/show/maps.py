@@ -13,6 +13,7 @@ from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLIO
 from fcdm_opt.show.grids import units_over
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
+from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import share_text
 from fcdm_opt.show.verdict import labels_in_words
 
@@ -25,8 +26,9 @@ FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
 """Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
 below which one gets no number in the picture."""
 
-HIGHEST, WIDEST = 1.18, 1.25
-"""How far the axes go, relative to the highest bar and to a share of 1: room for the words there."""
+HIGHEST, WIDEST, NAMED = 1.18, 1.25, 22
+"""How far the axes go, relative to the highest bar and to a share of 1: room for the words there; and letters beside
+bars."""
 
 INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"))
 """Kinds of shares of the variance: name, colour and hatch."""
@@ -225,6 +227,6 @@ def _number(axes: Any, row: float, end: float, text: str) -> None:
 
 def _rows(axes: Any, names: list[str]) -> None:
     """Name the bars, from the top."""
-    axes.set_yticks(range(len(names)), [*map(literal, names)])
+    axes.set_yticks(range(len(names)), [literal(wrapped(name, NAMED)) for name in names])
     axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(0.0, WIDEST), xticks=[0.0, 0.25, 0.5, 0.75, 1.0])
     axes.spines[["top", "right"]].set_visible(False)

@@ -275,7 +275,7 @@ def compensation_map(
         problem=_plain(problem),
         over=names,
         box=frozen(made),
-        nominal=frozen(_nominal(problem, names)),
+        nominal=frozen([problem.nominal_scales.get(name, 0.0) for name in names]),
         table=table,
         regions=_regions(table, sets),
         boundaries=tuple(_boundaries(mesh, sets)),
@@ -353,13 +353,6 @@ def _chains(edges: Sequence[tuple[int, int]]) -> list[list[int]]:
                     break
                 chain.append(onward[0])
     return chains
-
-
-def _nominal(scene: Scene, names: Sequence[str]) -> list[float]:
-    """Return the nominal values of sizes: of a problem's scales its nominal pair, else as drawn."""
-    pair = scene.nominal_pair.tolist() if isinstance(scene, Problem) else [1.0] * len(scene.scale_names)
-    scales = dict(zip(scene.scale_names, pair, strict=True))
-    return [scales.get(name, 0.0) for name in names]
 
 
 def _plain(problem: Scene) -> dict[str, Any] | None:

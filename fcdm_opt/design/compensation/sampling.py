@@ -151,9 +151,7 @@ class Sampler:
 
     def scales(self, place: Array) -> dict[str, float]:
         """Return the scales of all parts at a place, by the names that the scene has for parts."""
-        sizes, scene = dict(zip(self.over, self.pair(place).tolist(), strict=True)), self.scene
-        named = zip(scene.scale_names, scene.scales_made.items(), strict=True)
-        return {part: sizes.get(name, scale) for name, (part, scale) in named}
+        return self.scene.scales_at(dict(zip(self.over, self.pair(place).tolist(), strict=True)))
 
     def samples(self, places: Sequence[Array], *, last: bool = False) -> list[Sample | None]:
         """Return the samples at some places; None for those that the time is too short for that refining may take.
