@@ -39,7 +39,8 @@ JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; wit
 LEAST = 0.1  # seconds that a map gets in any case
 Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
-Sizes = Annotated[Path | None, option("--sizes", "CSV", "Measured pairs of parts; default: the tolerance box.")]
+MEASURED = "Measured pairs of parts, of [[size]] tables their deviations; default: the tolerance box."
+Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
 Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
 Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
@@ -173,18 +174,21 @@ def map_command(
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
+    from fcdm_opt.design.sizes import chosen_sizes, sources
     from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
     from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
 
-    covered, pairs = _box(box), _pairs(sizes, columns, nominals)
+    covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
     inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
     pictures = inquiry.pictures
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
+        if pairs is not None:  # refused before a map is made
+            sources(pairs, positive=[name in problem.nominal_scales for name in chosen_sizes(problem, names)])
         spent = min(seconds, max(pacing.left(), LEAST))
         with pacing.unlimited():  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
@@ -412,7 +416,7 @@ def _box(text: str | None) -> tuple[tuple[float, float], tuple[float, float]] | 
     return (a, b), (c, d)
 
 
-def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
+def _pairs(path: Path | None, columns: str, nominals: str, *, deviations: bool = False) -> Any:
     """Return measured pairs of sizes, (n, 2), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
@@ -421,4 +425,4 @@ def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
     names = [name.strip() for name in columns.split(",")]
     if len(names) != 2:
         raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
-    return read_columns(path, names, _two(nominals, "--nominals"))
+    return read_columns(path, names, _two(nominals, "--nominals"), deviations=deviations)

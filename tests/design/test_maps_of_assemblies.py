@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import PROBE, SCENES, TABLE, Z
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
+from fcdm_opt.design.distributions import read_columns
 from fcdm_opt.show.grids import write_grids
 from fcdm_opt.show.maps import map_figure
 
@@ -101,6 +104,19 @@ def test_a_size_and_a_scale_share_a_map(monkeypatch: pytest.MonkeyPatch) -> None
         fo.assembly_yield(both, sizes=sizes[::-1], budget=1.0)
     with pytest.raises(fo.InputError, match="not positive"):
         fo.compensation_map(question, over=("thick", "scales.upper"), box=(ends[0], (0.0, 1.0)))
+
+
+def test_measured_deviations_were_refused_where_a_size_came_out_smaller(tmp_path: Path) -> None:
+    (tmp_path / "measured.csv").write_text("thick,deep,scale\n0.001,-0.002,-1\n0,0.003,1\n", encoding="utf-8")
+    told = read_columns(tmp_path / "measured.csv", ["thick", "deep"], deviations=True)
+    assert told.tolist() == [[0.001, -0.002], [0.0, 0.003]]
+    with pytest.raises(fo.InputError, match="row 2, column 'deep'"):
+        read_columns(tmp_path / "measured.csv", ["deep"])
+    line = ["map", "problems/assemblies/loop_of_four.toml", "--out", str(tmp_path), "--over", "key width,scales.key"]
+    line += ["--sizes", str(tmp_path / "measured.csv"), "--columns", "deep,scale", "--budget", "1"]
+    result = CliRunner().invoke(app, line)
+    assert result.exit_code == 2, result.output
+    assert "a size is not a positive number" in result.stderr
 
 
 @pytest.mark.parametrize(
