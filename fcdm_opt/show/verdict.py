@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
@@ -62,6 +63,7 @@ def verdict_text(solution: Solution) -> str:
 
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
+    from fcdm_opt.design.fixed_pose.nearest_miss import nearest_miss
     from fcdm_opt.problem.fit import verdict
 
     problem = solution.problem
@@ -70,7 +72,9 @@ def _refused_text(solution: Solution) -> str:
         return f"{widths}; no such motion brings them together" if not solution.status.found else widths
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
-        return f"impossible with this motion{limited}" + " (proved)" * (not solution.left_by_mesh)
+        proved = " (proved)" * (not solution.left_by_mesh)
+        miss = pacing.in_time(nearest_miss, problem, late="")
+        return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
     if solution.status.name == "OUTSIDE_FIT":
         return "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
@@ -110,7 +114,8 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         steps = " and ".join(" ".join(step) for step in _done(problem, values, far)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist(), 1.0)
-    sizes = " at sizes that change with the motion (parts of one size leave it at once)" if _across(coherent) else ""
+    sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
+    sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
         if not steps:
@@ -241,7 +246,9 @@ def fit_text(problem: Problem) -> str:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
     scene = Scales(problem.movable, problem.static, Sizes(ends))
-    extremes = scene.extremes(scene.rows(scene.pose(np.eye(4))))  # of several parts the largest gap may be within
+    here = scene.pose(np.eye(4))
+    scene.leave_out([here])
+    extremes = scene.extremes(scene.rows(here))  # of several parts the largest gap may be within
     low, high = extremes.least.gap, extremes.most.gap
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
