@@ -97,6 +97,39 @@ def test_the_gap_of_the_key_is_in_closed_form():
     assert drawn().share == pytest.approx(np.mean(0.1 - sides.max(axis=1) >= 0.06), abs=0.004)
 
 
+def test_the_floor_that_a_key_lies_on_hid_the_play_beside_it():
+    """Closed whatever the sizes are, it made the gap 0 to 0; a lift opens it, so that it counts among poses then.
+
+    Moved by t the gap is min(.1 - t - w, .1 + t - s), w in +-.03, s in +-.02: off zero by .02 at least, at t = -.1.
+    """
+    problem = key_in_slot()
+    gaps, best = fo.clearances(problem, count=100), fo.best_pose(problem)
+    assert gaps.range == pytest.approx((0.07, 0.12))
+    assert best.worst_gap == pytest.approx(0.02)
+    assert gaps.standing == best.standing == stack().standing == ("bottom face of key, face 2 of slot",)
+    assert "closed at all these sizes, and not counted: bottom face" in str(gaps)
+    assert "not counted" in str(best)
+    assert fo.verify(best).passed
+    assert "contacts not counted" in failed(replace(best, standing_parts=((0, 1),)))
+    lifted = fo.Translation("x") >> fo.Translation("z")
+    limits = {"TX": (-0.2, 0.2), "TZ": (-0.1, 0.1)}
+    assert fo.best_pose(problem.changed(motion=lifted, limits=limits)).standing == ()
+
+
+def test_so_it_did_of_parts_that_are_scaled_about_it():
+    """Scaled by r and s about their feet the sides are 2.1 s - 2 r apart, each way."""
+    key, slot = (fo.Body.from_parts([part.vertices for part in body.parts], seed=(0, 0, 0), name=body.name)
+                 for body in (key_in_slot().movable, key_in_slot().static))  # fmt: skip
+    motion = {"motion": fo.Translation("x"), "limits": {"TX": (-0.2, 0.2)}}
+    problem = fo.Problem(key, slot, tolerance=0.01, requirement="A", goal="clear", **motion)
+    gaps, best = fo.clearances(problem, count=100), fo.best_pose(problem, clearance=(0.12, 0.5))
+    assert gaps.range == pytest.approx((0.1 - 0.041, 0.1 + 0.041))
+    assert gaps.standing == best.standing != ()
+    assert best.status == "no pose"
+    assert best.certified
+    assert fo.verify(best, proof=True).passed
+
+
 @pytest.mark.parametrize(
     ("change", "check"),
     [

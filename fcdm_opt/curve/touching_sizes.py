@@ -12,7 +12,7 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -97,6 +97,7 @@ class TouchingSizes:
         shifts: tuple[Array, Array] | None = None,
         least: bool = True,
         standing: bool = True,
+        without: Collection[tuple[int, int]] = (),
     ) -> TouchingSizes:
         """Return them.
 
@@ -114,6 +115,8 @@ class TouchingSizes:
         standing : bool
             Whether part pairs count that touch at all sizes of the box, as a flange on its plate. Without them the gap
             is that of all others, unless there are no others.
+        without : collection of (int, int)
+            Part pairs that do not count.
 
         Raises
         ------
@@ -167,7 +170,8 @@ class TouchingSizes:
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
-        pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
+        counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
+        pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size) for i, j in counted]
         slack = DEFAULT.tie * size
         always = [not standing and max(map(abs, _ends(own, box))) <= slack for own in pairs]
         if all(always):

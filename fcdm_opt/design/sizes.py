@@ -219,3 +219,8 @@ def proportion_interval(passed: int, count: int, confidence: float) -> tuple[flo
 
     low, high = binomtest(passed, count).proportion_ci(confidence, method="exact")
     return float(low), float(high)
+
+
+def not_counted(standing: Sequence[str]) -> list[str]:
+    """Return in words that contacts are not counted, [] where all are."""
+    return [f"closed at all these sizes, and not counted: {'; '.join(standing)}"] if standing else []

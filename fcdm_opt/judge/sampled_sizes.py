@@ -96,7 +96,8 @@ class GapClaims:
         made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=True) if gap is not None]
         lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
         least, largest = self.least[0], self.largest[0]
-        beyond = max((max(least - d, (d if np.isnan(s) else min(d, s)) - largest) for (d, s), _ in made), default=0.0)
+        apart = [(d, d if np.isnan(s) else min(d, s)) for (d, s, _), _ in made]
+        beyond = max((max(least - d, s - largest) for d, s in apart), default=0.0)
         checks = [
             _at_most("sizes of the range", outside, DEFAULT.nominal, "how far those named are beyond the tolerances"),
             *(
@@ -109,6 +110,9 @@ class GapClaims:
             told = self.told(np.array([place for _, place in made])).tolist()
             off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
             checks.append(_at_most("gap at sampled sizes", off, slack, lost))
+        if self.standing:
+            wide = max(gap[2] for gap in gaps if gap is not None)
+            checks.append(_at_most("contacts not counted", wide, slack, "how far open, or overlapping, at most"))
         for body, clearance in self.keep_out:
             short = max(clearance - self._apart(place, body) for place in np.vstack([ends, others]))
             checks.append(_at_most(f"keep-out '{body.name}'", short, slack, "how much too near, at the same sizes"))
@@ -123,8 +127,11 @@ class GapClaims:
         scales[:, 1] = 1.0
         return float(scaled_pair(movable, body).signed_distances(scales, self.transform[None])[0])
 
-    def _gaps(self, place: Array) -> tuple[float, float] | None:
-        """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""
+    def _gaps(self, place: Array) -> tuple[float, float, float] | None:
+        """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices.
+
+        Of the pairs that are counted; the third is how far the others are from touching.
+        """
         try:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
@@ -132,10 +139,13 @@ class GapClaims:
         pair, here = scaled_pair(*bodies), self.transform[None]
         if not self.standing:
             distance, separation = pair.both_ways(scales, here)
-            return float(distance[0]), float(separation[0])
+            return float(distance[0]), float(separation[0]), 0.0
         counted = set(product(*(range(len(body.parts)) for body in bodies))) - set(self.standing)
-        each = [pair.between(*parts).both_ways(scales, here) for parts in sorted(counted)]
-        return float(min(own[0][0] for own in each)), float(min(own[1][0] for own in each))
+        each, left = (
+            np.array([pair.between(*parts).both_ways(scales, here) for parts in sorted(own)])[:, :, 0]
+            for own in (counted, self.standing)
+        )
+        return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -205,7 +215,7 @@ def _spread(box: Array) -> Array:
     return low + np.vstack([corners, rng.random((SAMPLED, len(box)))]) * (high - low)
 
 
-def _off(told: float, distance: float, separation: float) -> float:
+def _off(told: float, distance: float, separation: float, _: float = 0.0) -> float:
     """Return how far a told gap is off: a separation, no more than the distance, where parts are apart; minus depth."""
     if not distance > 0.0:
         return abs(told - distance)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.naming import Label, names_of_rows, round_faces
@@ -142,8 +143,8 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for own in stack.contributions
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    if stack.standing:
-        print_text(f"closed at all these sizes, and not counted: {'; '.join(stack.standing)}")
+    for told in not_counted(stack.standing):
+        print_text(told)
         print_text()
     factor, face, where = stack.touching.vanishing
     if factor < 1.0:

@@ -61,6 +61,7 @@ def verdict_text(solution: Solution) -> str:
 
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
+    from fcdm_opt.design.fixed_pose.nearest_miss import nearest_miss
     from fcdm_opt.problem.fit import verdict
 
     problem = solution.problem
@@ -69,7 +70,8 @@ def _refused_text(solution: Solution) -> str:
         return f"{widths}; no such motion brings them together" if not solution.status.found else widths
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
-        return f"impossible with this motion{limited}" + " (proved)" * (not solution.left_by_mesh)
+        proved = " (proved)" * (not solution.left_by_mesh)
+        return "; ".join(filter(None, (f"impossible with this motion{limited}{proved}", nearest_miss(problem))))
     if solution.status.name == "OUTSIDE_FIT":
         return "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
@@ -237,7 +239,9 @@ def fit_text(problem: Problem) -> str:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
     scene = Scales(problem.movable, problem.static, Sizes(ends))
-    extremes = scene.extremes(scene.rows(scene.pose(np.eye(4))))  # of several parts the largest gap may be within
+    here = scene.pose(np.eye(4))
+    scene.leave_out([here])
+    extremes = scene.extremes(scene.rows(here))  # of several parts the largest gap may be within
     low, high = extremes.least.gap, extremes.most.gap
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"

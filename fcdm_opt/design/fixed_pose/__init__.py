@@ -1,6 +1,7 @@
 """One pose for all pairs of parts, where they are not measured one by one.
 
 clearances    range and distribution of the gap over all sizes, without any re-positioning
+nearest_miss  by how much parts do not go together, and which faces block
 best_pose     the pose whose worst gap is least, or the smallest motion that keeps all gaps in a window, with proof
 
 scene         two bodies at a pose, scaled or with sizes by name: their rows, and the extremes of the gap over all sizes

@@ -13,7 +13,7 @@ from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.worst import Worst, domain, obstacles
-from fcdm_opt.design.sizes import SCALES, Sizes, by_name, worst_sizes
+from fcdm_opt.design.sizes import SCALES, Sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -75,11 +75,16 @@ class BestPose(Shown, Plain):
         Of lengths, "" where the problem names none.
     problem : Problem
         That was asked about.
+    standing : tuple of str
+        Contacts that are closed at all sizes wherever the motion leads, a flange on its plate: not counted in gaps. A
+        contact that the motion can open counts.
+    standing_parts : tuple of (int, int)
+        Their part pairs.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "status", "parameters", "motion", "transform", "amount", "worst_gap", "violation", "least", "most", "value",
-        "lower_bound", "certified", "cells", "checks", "sizes", "window", "seconds",
+        "lower_bound", "certified", "cells", "checks", "sizes", "window", "standing", "seconds",
     )  # fmt: skip
     status: Verdict
     parameters: dict[str, float]
@@ -101,6 +106,8 @@ class BestPose(Shown, Plain):
     seconds: float
     unit: str = ""
     problem: Problem | None = field(default=None, repr=False)
+    standing: tuple[str, ...] = ()
+    standing_parts: tuple[tuple[int, int], ...] = ()
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the range of the gap at the pose, and what is told of it."""
@@ -138,6 +145,7 @@ class BestPose(Shown, Plain):
             largest=(ends[1], self.most.rho),
             box=self.sizes.box,
             listed=self.sizes.pairs,
+            standing=self.standing_parts,
             keep_out=() if failed else obstacles(problem),
             others=[
                 *(Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()),
@@ -170,7 +178,8 @@ class BestPose(Shown, Plain):
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
-        return f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
+        told = f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
+        return "; ".join([told, *not_counted(self.standing)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
@@ -245,6 +254,7 @@ def best_pose(
     if not own:
         need_all_parts(problem, "a pose for all sizes")
     worst = Worst.of(problem, asked, low, high)
+    worst.leave_out_standing()
     slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
     inside = clearance is not None and best.off.value <= slack
@@ -288,6 +298,8 @@ def best_pose(
         seconds=0.0,
         unit=problem.unit,
         problem=problem,
+        standing=worst.scene.standing_in_words,
+        standing_parts=tuple(worst.scene.standing),
     )
     return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
 

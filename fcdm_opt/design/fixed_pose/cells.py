@@ -184,7 +184,7 @@ def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, 
     scene = worst.scene
     rows = scene.rows(np.ascontiguousarray(T[:, 0]), slack)
     return rows, kernels.cell_bound(
-        *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
+        *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1], scene.counted),
         *(rows.rows, rows.first, rows.pairs, rows.along),
         *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
     )

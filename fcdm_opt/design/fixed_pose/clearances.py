@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
-from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
+from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, not_counted, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -107,6 +107,8 @@ class Clearances(Shown):
         The histogram of the gaps: pairs in each bin, and the ends of the bins.
     unit : str
         Of lengths, "" where the problem names none.
+    standing : tuple of str
+        Contacts that are closed at all of these sizes, a flange on its plate: not counted in gaps, as in `stack_up`.
     """
 
     transform: Array
@@ -123,6 +125,7 @@ class Clearances(Shown):
     counts: Array = field(repr=False)
     edges: Array = field(repr=False)
     unit: str = ""
+    standing: tuple[str, ...] = ()
 
     @property
     def range(self) -> tuple[float, float]:
@@ -131,14 +134,15 @@ class Clearances(Shown):
 
     def __str__(self) -> str:
         low, high = self.range
-        return f"{gaps_text(low, high, self.unit)}; {self.interference:.3%} of {self.source} interfere"
+        interfere = f"{self.interference:.3%} of {self.source} interfere"
+        return "; ".join([gaps_text(low, high, self.unit), interfere, *not_counted(self.standing)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""
         told = {name: plain(getattr(self, name)) for name in ("transform", "box", "least", "most", "doubt", "source")}
         shares = {name: plain(getattr(self, name)) for name in ("interference", "interference_interval", "quantiles")}
         histogram = {name: plain(getattr(self, name)) for name in ("counts", "edges")}
-        return {**told, "count": len(self.gaps), **shares, "histogram": histogram}
+        return {**told, "standing": [*self.standing], "count": len(self.gaps), **shares, "histogram": histogram}
 
 
 @known_arguments
@@ -184,11 +188,15 @@ def clearances(
         pairs, source = drawn_pairs(sizes, whole, count, seed)
         need_all_parts(problem, "a pose for all sizes")
         scene = Scales(problem.movable, problem.static, Sizes(whole))
-    at = scene.rows(scene.pose(transform))
+    here = scene.pose(transform)
+    scene.leave_out([here])
+    at = scene.rows(here)
     extremes = scene.extremes(at)
     around = frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))
-    drawn = at if own else Scales(problem.movable, problem.static, Sizes(around)).rows(at.pose)
-    gaps = drawn.gaps(pairs)
+    if not own:
+        wider = Scales(problem.movable, problem.static, Sizes(around))
+        wider.standing = scene.standing
+    gaps = (at if own else wider.rows(here)).gaps(pairs)
     least, most = (EndOfRange.of(scene, at, end).without_rounding(problem.size) for end in extremes[:2])
     inside = int((gaps < -problem.contact_slack).sum())
     shares = np.array(QUANTILES)
@@ -208,6 +216,7 @@ def clearances(
         counts=frozen(counts, np.int64),
         edges=frozen(edges),
         unit=problem.unit,
+        standing=scene.standing_in_words,
     )
 
 

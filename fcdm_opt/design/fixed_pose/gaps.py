@@ -178,7 +178,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
 
 
 @kernel
-def cell_bound(one, starts1, two, starts2, rows, first, near, along_rows, S, sizes, low, high):
+def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_rows, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
 
     Three kinds of witnesses, each a concave function of the cell's variables but for a constant error, so that a
@@ -201,6 +201,8 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, along_rows, S, siz
     ----------
     one, two : (n, 3) arrays
         Vertices of both bodies about their seeds, part by part from `starts1`, `starts2`, where sizes are their scales.
+    counted : (parts 1, parts 2) flags
+        The part pairs that count.
     rows, first, near
         At the cell's centre, of the part pairs in `near`, (p, 2), that may have the least gap.
     S : (k + 2, 12) array
@@ -275,6 +277,9 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, along_rows, S, siz
         for code in range(n1 * n2):
             i, j = code // n2, code % n2
             x, y, known = sizes[s, 0], sizes[s, 1], not np.isnan(ways[s, code, 0])
+            if not counted[i, j]:
+                ways[s, code] = 0.0
+                continue
             if known and still:
                 continue
             own, other = one[starts1[i] : starts1[i + 1]], two[starts2[j] : starts2[j + 1]]

@@ -7,11 +7,12 @@ deepest part pair where they overlap. That of sizes by name is the largest separ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from itertools import count
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
@@ -82,6 +83,11 @@ class GapRows:
         found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
         return found
 
+    def alone(self, k: int) -> GapRows:
+        """Return the rows of one part pair."""
+        rows = self.rows[self.first[k] : self.first[k + 1]]
+        return replace(self, rows=rows, first=np.array([0, len(rows)]), pairs=self.pairs[k : k + 1])
+
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""
         found, owners, ways = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
@@ -108,6 +114,8 @@ class SizedBodies:
         How far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known.
     covers : bool
         Whether rows are known at all poses of a cell, however large.
+    standing : mapping of (int, int) to Feature
+        Part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count.
     """
 
     names: tuple[str, ...] = SCALES
@@ -116,6 +124,7 @@ class SizedBodies:
     reach: float
     nearest: float = np.inf
     covers: bool = True
+    standing: Mapping[tuple[int, int], Feature] = MappingProxyType({})
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
         self.movable, self.static, self.sizes = movable, static, sizes
@@ -125,6 +134,32 @@ class SizedBodies:
         """Return the relative pose, (12,)."""
         pose: Array = curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
         return pose
+
+    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
+        """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""
+        raise NotImplementedError
+
+    @cached_property
+    def counted(self) -> Flags:
+        """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
+        found = np.ones((len(self.starts[0]) - 1, len(self.starts[1]) - 1), np.bool_)
+        for own in self.standing if found.size else ():
+            found[own] = False
+        return found
+
+    def leave_out(self, poses: Iterable[Array]) -> None:
+        """Do not count part pairs that are closed at all sizes at each of these poses, a flange on its plate."""
+        first, *others = poses
+        standing = self.closed(first)
+        for pose in others:
+            closed = self.closed(pose) if standing else {}
+            standing = {own: feature for own, feature in standing.items() if own in closed}
+        self.standing = standing
+
+    @property
+    def standing_in_words(self) -> tuple[str, ...]:
+        """What touches at all sizes and is not counted."""
+        return tuple(dict.fromkeys(own.in_words(self.movable, self.static) for own in self.standing.values()))
 
 
 class Scales(SizedBodies):
@@ -141,8 +176,17 @@ class Scales(SizedBodies):
         self.reach, self.nearest = float(sizes.box[0, 1] * self.far[0]), float((sizes.corners @ self.far).min())
 
     @cached_property
-    def _all_pairs(self) -> Ints:
-        return np.array(list(np.ndindex(len(self.movable.parts), len(self.static.parts))), dtype=np.int64)
+    def _pairs(self) -> Ints:
+        return np.argwhere(self.counted)
+
+    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
+        """Return them: a convex gap that is nothing in the corners and in the middle is so all over."""
+        sizes = self.sizes.pairs if self.sizes.pairs is not None else np.vstack([self.sizes.corners, self.middle])
+        pairs = np.array(list(np.ndindex(len(self.movable.parts), len(self.static.parts))), dtype=np.int64)
+        off = np.abs(self.of_pairs(pose, pairs, sizes)).max(axis=1)
+        found = pairs[off <= DEFAULT.tie * self.size]
+        each = (self._rows(pose, own[None]) for own in (found if len(found) < len(off) else ()))
+        return {tuple(at.pairs[0].tolist()): self.feature(at, at.at(self.middle)) for at in each}
 
     def _rows(self, pose: Array, pairs: Ints) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
@@ -150,10 +194,10 @@ class Scales(SizedBodies):
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
-        pairs = self._all_pairs
+        pairs = self._pairs
         if len(pairs) > 1:
             middle, spread = self.middle, self.spread
-            bounds = curve_kernels.pair_bounds(*self.packed, pose, middle).ravel()
+            bounds = curve_kernels.pair_bounds(*self.packed, pose, middle)[tuple(pairs.T)]
             nearest = pairs[[int(bounds.argmin())]]
             gap = self._rows(pose, nearest).gaps(middle[None])[0]
             pairs = pairs[bounds <= gap + 2.0 * (spread + slack) + DEFAULT.prune * self.size]
@@ -210,11 +254,10 @@ class Scales(SizedBodies):
         best = at.at(corners[int(values.min(axis=0).argmin())])
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
-            first, last = at.first[p : p + 2].tolist()
-            planes = at.rows[first:last, 3:]
+            one = at.alone(p)
+            planes = one.rows[:, 3:]
             if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
-            one = replace(at, rows=at.rows[first:last], first=np.array([0, last - first]), pairs=at.pairs[p : p + 1])
             for _ in range(PLANES):
                 level, rho = least_of(planes, self.sizes.box)
                 if level >= best.gap - near:
@@ -265,11 +308,15 @@ class OwnSizes(SizedBodies):
         self.reach, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
 
-    def _touching(self, pose: Array) -> tuple[TouchingSizes, Array]:
-        """Return the rows at an orientation, and how far a pose is shifted from where they are."""
+    def _transform(self, pose: Array) -> Array:
         transform = np.eye(4)
         transform[:3, :3] = pose[:9].reshape(3, 3)
         transform[:3, 3] = self.static.seed - pose[9:] - transform[:3, :3] @ self.movable.seed
+        return transform
+
+    def _touching(self, pose: Array) -> tuple[TouchingSizes, Array]:
+        """Return the rows at an orientation, and how far a pose is shifted from where they are."""
+        transform = self._transform(pose)
         for kept in self._kept:
             shift = transform[:3, 3] - kept.transform[:3, 3]
             off = np.maximum(kept.ranges[:, 0] - shift, shift - kept.ranges[:, 1]).max()
@@ -278,10 +325,19 @@ class OwnSizes(SizedBodies):
         around = NEAR * self.size * np.array([[-1.0, 1.0]] * 3)
         ranges = around if self.places is None else self.places - transform[:3, 3:]
         found = TouchingSizes.of(
-            self.movable, self.static, self.own, transform=transform, shifts=(np.eye(3), ranges), least=False
-        )
+            *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
+            without=self.standing,
+        )  # fmt: skip
         self._kept = [found]
         return found, np.zeros(3)
+
+    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
+        """Return them, by their rows."""
+        transform = self._transform(pose)
+        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, standing=False)
+        middle = self.sizes.middle
+        rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.standing}
+        return {own.parts: at.feature(own, rows[own.parts]) for own in at.standing}
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""

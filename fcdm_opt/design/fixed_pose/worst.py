@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import Extremes, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import NEAR, Extremes, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -17,6 +17,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
+POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
 
@@ -105,6 +106,13 @@ class Worst:
             alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
             kept.append(cls(problem, alone, gap, np.inf, limits))
         return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
+
+    def leave_out_standing(self) -> None:
+        """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""
+        count = len(self.limits)
+        near = NEAR * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
+        q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
+        self.scene.leave_out(map(self.pose, np.clip(np.vstack([np.zeros((1, count)), q]), *self.limits.T)))
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""

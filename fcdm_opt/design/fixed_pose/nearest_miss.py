@@ -1,0 +1,121 @@
+"""By how much the parts made do not go together, and which faces block: the best pose that a local search finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.design.fixed_pose.local_search import better, found_at, least_moved
+from fcdm_opt.design.fixed_pose.worst import Worst
+from fcdm_opt.design.sizes import Sizes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.model.task import Task, lines_of
+from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import Problem
+
+TOLD = 3  # contacts that are told, those that are worst first
+NEAR = 1e-6  # of the size of the bodies: what a local search leaves
+
+
+@lru_cache(maxsize=16)
+def nearest_miss(problem: Problem) -> str:
+    """Return in words what still lacks at the best pose found, and between what; "" where that is not known.
+
+    The search is local: a pose at which less lacks is not excluded. Of goals "touch" and "clear" asked are the gap of
+    the parts made and those of keep-outs, of others the contact as drawn.
+
+    Parameters
+    ----------
+    problem : Problem
+        That has no solution.
+    """
+    if problem.partial or not np.isfinite(problem.target).all():
+        return ""
+    q, told = _untouched(problem) if problem.goal in ("touch", "clear") else _contact_missed(problem)
+    others = any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)) if told else True
+    if others:
+        return ""
+    (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
+    q = np.clip(np.where(np.abs(q) <= near, 0.0, q), low, high)
+    held = [name for name, end in zip(problem.motion.names, np.fmin(q - low, high - q) <= near, strict=True) if end]
+    limit = f", {' and '.join(held)} at the limit" if held else ""
+    where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
+    more = f"; {len(told) - TOLD} more" if len(told) > TOLD else ""
+    return f"nearest pose found ({where}{limit}): {'; '.join(told[:TOLD])}{more}"
+
+
+def _untouched(problem: Problem) -> tuple[Array, list[str]]:
+    """Return the pose with the best worst gap, and the gaps that are not what they have to be there, worst first."""
+    low, high = (problem.clearance, np.inf) if problem.goal == "clear" else (0.0, 0.0)
+    target, rest = np.array([problem.target]), np.zeros(len(problem.limits))
+    try:
+        worst = Worst.of(problem, Sizes(frozen(np.repeat(target.T, 2, axis=1)), pairs=frozen(target)), low, high)
+    except InputError:  # keep-outs of which only the surface is known
+        return rest, []
+    found = least_moved(worst, better(worst, rest), found_at(worst, rest))
+    gaps = sorted(_gaps(worst, found.q), key=lambda own: -own[0])
+    slack = max(problem.contact_slack, NEAR * worst.scene.size)
+    missed = [told for miss, told in gaps if miss > slack]
+    return found.q, missed + [f"in the way: {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+
+
+def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
+    """Yield by how much each part pair that can be is off its window at parameters, and its gap in words."""
+    unit, slack = worst.problem.unit, NEAR * worst.scene.size
+    for own in (worst, *worst.keep_out):
+        scene, sizes = own.scene, own.scene.sizes.box[:, 0]
+        at = scene.rows(own.pose(q))
+        gaps = at.of_pairs(sizes[None])[:, 0]
+        for k in np.argsort(gaps)[: 1 if own.high == 0.0 < gaps.min() else None].tolist():
+            gap, one = float(gaps[k]), at.alone(k)
+            between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
+            asked = f", {measured(f'{own.low:.4g}', unit)} asked" if own.low > 0.0 else ""
+            yield max(own.low - gap, gap - own.high), f"{between} {_state(gap, slack, unit)}{asked}"
+
+
+def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
+    """Return the pose at which the contact as drawn lacks least, and what lacks there."""
+    from scipy.optimize import least_squares
+
+    task, (low, high) = Task.of(problem), problem.limits.T
+    q, free = np.clip(np.zeros(len(low)), low, high), low < high
+
+    def off(values: Array) -> Array:
+        pose = q.copy()
+        pose[free] = values
+        if problem.goal != "beyond":
+            gaps = task.line_gaps(pose)[1]
+            return np.minimum(gaps, 0.0) if problem.goal == FIT else gaps
+        rho = task.tracked_contact(pose)[0]
+        short = np.minimum((rho - problem.target) * task.signs, 0.0)
+        return np.where(np.isfinite(short), short, -1.0) * task.size
+
+    if free.any():
+        scales = np.maximum(NEAR, 1.0 / problem.weights[free])
+        q[free] = least_squares(off, q[free], bounds=(low[free], high[free]), x_scale=scales).x
+    if np.abs(off(q[free])).max() <= NEAR * task.size:
+        return q, []
+    if problem.goal == "beyond":
+        reached = " and ".join(f"{size:.6g}" for size in task.tracked_contact(q)[0].tolist())
+        asked = " and ".join(f"{size:.6g}" for size in problem.target.tolist())
+        return q, [f"the contact drawn holds up to sizes {reached}, of {asked} asked"]
+    bodies, each = (problem.movable, problem.static), off(q[free]).tolist()
+    owners: list[tuple[Feature, ...]] = [(joint.feature,) for joint in task.joints for _ in lines_of(*bodies, joint)]
+    worst = dict[tuple[Feature, ...], float]()
+    for owner, gap in zip(owners or [problem.tracked_features] * len(each), each, strict=True):
+        worst[owner] = max(worst.get(owner, 0.0), gap, key=abs)
+    return q, [
+        f"{'; '.join(dict.fromkeys(own.in_words(*bodies) for own in owner))} {_state(gap, 0.0, problem.unit)}"
+        for owner, gap in sorted(worst.items(), key=lambda own: -abs(own[1])) if abs(gap) > NEAR * task.size
+    ]  # fmt: skip
+
+
+def _state(gap: float, slack: float, unit: str) -> str:
+    length = measured(f"{abs(gap):.4g}", unit)
+    return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"
