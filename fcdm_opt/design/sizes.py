@@ -190,6 +190,20 @@ def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
     return Sizes.of(sizes)
 
 
+def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...]]:
+    """Return all sizes that are spoken of, and their names: scales of both bodies or of all parts, or a scene's own."""
+    if by_name(scene, sizes, box):
+        return Sizes(tolerance_boxes(scene.sizes)), tuple(size.name for size in scene.sizes)
+    if isinstance(scene, Problem):
+        return worst_sizes(scene, sizes, box), SCALES
+    parts = tuple(scene.drawn)
+    if box is None:
+        what = "scales of an assembly's parts have no tolerance, so no box of sizes follows from them"
+        raise InputError(what, key="box", found=sizes, allowed="(low, high), the scales of all parts; or sizes by name")
+    ends = size_box([box, box], "box")[0]
+    return Sizes(frozen(np.tile(ends, (len(parts), 1)))), parts
+
+
 def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool = True) -> tuple[Array, str]:
     """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
 
