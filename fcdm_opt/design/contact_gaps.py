@@ -6,9 +6,10 @@ surfaces, of two parts or all those of an assembly that are to meet.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from operator import itemgetter
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,7 +93,7 @@ class ContactGaps:
         Length that relative tolerances refer to.
     """
 
-    standing = dict[tuple[int, int], Feature]()
+    standing: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
     standing_in_words = ()
     covers = True
 
@@ -108,6 +109,10 @@ class ContactGaps:
             for joint in task.joints
             for line in _lines(task, joint)
         ]
+
+    def transforms(self, q: Array) -> list[Array]:
+        """Return the pose of body 1 of each relation."""
+        return [own.motion.transform(q, own.movable.seed, own.static.seed) for own in self.relations]
 
     def rows(self, transforms: Sequence[Array]) -> ContactRows:
         """Return the rows at the pose of body 1 of each relation, (4, 4)."""
@@ -135,7 +140,7 @@ class ContactGaps:
         lows, highs = self.ends(rows)
 
         def end(row: int, gap: float, sign: float) -> Extreme:
-            value, *rates = rows.values[row]
+            rates = rows.values[row, 1:]
             if self.sizes.pairs is not None:
                 place = self.sizes.pairs[np.abs(rows.heights(self.sizes.pairs)[row] - gap).argmin()]
             else:
@@ -162,7 +167,10 @@ class ContactGaps:
     def ranges(self, rows: ContactRows) -> dict[str, tuple[float, float]]:
         """Return the range of the gap of each contact over all sizes, by its words."""
         ends = np.array(self.ends(rows))
-        return {self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max())) for of, own in self.contacts.items()}
+        return {
+            self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max()))
+            for of, own in self.contacts.items()
+        }
 
     def words(self, relation: int, feature: Feature) -> str:
         """Return a contact in words."""
@@ -175,11 +183,13 @@ class ContactGaps:
             columns, drawn = self.columns[k], self.relations[k].request if self.own else vars(self.relations[k])
             values = rows.values[own][:, [0, *(1 + column for column in columns)]]
             listed = None if sizes.pairs is None else sizes.pairs[:, columns]
+            least, largest = _range(values, sizes.box[columns], listed)
             found.append(GapClaims(
                 bodies=(drawn["movable"], drawn["static"]),
                 sizes=self.relations[k].sizes if self.own else (),
                 transform=transforms[k],
-                **_range(values, sizes.box[columns], listed),
+                least=least,
+                largest=largest,
                 box=sizes.box[columns],
                 listed=listed,
                 told=partial(_separation, values),
@@ -200,24 +210,32 @@ class ContactGaps:
     def touching(self, transforms: Sequence[Array], relation: int = 0) -> TouchingSizes:
         """Return the rows of one relation's contacts as those of a stack-up."""
         rows, pairs, task = self.rows(transforms), [], self.tasks[relation]
-        for (k, _), own in self.contacts.items():
+        for (k, feature), own in self.contacts.items():
             if k == relation:
                 lines = [self.lines[row].line for row in own]
-                elements = [tuple(zip(SITES.get(x.site[0], "VF"), x.site[1:], strict=True)) for x in lines]
-                pairs.append(PairRows(lines[0].parts, rows.values[own], rows.normals[own], elements))
+                parts = task.movable.parts[lines[0].parts[0]], task.static.parts[lines[0].parts[1]]
+                elements = [[*zip(SITES.get(x.site[0], "VF"), x.site[1:], strict=True)] for x in lines]
+                for which, kind in enumerate((feature.one.kind, feature.two.kind) if len(own) == 1 else ()):
+                    if kind == "F":
+                        out = rows.normals[own[0]] * (1.0, -1.0)[which]
+                        elements[0][which] = ("F", int((parts[which].normals @ out).argmax()))
+                both = [(one, two) for one, two in elements]
+                pairs.append(PairRows(lines[0].parts, rows.values[own], rows.normals[own], both))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
-        return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""))
+        return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
 
 
-def by_contacts(scene: Scene) -> bool:
-    """Tell whether a question about all sizes looks at contacts as drawn, not at the gap of whole bodies."""
+def by_contacts(scene: Scene, *, named: bool = True) -> bool:
+    """Tell whether a question about all sizes looks at contacts as drawn, not at the gap of whole bodies.
+
+    With `named` because it names them, too.
+    """
     if not isinstance(scene, Problem):
         return True
-    turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz" and not scene.request[own.body].hollow)
-    return bool(
-        scene.contacts or scene.goal == FIT or scene.partial
-        or any(Resizing.of(scene.request[own.body], (own,)).inclined() for own in turning)
-    )
+    if (named and (scene.contacts or scene.goal == FIT)) or scene.partial:
+        return True
+    turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz")
+    return any(Resizing.of(scene.request[own.body], (own,)).inclined() for own in turning)
 
 
 def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
@@ -264,7 +282,7 @@ def _lines(task: Task, joint: Joint) -> list[FeaturePoints]:
 
 
 def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, Array]:
-    """Return how the points with which both bodies touch move a unit of each size, (3, k); refuse what turns normals."""
+    """Return how the points with which both bodies touch move by each size, (3, k); refuse what turns normals."""
     found, starts = [], ENDS.get(line.kind, (0, 1))
     for k, (role, body) in enumerate(zip(("movable", "static"), (task.movable, task.static), strict=True)):
         points = line.points.T[starts[k] : 4 if k else starts[1]]
@@ -287,13 +305,13 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
     return found[0], found[1]
 
 
-def _range(values: Array, box: Array, listed: Array | None) -> dict[str, tuple[float, Array]]:
+def _range(values: Array, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
     """Return the least and the largest separation of a contact over all sizes, and where."""
     if listed is not None:
         gaps = _separation(values, listed)
-        return {"least": (gaps.min(), listed[gaps.argmin()]), "largest": (gaps.max(), listed[gaps.argmax()])}
-    (least, low), (most, high) = min((least_of(row[None], box) for row in values), key=itemgetter(0)), least_of(-values, box)
-    return {"least": (least, low), "largest": (-most, high)}
+        return (float(gaps.min()), listed[gaps.argmin()]), (float(gaps.max()), listed[gaps.argmax()])
+    most, high = least_of(-values, box)
+    return min((least_of(row[None], box) for row in values), key=itemgetter(0)), (-most, high)
 
 
 def _separation(values: Array, places: Array) -> Array:

@@ -53,9 +53,11 @@ class GapClaims:
     bodies : (Body, Body)
         As drawn.
     sizes : tuple of Size
-        What numbers of a place are; without any they are the scales of both bodies.
+        What numbers of a place are, also of other bodies; without any they are the scales of both bodies.
     transform : (4, 4) array
         Of the movable body.
+    shift : (k, 3) array, optional
+        How it is shifted besides, a unit of each size.
     least, largest : (float, (k,) array), optional
         The ends of the range of the gap, and where they are; without them only keep-outs are looked at.
     box : (k, 2) array
@@ -82,6 +84,7 @@ class GapClaims:
     bodies: tuple[Body, Body]
     sizes: tuple[Size, ...]
     transform: Array
+    shift: Array | None = None
     least: tuple[float, Array] | None = None
     largest: tuple[float, Array] | None = None
     box: Array
@@ -111,7 +114,8 @@ class GapClaims:
 
     def _of_gap(self, ends: Array, others: Array, slack: float) -> list[Check]:
         """Return the checks of the range of the gap, and of gaps told at sampled sizes."""
-        assert self.least is not None and self.largest is not None
+        assert self.least is not None
+        assert self.largest is not None
         low, high = self.box.T
         outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
         gaps = [self._gaps(place) for place in np.vstack([ends, others])]
@@ -147,7 +151,13 @@ class GapClaims:
             body = static
         else:
             scales = np.column_stack([scales[:, 0], np.ones(len(scales))])
-        return float(scaled_pair(movable, body).signed_distances(scales, self.transform[None])[0])
+        return float(scaled_pair(movable, body).signed_distances(scales, self._pose(place)[None])[0])
+
+    def _pose(self, place: Array) -> Array:
+        """Return where the movable body is at sizes."""
+        pose = self.transform.copy()
+        pose[:3, 3] += 0.0 if self.shift is None else place @ self.shift
+        return pose
 
     def _gaps(self, place: Array) -> tuple[float, float, float] | None:
         """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices.
@@ -158,9 +168,9 @@ class GapClaims:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
-        pair, here = scaled_pair(*bodies), self.transform[None]
+        pair, here = scaled_pair(*bodies), self._pose(place)[None]
         if self.contact is not None and any(body.hollow for body in bodies):
-            gap = self._along(bodies, scales[0])
+            gap = self._along(bodies, scales[0], here[0])
             return gap, gap, 0.0
         if self.contact is not None:
             pair = pair.between(*self.contact[1])
@@ -174,7 +184,7 @@ class GapClaims:
         )
         return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
 
-    def _along(self, bodies: tuple[Body, Body], scales: Array) -> float:
+    def _along(self, bodies: tuple[Body, Body], scales: Array, pose: Array) -> float:
         """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces.
 
         Whose parts are thin: how deep two of them overlap says nothing of the solids.
@@ -185,7 +195,7 @@ class GapClaims:
         for body, scale, element in zip(bodies, scales.tolist(), (feature.one, feature.two), strict=True):
             own = body.vertices[np.array(element.vertices) - 1]
             points.append(body.seed + scale * (own - body.seed))
-        points[0] = points[0] @ self.transform[:3, :3].T + self.transform[:3, 3]
+        points[0] = points[0] @ pose[:3, :3].T + pose[:3, 3]
         sides = [own - own.mean(axis=0) for own in points]
         flat = max(sides, key=lambda own: (len(own) > 2, -len(own)))
         if len(flat) > 2 or all(len(own) == 2 for own in points):

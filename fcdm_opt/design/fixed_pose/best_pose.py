@@ -94,7 +94,8 @@ class BestPose(Shown, Plain):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "status", "parameters", "motion", "transform", "transforms", "contacts", "amount", "worst_gap", "violation", "least", "most", "value",
+        "status", "parameters", "motion", "transform", "transforms", "contacts", "amount", "worst_gap", "violation",
+        "least", "most", "value",
         "lower_bound", "certified", "cells", "checks", "sizes", "window", "standing", "seconds",
     )  # fmt: skip
     status: Verdict
@@ -155,7 +156,8 @@ class BestPose(Shown, Plain):
         if by_contacts(problem):
             worst = WorstContacts.asked(problem, self.sizes, self.least.names, low, high)
             return replace(worst.claims(q, failed=failed), others=others)
-        assert isinstance(problem, Problem) and self.transform is not None
+        assert isinstance(problem, Problem)
+        assert self.transform is not None
         by_names = self.least.names != SCALES
         drawn = problem.request if by_names else vars(problem)
         return GapClaims(
@@ -229,9 +231,9 @@ def best_pose(
     lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
     Contacts as drawn, each along its normal, are looked at in place of the gap of the bodies where a question names
-    several, of an assembly, of bodies kept as surfaces, and of sizes that turn faces; the largest |gap| is that over all
-    of them, and goal "fit" asks for the largest least gap. Where the motion only shifts that is a linear program, and
-    its pose proved.
+    several, of an assembly, of bodies kept as surfaces, and of sizes that turn faces; the largest |gap| is that over
+    all of them, and goal "fit" asks for the largest least gap. Where the motion only shifts that is a linear program,
+    and its pose proved.
 
     Asked are bodies, motion, limits, weights, steps and keep-outs: else the problem's goal, path and pair state play no
     part, and an amount other than the weighted one is told, not made least.
@@ -292,8 +294,9 @@ def best_pose(
         best, bound = search.best, _proved(search)
     else:
         best, bound = least_moved(worst, best, first), _proved(search)
-    if problem.resolution is not None and np.any(problem.resolution):
-        best = stepped(worst, best, steps_of(problem), slack, amounts=inside)
+    steps = steps_of(problem)
+    if steps.any():
+        best = stepped(worst, best, steps, slack, amounts=inside)
         inside = inside and best.off.value <= slack
     amount, least_gap = amount_of(problem, best.q), best.off.extremes.least.gap
     value = amount if inside else -least_gap if fitted else best.off.excess
@@ -395,13 +398,10 @@ def amount_of(question: Scene, q: Array) -> float:
 
 def steps_of(question: Scene) -> Array:
     """Return the steps of each parameter, 0 where it is any."""
-    if isinstance(question, Problem):
-        return np.array(question.resolution)
-    steps = list[float]()
-    for part, motion in question.motions.items():
-        own = question.resolution.get(part, 0.0)
-        steps += [own.get(name, 0.0) if isinstance(own, Mapping) else own for name in motion.names]
-    return np.array(steps)
+    if isinstance(question, Assembly):
+        each = ((question.resolution.get(part, 0.0), motion.names) for part, motion in question.motions.items())
+        return np.array([own.get(x, 0.0) if isinstance(own, Mapping) else own for own, names in each for x in names])
+    return np.zeros(len(question.coordinates)) if question.resolution is None else np.array(question.resolution)
 
 
 def by_part(question: Assembly, q: Array) -> dict[str, Array]:
@@ -414,13 +414,15 @@ def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
     """Return the pose of each part of an assembly, or that of the movable part of two, under the name ""."""
     if isinstance(question, Assembly):
         return dict(question.poses(by_part(question, q)))
+    assert isinstance(question, Problem)
     return {"": question.motion.transform(q, question.movable.seed, question.static.seed)}
 
 
 def motion_in_words(question: Scene, q: Array) -> str:
     """Return a motion in words, of an assembly part by part."""
-    if not isinstance(question, Assembly):
+    if isinstance(question, Problem):
         return question.motion.describe(q.tolist(), unit=question.unit)
+    assert isinstance(question, Assembly)
     each = by_part(question, q).items()
     return ", ".join(f"{part} {question.motions[part].describe(x.tolist(), unit=question.unit)}" for part, x in each)
 

@@ -169,7 +169,7 @@ class Worst:
         return self.problem.motion.weights(self.scene.movable.size / 2.0)
 
     def linear(self, q: Array) -> tuple[Array, Array, Flags]:
-        """Return functions of which none may exceed 0 in the window, values (f,) and slopes (f, k), and which keep clear.
+        """Return functions of which none may exceed 0 in the window, values and slopes (f, k), and which keep clear.
 
         They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit. The largest
         of those that do not keep clear of keep-outs is how far the worst gap is off.
@@ -235,15 +235,15 @@ class WorstContacts(Worst):
         for pair, relation in relations_of(question).items():
             whose = columns_of(pair, relation, names, own=own)
             drawn = relation.request if own else vars(relation)
-            others = [(body, gap, solid, np.vstack([sizes.box[whose[0]], np.ones(2)]) if not own else np.ones((2, 2)))
-                      for body, gap, solid in obstacles(relation)]  # fmt: skip
+            one, two = drawn["movable"], drawn["static"]
+            others = obstacles(relation)
             if relation.goal == "clear" and pair != SCALES:
-                body = drawn["static"]
-                ends = np.ones((2, 2)) if own else sizes.box[whose]
-                others.append((body, relation.clearance, body if body.hollow else None, ends))
-            for body, gap, solid, box in others:
-                mine = [size for size in relation.sizes if own and (body is drawn["static"] or size.body == "movable")]
-                bodies = OwnSizes(drawn["movable"], body, tuple(mine)) if mine else Scales(drawn["movable"], body, Sizes(box))
+                others.append((two, relation.clearance, two if two.hollow else None))
+            for body, gap, solid in others:
+                mine = tuple(size for size in relation.sizes if own and (body is two or size.body == "movable"))
+                box = np.ones((2, 2)) if own else sizes.box[whose].copy()
+                box[1] = box[1] if body is two else 1.0
+                bodies = OwnSizes(one, body, mine) if mine else Scales(one, body, Sizes(box))
                 kept.append(Worst(relation, bodies, gap, np.inf, solid=solid))
                 columns.append(whose)
         gaps = ContactGaps(question, sizes, names, own=own)
@@ -252,7 +252,7 @@ class WorstContacts(Worst):
     def claims(self, q: Array, *, failed: bool) -> GapClaims:
         """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed."""
         gaps = self.scene
-        first, *others = gaps.claims(self.transforms(q))
+        first, *others = gaps.claims(gaps.transforms(q))
         for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
             drawn = kept.problem.request if gaps.own else vars(kept.problem)
             others.append(GapClaims(
@@ -271,7 +271,7 @@ class WorstContacts(Worst):
         if not self.problem.shifts:
             return None
         rest = np.zeros(len(self.limits))
-        values, slopes, kept = self.linear(rest)
+        values, slopes, kept = self.linear(rest)  # without what is kept clear of no pose is worse
         values, slopes = values[~kept], slopes[~kept]
         if amounts:
             q = least_motion(values - slack, slopes, rest, self.weights, self.limits)
@@ -294,13 +294,9 @@ class WorstContacts(Worst):
         turns = np.array([own.kind == "rotation" for own in self.problem.coordinates])
         return np.where(turns, self.scene.size / 2.0, 1.0)
 
-    def transforms(self, q: Array) -> list[Array]:
-        """Return the pose of body 1 of each relation."""
-        return [own.motion.transform(q, own.movable.seed, own.static.seed) for own in self.scene.relations]
-
     def rows(self, q: Array) -> Any:
         """Return the rows of all contacts at parameters q."""
-        return self.scene.rows(self.transforms(q))
+        return self.scene.rows(self.scene.transforms(q))
 
     def linear(self, q: Array) -> tuple[Array, Array, Flags]:
         """Return the functions of the contacts' least and largest gaps, and of what is kept clear of."""
