@@ -125,7 +125,7 @@ def _crossing(pieces: list[Boundary], piece: Boundary, end: Vec) -> Line:
 
 
 def oracle_reference(one: Shape, two: Shape) -> Reference:
-    """Enumerate all facets of the Minkowski difference in integers: tests/oracles.py."""
+    """Enumerate all facets of the Minkowski difference in integers: tests/support/oracles.py."""
     pair = exact(one, two).pair
     pieces = []
     for piece in pair.pieces:
@@ -383,7 +383,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("seed", type=int)
     parser.add_argument("count", type=int)
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--oracle", type=float, default=0.01, help="share of pairs also compared with tests/oracles.py")
+    parser.add_argument("--oracle", type=float, default=0.01, help="share of pairs beside tests/support/oracles.py")
     parser.add_argument(
         "--pairs",
         choices=("random", "generic", "aligned", "unions"),

@@ -28,7 +28,7 @@ from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.stages.together import all_at_once
+from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
 Solve = Callable[[Problem], Solution]

@@ -194,7 +194,7 @@ class _Compiled(_Dispatcher):
             self.patience -= max(took, PATIENCE / CALLS)
             _left[0] -= took
             _taken[0] += took
-            pacing.spare(perf_counter() - start)
+            pacing.exclude_time(perf_counter() - start)
         return self(*args)
 
 
@@ -459,14 +459,14 @@ class _Progress(event.Listener):
             return
         self._depth -= 1
         if self._depth == 0:
-            pacing.spare(perf_counter() - self._start)
-            if pacing.heard():
+            pacing.exclude_time(perf_counter() - self._start)
+            if pacing.has_listeners():
                 self._tell()
 
     def _tell(self) -> None:
         done = sum(1 for made in list(_ALL) if made.overloads)
         text = f"compiling numerical kernels, kept for later runs: {done} of at most {len(_ALL)}"
-        if pacing.heard():
+        if pacing.has_listeners():
             pacing.at(text)
         else:
             logging.getLogger("fcdm_opt").info(text)

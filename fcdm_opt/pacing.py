@@ -24,7 +24,7 @@ def clock() -> float:
     return perf_counter() - _spared[0]
 
 
-def spare(seconds: float) -> None:
+def exclude_time(seconds: float) -> None:
     """Do not count so many seconds that went by."""
     _spared[0] += seconds
 
@@ -98,7 +98,7 @@ def unheard() -> None:
     _listeners.clear()
 
 
-def heard() -> bool:
+def has_listeners() -> bool:
     """Whether anybody listens."""
     return bool(_listeners)
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from enum import Enum
+from functools import cached_property
 from types import UnionType
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin, get_type_hints
 
@@ -85,6 +86,54 @@ def drawn(value: Any) -> Any:
     if isinstance(value, list):
         return [drawn(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def schema_of(kind: Any, known: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON Schema of the plain data of a kind of value; classes on the way join `known`, by their names."""
+    inner, plain_class = get_args(kind), isinstance(kind, type) and issubclass(kind, Plain)
+    if get_origin(kind) is UnionType:
+        return {"anyOf": [schema_of(own, known) for own in inner]}
+    if get_origin(kind) is Mapping:
+        return {"type": "object", "additionalProperties": schema_of(inner[1], known)}
+    if get_origin(kind) is tuple and inner[-1] is not Ellipsis:
+        parts = [schema_of(own, known) for own in inner]
+        return {"type": "array", "prefixItems": parts, "minItems": len(parts), "maxItems": len(parts)}
+    if get_origin(kind) in (tuple, np.ndarray):
+        return {"type": "array", **({"items": schema_of(inner[0], known)} if get_origin(kind) is tuple else {})}
+    if get_origin(kind) is Literal:
+        return {"enum": [*inner]}
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return {"enum": [own.name for own in kind]}
+    if plain_class and "to_dict" in vars(kind) and not kind.plain_names:  # in a way of its own
+        return {"type": "object"}
+    if plain_class or (isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")):
+        if kind.__name__ not in known:
+            known[kind.__name__] = {}  # one that has itself in it
+            known[kind.__name__] = _object_schema(kind, known)
+        return {"$ref": f"#/$defs/{kind.__name__}"}
+    if hasattr(kind, "from_dict"):
+        return {"type": "object"}
+    if kind is float:
+        return {"anyOf": [{"type": ["number", "null"]}, {"enum": ["inf", "-inf"]}]}
+    words = {int: "integer", bool: "boolean", str: "string", type(None): "null"}
+    return {"type": "string"} if hasattr(kind, "from_label") else {"type": words[kind]} if kind in words else {}
+
+
+def _object_schema(kind: type, known: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of what a class tells: of each attribute by its annotation, or by what its property returns."""
+    kinds = get_type_hints(kind)
+    told = getattr(kind, "plain_names", ()) or [name for name, own in kinds.items() if get_origin(own) is not ClassVar]
+    members = {}
+    for name in told:
+        own = getattr(kind, name, None)
+        getter = getattr(own, "fget", None) or getattr(own, "func", None)
+        returned = get_type_hints(getter).get("return", Any) if getter else Any
+        found = schema_of(kinds.get(name, returned), known)
+        late = isinstance(own, cached_property) and "$ref" in found  # told where it was worked out already
+        members[name] = {"anyOf": [found, {"type": "null"}]} if late else found
+    text = (kind.__doc__ or "").partition("\n")[0]
+    needed = [name for name in members if name != "problem"]  # which contacts of an assembly have from that
+    return {"type": "object", "description": text, "properties": members, "required": needed}
 
 
 def _read(kind: Any, told: Any) -> Any:

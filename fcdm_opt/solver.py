@@ -20,7 +20,7 @@ from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.problem.active_parts import AT_ONCE, expand_active_parts, with_insides, with_parts
+from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -30,9 +30,9 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import EFFORTS, Bounded, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
-from fcdm_opt.stages.order import STAGES, StageName, left, settled
+from fcdm_opt.stages.contact_system import check_uniqueness, proof_of
+from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
 from fcdm_opt.stages.rounding import in_steps
-from fcdm_opt.stages.together import alone, proof_of
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
@@ -176,7 +176,7 @@ def _outside_of_solids(problem: Problem, how: _How, answer: Answer | None = None
 
 def _with_all_that_matters(problem: Problem, how: _How, answer: Answer | None = None) -> Solution:
     """Return the solution with as many of the bodies' parts as it and its bound need, see `problem.active_parts`."""
-    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, AT_ONCE
+    problem, most = pacing.in_time(expand_active_parts, problem, None, 0.0, late=None) or problem, BATCH_SIZE
     if not problem.partial:
         return _solved(problem, how, answer)
     wanted = not problem.contacts and "touch" in (problem.goal, problem.pair)
@@ -254,7 +254,7 @@ def _least_motion(task: Task, model: str) -> Answer:
     try:
         return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
     except pacing.TimeOverError:
-        return left(task)
+        return best_so_far(task)
 
 
 def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
@@ -268,7 +268,7 @@ def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[An
 def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the same, where the time does for it."""
     if task.joints:
-        answer = alone(problem, task, answer) if how.effort == "proved" else answer
+        answer = check_uniqueness(problem, task, answer) if how.effort == "proved" else answer
         return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         cells, before = len(task.weights) <= MOST_CHECKED, answer.q

@@ -105,11 +105,11 @@ def seeds_inside(pair: Pair) -> str | None:
     return None
 
 
-def up_to(most: int, reason: str, besides: Callable[[Pair], str | None] = anything) -> Callable[[Pair], str | None]:
+def up_to(most: int, reason: str, untracked: Callable[[Pair], str | None] = anything) -> Callable[[Pair], str | None]:
     """Return what refuses pairs of more than `most` vertices a body, and what something else refuses."""
 
     def refuses(pair: Pair) -> str | None:
         vertices = max(len(body.vertices) for body in pair)
-        return f"{reason} above {most:,} vertices" if vertices > most else besides(pair)
+        return f"{reason} above {most:,} vertices" if vertices > most else untracked(pair)
 
     return refuses

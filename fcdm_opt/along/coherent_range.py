@@ -16,9 +16,9 @@ from fcdm_opt.along.march import March
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
 from fcdm_opt.problem.arguments import LARGEST
@@ -93,7 +93,7 @@ class Ends:
 
 
 @dataclass(frozen=True, eq=False)
-class CoherentRange(Ends, Plain, Shown):
+class CoherentRange(Ends, Plain, NotebookRepr):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
     At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to

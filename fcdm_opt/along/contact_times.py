@@ -273,7 +273,7 @@ def _keep_out_states(
         what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"
         raise InputError(what, key="keep_out", found=keep_out.name, allowed="a keep-out without clearance")
     low, high = keep_out.ends
-    if keep_out.body.hollow and low < high:
+    if keep_out.body.is_surface and low < high:
         what = "of this keep-out only the surface is kept, and it has a range of scales"
         raise InputError(what, key="keep_out", found=keep_out.name, allowed="one scale, or a solid cut into parts")
     if low == high:

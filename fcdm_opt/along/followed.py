@@ -119,11 +119,13 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
             raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
-            hosts = [
+            carriers = [
                 (_place(problem.active[0].parts, one), _place(problem.active[1].parts, two), own)
-                for one, two, own in seat.hosts
+                for one, two, own in seat.carriers
             ]
-            rests = [_flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in hosts]
+            rests = [
+                _flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in carriers
+            ]
             rests.sort(key=lambda rest: rest.parts != seat.parts)
         else:
             sites = [(parts, site), *(own for own in _sites(problem, feature, site[0]) if own != (parts, site))]
@@ -150,11 +152,11 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
     if known:
         seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
-        hosts = [
+        carriers = [
             (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
-            for one, two, contact in seat.hosts
+            for one, two, contact in seat.carriers
         ]
-        rests = [_flush_rest(problem, seat, (i, j), own, other, along, k) for i, j, own, other, along in hosts]
+        rests = [_flush_rest(problem, seat, (i, j), own, other, along, k) for i, j, own, other, along in carriers]
         rests.sort(key=lambda rest: rest.parts != seat.parts)
         return Followed(seat.touching, True, tuple(rests))
     feature = piece.feature

@@ -100,7 +100,7 @@ class Holding:
         """Yield what the goal asks of the tracked contact, or of those that are restored together."""
         task = self.task
         if task.goal != "beyond":
-            asked = (*task.tracked, *task.besides)
+            asked = (*task.tracked, *task.untracked)
             normals, gaps = task.line_gaps(self.q) if asked else (np.empty((0, 3)), np.empty(0))
             rates = [
                 self._at_target(self._line(self.end, feature, normal, task.target))
@@ -186,20 +186,20 @@ class Holding:
 
     def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
-        task, opponent = self.task, self.task.opponents[parts[1]]
+        task, obstacle = self.task, self.task.obstacles[parts[1]]
         pose = self._pose_to(parts)
         shifted = np.append(pose[:9], pose[9:] - way.gap * way.normal)
         flush = len(way.corners) > 1
         feature, scale = way.contact.feature, float(task.target[0])
         first = Term(MOVABLE, self.end.drawn(corner, shifted, scale), feature.one, -way.normal, scale, flush)
-        body = KEPT_OUT + opponent.keep_out if opponent.keep_out >= 0 else STATIC
-        point = opponent.part.seed + corner / opponent.scale
-        second = Term(body, point, feature.two, way.normal, opponent.scale, flush)
-        return [first, *(_swept(task, second, opponent.part) if body >= KEPT_OUT else [second])]
+        body = KEPT_OUT + obstacle.keep_out if obstacle.keep_out >= 0 else STATIC
+        point = obstacle.part.seed + corner / obstacle.scale
+        second = Term(body, point, feature.two, way.normal, obstacle.scale, flush)
+        return [first, *(_swept(task, second, obstacle.part) if body >= KEPT_OUT else [second])]
 
     def _pose_to(self, parts: Parts) -> Array:
-        """Return the pose at the end relative to an opponent's own seed."""
-        offset = self.task.opponents[parts[1]].part.seed - self.task.static.seed
+        """Return the pose at the end relative to an obstacle's own seed."""
+        offset = self.task.obstacles[parts[1]].part.seed - self.task.static.seed
         return np.append(self.end.pose[:9], self.end.pose[9:] + offset)
 
     # ---------------------------------------------------------------------------------------------------- part pairs
@@ -209,7 +209,7 @@ class Holding:
         task, ways = self.task, self._near_pairs()
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
         closes = task.must_touch and not task.joints
-        touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if closes else []
+        touching = [parts for parts in ways if task.obstacles[parts[1]].keep_out < 0] if closes else []
         groups = [own for parts, own in apart.items() if parts not in touching]
         closings: Alternatives = []
         for parts in touching:
@@ -232,32 +232,32 @@ class Holding:
 
     def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
         """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""
-        opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
-        one, two = self.task.movable.parts[parts[0]], opponent.part
-        rho = np.array([self.task.target[0], opponent.scale])
-        if opponent.need > self.slack:  # nothing touches: what is nearest would, moved along the normal
+        obstacle, pose = self.task.obstacles[parts[1]], self._pose_to(parts)
+        one, two = self.task.movable.parts[parts[0]], obstacle.part
+        rho = np.array([self.task.target[0], obstacle.scale])
+        if obstacle.need > self.slack:  # nothing touches: what is nearest would, moved along the normal
             pose = np.append(pose[:9], pose[9:] - way.gap * way.normal)
             return located(one, two, pose, supporting_contact(one, two, way.normal, pose, slack), rho)
         return located(one, two, pose, contact_at(one, two, way.normal, pose, rho, slack), rho)
 
     def _ways(self, parts: Parts) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
-        task, opponent = self.task, self.task.opponents[parts[1]]
-        one, two, pose = task.movable.parts[parts[0]], opponent.part, self._pose_to(parts)
-        rho = np.array([task.target[0], opponent.scale])
+        task, obstacle = self.task, self.task.obstacles[parts[1]]
+        one, two, pose = task.movable.parts[parts[0]], obstacle.part, self._pose_to(parts)
+        rho = np.array([task.target[0], obstacle.scale])
         sites, rows, separations = task.separations(parts, self.end.pose)
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - self.slack).tolist()
-        body = task.keep_out[opponent.keep_out].body if opponent.keep_out >= 0 else task.static
+        body = task.keep_out[obstacle.keep_out].body if obstacle.keep_out >= 0 else task.static
         # where only a cut of a solid keeps a pair apart, its next part does not
         own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
-        if opponent.need > 0 and widest > 0:
+        if obstacle.need > 0 and widest > 0:
             normals = [task.way_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
             normals, gap = distinct(rows[own or tight, :3]), widest
-        if abs(gap - max(opponent.need, 0.0)) > self.slack:
+        if abs(gap - max(obstacle.need, 0.0)) > self.slack:
             return []
         ways = []
         for normal in normals:
@@ -272,14 +272,14 @@ class Holding:
         known, kept = set[Any](), dict[Parts, list[Facing]]()
         for parts, found in ways.items():
             own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
-            if (self.task.opponents[parts[1]].keep_out, own) not in known:
-                known.add((self.task.opponents[parts[1]].keep_out, own))
+            if (self.task.obstacles[parts[1]].keep_out, own) not in known:
+                known.add((self.task.obstacles[parts[1]].keep_out, own))
                 kept[parts] = found
         return kept
 
     def _apart(self, parts: Parts, way: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
-        task, keep_out = self.task, self.task.opponents[parts[1]].keep_out
+        task, keep_out = self.task, self.task.obstacles[parts[1]].keep_out
         rates = [
             self.end.rate(f"{task.named(parts)} stays apart", self._terms(parts, way, corner)) for corner in way.corners
         ]
@@ -296,9 +296,9 @@ class Holding:
             if len(apart) == 1:
                 return [(replace(apart[0], name=name, free=True),)]
             return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
-        opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
-        one, two = self.task.movable.parts[parts[0]], opponent.part
-        rho = np.array([self.task.target[0], opponent.scale])
+        obstacle, pose = self.task.obstacles[parts[1]], self._pose_to(parts)
+        one, two = self.task.movable.parts[parts[0]], obstacle.part
+        rho = np.array([self.task.target[0], obstacle.scale])
         contact = self._met(parts, ways[0], DEFAULT.active)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
         spread = np.zeros(self.layout.size, dtype=bool)

@@ -196,13 +196,13 @@ def _constraints(task: Task, q: Array, *, limits: bool = True) -> Iterator[_Cons
             if abs(rho[k] - target[k]) <= DEFAULT.active * target[k]:
                 yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
     elif task.goal == FIT:
-        own = [_constraint(task, q, (feature,), 1.0) for feature in task.besides]
+        own = [_constraint(task, q, (feature,), 1.0) for feature in task.untracked]
         gaps, unit = task.line_gaps(q)[1], task.weights
         for k, other, held in fit_rows(gaps, np.array([one.slope for one in own]) / unit, slack):
-            pair = (task.besides[k],) if other < 0 else (task.besides[other], task.besides[k])
+            pair = (task.untracked[k],) if other < 0 else (task.untracked[other], task.untracked[k])
             yield _constraint(task, q, pair, 1.0, row=-1, free=held)
     elif task.tracked or task.joints:
-        for feature in (*task.tracked, *task.besides):
+        for feature in (*task.tracked, *task.untracked):
             yield _constraint(task, q, (feature,), 1.0, free=True)
     if task.joints:
         yield from _aligned(task, q)
@@ -215,7 +215,7 @@ def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
     rotation = task.pose(q)[:9].reshape(3, 3)
     for seat in task.seats:
         kind, one, two = seat.site
-        line = next(line for line in task.besides if line.parts == seat.parts)
+        line = next(line for line in task.untracked if line.parts == seat.parts)
         corners = seat.contact.one if kind == V1F2 else seat.contact.two
         for corner in corners:
             site = (kind, corner, two) if kind == V1F2 else (kind, one, corner)
@@ -230,19 +230,19 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
     near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
     seen = set[tuple[Any, ...]]()
     for number, (i, j) in enumerate(np.argwhere(near).tolist()):
-        opponent, one = task.opponents[j], task.movable.parts[i]
-        other, place = (task.static, j) if opponent.keep_out < 0 else _place(task, j)
+        obstacle, one = task.obstacles[j], task.movable.parts[i]
+        other, place = (task.static, j) if obstacle.keep_out < 0 else _place(task, j)
         sites, rows, separations = task.separations((i, j), task.pose(q))
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - slack).tolist()
-        own_sites = [k for k in tight if is_own((task.movable, one), (other, opponent.part), sites[k])]
-        if not own_sites and (widest <= slack or opponent.need <= 0.0):
+        own_sites = [k for k in tight if is_own((task.movable, one), (other, obstacle.part), sites[k])]
+        if not own_sites and (widest <= slack or obstacle.need <= 0.0):
             continue  # only cuts of the solids meet, which touch elsewhere or not at all
         if other is task.static and any(_is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
         normals = distinct(rows[own_sites or tight, :3])
-        swept = opponent.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
-        if swept or len(normals) > 1 or abs(widest - max(opponent.need, 0.0)) > slack:
+        swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
+        if swept or len(normals) > 1 or abs(widest - max(obstacle.need, 0.0)) > slack:
             yield None
             continue
         closing = closes and other is task.static
@@ -250,7 +250,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
             own for k in own_sites or tight for own in _level(task, q, (i, j), tuple(map(int, sites[k])))
         ):
             feature = feature_points(task.movable, other, site, (i, place), normals[0], rotation)
-            scales = np.array([task.target[0], opponent.scale])
+            scales = np.array([task.target[0], obstacle.scale])
             known = (feature.kind, *np.round(feature.points, DECIMALS).ravel().tolist())
             if known not in seen:  # of parts that have a corner of the solids in common
                 seen.add(known)
@@ -276,16 +276,16 @@ def _is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
 
 
 def _place(task: Task, j: int) -> tuple[Body, int]:
-    """Return the body of a keep-out that an opponent is of, and the opponent's place among its parts."""
-    keep_out = task.opponents[j].keep_out
-    first = next(k for k, own in enumerate(task.opponents) if own.keep_out == keep_out)
+    """Return the body of a keep-out that an obstacle is of, and the obstacle's place among its parts."""
+    keep_out = task.obstacles[j].keep_out
+    first = next(k for k, own in enumerate(task.obstacles) if own.keep_out == keep_out)
     return task.keep_out[keep_out].body, j - first
 
 
 def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:
     """Yield a site, and where it is of a face and a vertex those of the other vertices that are level with the face."""
     kind, one, two = site
-    own, other = task.movable.parts[parts[0]], task.opponents[parts[1]].part
+    own, other = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
     rotation = task.pose(q)[:9].reshape(3, 3)
     slack = DEFAULT.active * task.size
     if kind == F1V2:

@@ -478,7 +478,7 @@ def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Ra
         return ()
     assert isinstance(contact, SwitchingPoint)
     flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
-    free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), besides=())
+    free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), untracked=())
     holding = Holding(free, task.rest, Layout.of(task), problem.limits)
     rates = holding.at_rest()
     reasons += holding.reasons

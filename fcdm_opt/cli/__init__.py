@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fcdm_opt import beside
+from fcdm_opt import process_pool
 from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 
@@ -135,5 +135,5 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):  # names in any script, on terminals of any
             stream.reconfigure(errors="backslashreplace")
     gc.set_threshold(*COLLECTED)
-    beside.allow()
+    process_pool.allow()
     app(prog_name="fcdm-opt")

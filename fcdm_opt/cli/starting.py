@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from fcdm_opt import beside, pacing
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
@@ -61,9 +61,9 @@ def init_command(
 
 
 def schema_command(
-    what: Annotated[str, option("--what", "KIND", 'Kind of file: "problem", "study" or "assembly".')] = "problem",
+    what: Annotated[str, option("--what", "KIND", '"problem", "study", "assembly" or "result".')] = "problem",
 ) -> None:
-    """Print the JSON Schema of a kind of file, by which editors complete and check such files.
+    """Print the JSON Schema of a kind of file, or of what `solve --json` writes, by which such files are checked.
 
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
@@ -85,7 +85,7 @@ def warmup_command() -> None:
         pacing.at("compiling the numerical kernels that all commands share")
         warming.shared()
         groups = _moved, warming.sized
-        for done, result in enumerate(beside.each(operator.call, groups), 1):
+        for done, result in enumerate(process_pool.each(operator.call, groups), 1):
             result()
             pacing.at("compiling numerical kernels", done, len(groups))
         for ask in groups:  # of what both compiled one is kept, which the code of the other may not fit

@@ -72,20 +72,20 @@ class CarriedOver:
         i, j = seat.parts
         one, two = self._parts[0][i], self._parts[1][j]
         contact = self._contact(seat.contact, one, two, seat.normal)
-        hosts = []
-        for first, second, own in seat.hosts:
+        carriers = []
+        for first, second, own in seat.carriers:
             a, b = (
                 next(alike for alike in parts if alike.drawn is part)
                 for parts, part in zip(self._parts, (first, second), strict=True)
             )
-            hosts.append((a.made, b.made, self._contact(own, a, b, seat.normal)))
+            carriers.append((a.made, b.made, self._contact(own, a, b, seat.normal)))
         if len(contact.two) > 2:
             normal = -two.made.normals[two.made.loops.index(contact.two)]
         else:
             normal = one.made.normals[one.made.loops.index(contact.one)]
         return replace(
             seat, feature=_named(seat.feature, one, two, normal), touching=_named(seat.touching, one, two, normal),
-            contact=contact, normal=frozen(normal), hosts=tuple(hosts), _pair=(one.made, two.made),
+            contact=contact, normal=frozen(normal), carriers=tuple(carriers), _pair=(one.made, two.made),
         )  # fmt: skip
 
     def _contact(self, contact: Contact, one: _PartsAlike, two: _PartsAlike, n: Array) -> Contact:

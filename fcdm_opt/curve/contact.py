@@ -261,7 +261,7 @@ class Joint:
     sites, normals : (k, 3) arrays
         A facet of that pair's Minkowski difference in each direction in which the pair may come apart, and the
         direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners and edges.
-    hosts : tuple of (int, int)
+    carriers : tuple of (int, int)
         All part pairs that have the elements: a contact may slide over a seam.
     """
 
@@ -269,18 +269,18 @@ class Joint:
     parts: tuple[int, int]
     sites: Ints
     normals: Array
-    hosts: tuple[tuple[int, int], ...]
+    carriers: tuple[tuple[int, int], ...]
 
     def carried_by(self, movable: Body, static: Body) -> Joint:
         """Return the contact with all part pairs of the bodies that have its elements."""
         elements = (movable, self.feature.one), (static, self.feature.two)
         carried = ([k for k, part in enumerate(body.parts) if part.carriers(element)] for body, element in elements)
-        return replace(self, hosts=tuple((i, j) for i, j in product(*carried)) or self.hosts)
+        return replace(self, carriers=tuple((i, j) for i, j in product(*carried)) or self.carriers)
 
     def gap(self, movable: Body, static: Body, pose: Array, rho: Array) -> float:
         """Return the signed gap of its parts at a pose and scale pair: the largest separation over facet directions."""
         found = []
-        for i, j in self.hosts:
+        for i, j in self.carriers:
             rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)[1]
             found.append(float((rows[:, 5] - rows[:, 3:5] @ rho).max()))
         return min(found)

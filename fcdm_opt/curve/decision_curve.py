@@ -28,12 +28,12 @@ from fcdm_opt.curve.segments import (
     shared,
     without_borders,
 )
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
@@ -43,7 +43,7 @@ REMEMBERED = 128  # answers about scale pairs that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class DecisionCurve(Shown):
+class DecisionCurve(NotebookRepr):
     """The decision curve of two bodies; build it with `decision_curve`.
 
     Everything is computed for the whole quadrant; the box only clips what is listed and numbered.
@@ -393,8 +393,8 @@ class DecisionCurve(Shown):
         All of its chain is, then, as that nowhere passes the surface.
         """
         complete = self.movable.full_body is self.static.full_body is None
-        hollow = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
-        return bool(hollow and self._solids(rho).nested)
+        is_surface = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
+        return bool(is_surface and self._solids(rho).nested)
 
     def _solids(self, rho: Array) -> PlacedSolids:
         return PlacedSolids(self.movable, self.static, rho, self.transform)

@@ -121,7 +121,8 @@ class Union:
                 k, number = self._visible.owners[stretch.piece].tolist()
                 cut = self.regions[k].piece(number).cut(stretch.lo, stretch.hi)
                 piece = _named(self.regions[k], cut, stretch.snug)
-                several = (stretch.dropped or self.shared[k]) and not (self.movable.hollow or self.static.hollow)
+                solid = not (self.movable.is_surface or self.static.is_surface)
+                several = (stretch.dropped or self.shared[k]) and solid
                 made.append(self._equals(piece) if several else [piece])
             chains.append(_one_each(made))
         return [_joined(chain) for chain in _sorted(chains)]

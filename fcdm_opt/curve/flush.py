@@ -24,7 +24,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
-Host = tuple[ConvexPart, ConvexPart, Contact]
+Carrier = tuple[ConvexPart, ConvexPart, Contact]
 
 
 class Overlap(NamedTuple):
@@ -61,7 +61,7 @@ class Flush:
         Of what the bodies share: 1 a segment, 2 a region of the plane.
     least : float
         Length that what they share must exceed to count as more than a point, or than a segment.
-    hosts : tuple of (part of body 1, part of body 2, Contact)
+    carriers : tuple of (part of body 1, part of body 2, Contact)
         Wherever the bodies' parts have the elements that touch: a face may be spread over several.
     """
 
@@ -72,7 +72,7 @@ class Flush:
     normal: Array
     dimension: int
     least: float
-    hosts: tuple[Host, ...]
+    carriers: tuple[Carrier, ...]
     _pair: tuple[ConvexPart, ConvexPart]
 
     @property
@@ -126,12 +126,12 @@ class Flush:
 
     def shared(self, pose: Array, rho: Array) -> list[Array]:
         """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""
-        return [contact_set(one, two, pose, contact, rho) for one, two, contact in self.hosts]
+        return [contact_set(one, two, pose, contact, rho) for one, two, contact in self.carriers]
 
     def overlap(self, pose: Array, rho: Array) -> Overlap:
         """Return the direction in which the elements reach over one another least, in the host where they do most."""
         n, found = self._normal_at(pose), []
-        for one, two, contact in self.hosts:
+        for one, two, contact in self.carriers:
             X, Y = placed_elements(one, two, pose, contact, rho)
             ways = np.vstack([_ways_out(X, n, contact.parallel), -_ways_out(Y, n, contact.parallel)])
             i, j = (X @ ways.T).argmax(axis=0), (Y @ ways.T).argmin(axis=0)
@@ -176,7 +176,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
         touching = contact_at(one, two, rows[separations.argmax(), :3], pose, rho)
         touching = located(one, two, pose, touching, rho)
         size = dimension(contact_set(one, two, pose, touching, rho), least)
-        hosts: tuple[Host, ...] = ()
+        carriers: tuple[Carrier, ...] = ()
         for normal in distinct(tight) if size else ():
             contact = supporting_contact(one, two, normal, pose)
             contact = located(one, two, pose, contact, rho)
@@ -184,9 +184,9 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
             known = found.get(feature)
             if not _is_plane(movable, static, feature, touching.feature) or (known and known.dimension >= size):
                 continue
-            hosts = hosts or tuple(_hosts(movable, static, touching))
+            carriers = carriers or tuple(_carriers(movable, static, touching))
             found[feature] = Flush(
-                feature, touching.feature, (i, j), contact, frozen(normal), size, least, hosts, (one, two)
+                feature, touching.feature, (i, j), contact, frozen(normal), size, least, carriers, (one, two)
             )
     shared = {flush.feature: flush.shared(pose, rho) for flush in found.values()}
     return tuple(
@@ -263,7 +263,7 @@ def distinct(normals: Array) -> list[Array]:
     return kept
 
 
-def _hosts(movable: Body, static: Body, touching: Contact) -> Iterator[Host]:
+def _carriers(movable: Body, static: Body, touching: Contact) -> Iterator[Carrier]:
     """Yield the part pairs that have the elements of a contact, with their own vertices of them."""
     feature = touching.feature
     places = [

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.design.moved_files import to_csv
-from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError, expected
+from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -29,7 +29,7 @@ COLUMNS = (
 OF_ALL = ("usable", "amount", "lower_bound", "gap", "amount_low", "amount_high")
 
 
-class SolvedCases(Mapping[str, Any], Shown):
+class SolvedCases(Mapping[str, Any], NotebookRepr):
     """Solutions by the name of their case, in order; `print` shows their verdicts, `to_frame` gives one table."""
 
     def __init__(self, solutions: Mapping[str, Bounded]) -> None:

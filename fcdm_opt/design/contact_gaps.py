@@ -265,7 +265,7 @@ def _lines(task: Task, joint: Joint) -> list[FeaturePoints]:
     if "F" not in joint.feature.kind:
         return lines
     found, n = dict[tuple[int, ...], FeaturePoints](), joint.normals[0]
-    for i, j in joint.hosts if not task.motion.shifts else ():
+    for i, j in joint.carriers if not task.motion.shifts else ():
         parts = movable.parts[i], static.parts[j]
         for kind, face in ((F1V2, 0), (V1F2, 1)):
             held, other, out = parts[face], parts[1 - face], (-n, n)[1 - face]

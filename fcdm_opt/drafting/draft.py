@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fcdm_opt import beside, pacing
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, closest
@@ -131,7 +131,7 @@ def draft(
         pacing.at(f"reading {shown(str(paths[number]))} and cutting it into convex parts")
         return Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
 
-    bodies = beside.both(read, (0, 1), paths)
+    bodies = process_pool.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     pacing.check()
     one, two = matched(bodies)

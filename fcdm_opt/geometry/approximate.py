@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import distances, fans, normals_of
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:

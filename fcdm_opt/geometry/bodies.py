@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import (
     LARGEST,
@@ -43,6 +42,7 @@ from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -181,7 +181,7 @@ class ConvexPart(_Sealed):
 
 
 @dataclass(frozen=True, eq=False)
-class Body(_Sealed, Shown):
+class Body(_Sealed, NotebookRepr):
     """A solid made of convex parts, scaled as a whole about one seed: X -> s + rho (X - s).
 
     Build one with `Body.convex` or `Body.from_parts`; bodies never change.
@@ -230,8 +230,8 @@ class Body(_Sealed, Shown):
     deviation: tuple[float, float] = (0.0, 0.0)
     facet_errors: Array | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
-    skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
-    hollow: bool = False
+    triangles: tuple[tuple[tuple[int, ...], ...], ...] = ()
+    is_surface: bool = False
     full_body: Body | None = field(default=None, repr=False)
     part_indices: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
@@ -425,7 +425,7 @@ class Body(_Sealed, Shown):
                 made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in alone]
             except InputError:
                 made = []
-            if not made or any(own.hollow for own in made):
+            if not made or any(own.is_surface for own in made):
                 several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
                 told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
                 raise told.within(file=path) from reason.__cause__
@@ -486,8 +486,8 @@ class Body(_Sealed, Shown):
         parts = tuple(replace(part, seed=origin) for part in unseeded)
         drawn = surface.outlines if surface is not None else given
         outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
-        skin = () if surface is None or apart else surface.triangles_of_faces()
-        return cls(name, frozen(points), origin, parts, faces, outlines, skin=skin)
+        triangles = () if surface is None or apart else surface.triangles_of_faces()
+        return cls(name, frozen(points), origin, parts, faces, outlines, triangles=triangles)
 
     def __repr__(self) -> str:
         """Return name, counts, seed and extent on one line; the arrays are attributes."""
@@ -504,9 +504,9 @@ class Body(_Sealed, Shown):
             for hull, named in zip(made.hulls, elements, strict=True)
         )
         outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
-        skin = made.surface.triangles_of_faces()
+        triangles = made.surface.triangles_of_faces()
         points = frozen(made.points)
-        return cls(name, points, seed, parts, faces, outlines, (moved, moved), None, notes, skin, hollow=True)
+        return cls(name, points, seed, parts, faces, outlines, (moved, moved), None, notes, triangles, is_surface=True)
 
     @cached_property
     def corners(self) -> tuple[int, ...]:
@@ -520,7 +520,7 @@ class Body(_Sealed, Shown):
         """
         if self.full_body is not None:
             return self.full_body.owns(element)
-        if len(self.parts) == 1 or not (self.skin or self.outlines == self.faces):
+        if len(self.parts) == 1 or not (self.triangles or self.outlines == self.faces):
             return True
         labels = set(element.vertices)
         if element.kind == "V":
@@ -573,9 +573,9 @@ class Body(_Sealed, Shown):
     @cached_property
     def face_triangles(self) -> tuple[Array, Ints]:
         """Triangles of the faces, (t, 3, 3), wound outwards, and the row in `faces` of each: the pieces parts have."""
-        if self.skin:
-            rows = np.concatenate([np.array(own) for own in self.skin])
-            return self.vertices[rows], np.repeat(np.arange(len(self.skin)), list(map(len, self.skin)))
+        if self.triangles:
+            rows = np.concatenate([np.array(own) for own in self.triangles])
+            return self.vertices[rows], np.repeat(np.arange(len(self.triangles)), list(map(len, self.triangles)))
         found = [(np.empty((0, 3, 3)), np.empty(0, np.int64))]
         for part, owners in zip(self.parts, self.facet_faces, strict=True):
             for loop, own in zip(part.loops, owners, strict=True):
@@ -610,7 +610,7 @@ class Body(_Sealed, Shown):
 
         Only of a body whose own surface is known from a mesh; `rule` as in `partition.RULES`.
         """
-        mesh = checked_mesh(self.vertices, np.concatenate([np.array(own) for own in self.skin]), name=self.name)
+        mesh = checked_mesh(self.vertices, np.concatenate([np.array(own) for own in self.triangles]), name=self.name)
         made = by_features(mesh, rule)
         body = Body._made(made.points, list(made.parts), None, self.seed, self.name, surface=made.surface)
         return replace(body, deviation=self.deviation, notes=(made.why, *self.notes[1:]), unit=self.unit)

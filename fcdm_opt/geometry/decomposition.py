@@ -181,10 +181,10 @@ def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Ar
 def _fills(mesh: Mesh, space: Arrangement, cells: Sequence[Cell]) -> bool:
     """Tell whether the cells' volumes add up to the mesh's, within what moving its surface by the slack changes."""
     a, b, c = space.local[mesh.triangles.T]
-    skin = norms(cross(b - a, c - a)).sum() / 2
+    triangles = norms(cross(b - a, c - a)).sum() / 2
     volume = mesh.volume / space.size**3
     error = abs(sum(space.volume(cell) for cell in cells) - volume)
-    return bool(error <= 2 * space.slack * skin + DEFAULT.nominal * volume)
+    return bool(error <= 2 * space.slack * triangles + DEFAULT.nominal * volume)
 
 
 class _Solid(NamedTuple):

@@ -252,7 +252,7 @@ def _moved(body: Body, off: Array, errors: Array) -> Body | None:
     """Return a body whose faces are moved outward by lengths, all >= 0 or all <= 0; None where that cannot be."""
     if not off.any():
         return body
-    return _surface_moved(body, off, errors) if body.hollow else _parts_moved(body, off)
+    return _surface_moved(body, off, errors) if body.is_surface else _parts_moved(body, off)
 
 
 # ------------------------------------------------------------------------------------------ of bodies cut into parts
@@ -321,7 +321,7 @@ def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] 
 
 def _surface_moved(body: Body, off: Array, errors: Array) -> Body | None:
     """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved."""
-    triangles = np.concatenate([np.array(own) for own in body.skin])
+    triangles = np.concatenate([np.array(own) for own in body.triangles])
     owners = body.face_triangles[1]
     first, same = distinct_rows(body.vertices)
     normals = unit_normals(body.vertices[triangles])

@@ -32,7 +32,7 @@ class Facets:
     """
 
     def __init__(self, body: Body) -> None:
-        loops = [part.loops[:1] if body.hollow else part.loops for part in body.parts]
+        loops = [part.loops[:1] if body.is_surface else part.loops for part in body.parts]
         starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)])
         self.points = np.concatenate([part.vertices for part in body.parts]) - body.seed
         self.triangles = np.concatenate([start + fans(own) for start, own in zip(starts.tolist(), loops, strict=False)])

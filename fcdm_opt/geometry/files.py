@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
@@ -32,6 +31,7 @@ from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
 from fcdm_opt.geometry.units import NANOMETRES, Unit
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.tolerances import DEFAULT
 
 STEP = (".step", ".stp")
@@ -434,7 +434,8 @@ def _unheard() -> Iterator[None]:
     """Let the library print nothing: standard output may be a program's result, and what is wrong is raised."""
     for stream in filter(None, (sys.stdout, sys.stderr)):
         stream.flush()
-    kept = {own: os.dup(own) for own in ((1,) if pacing.heard() else (1, 2))}  # a bar of ours may be on the second
+    # a bar of ours may be on the second
+    kept = {own: os.dup(own) for own in ((1,) if pacing.has_listeners() else (1, 2))}
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
         for own in kept:

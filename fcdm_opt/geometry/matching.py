@@ -40,7 +40,7 @@ def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, .
 
 @lru_cache(maxsize=REMEMBERED)
 def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> tuple[Body, ...]:
-    loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.skin)) for body in bodies]
+    loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.triangles)) for body in bodies]
     if len(bodies) < 2 or not any(loose):
         return bodies
     counts = [len(body.vertices) for body in bodies]
@@ -66,8 +66,8 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
 
 def _faces(body: Body) -> list[Ints]:
     """Return the rows of the vertices of each face, those within it too."""
-    if body.skin:
-        return [np.unique(own) for own in body.skin]
+    if body.triangles:
+        return [np.unique(own) for own in body.triangles]
     return [np.array(face, np.int64) - 1 for face in body.faces]
 
 
@@ -137,8 +137,8 @@ def _incidences(
         spans.pop(k, None)
     cuts, start = list[Ints](), 0  # along which the solids are cut into parts
     for body in bodies:
-        if body.skin and not body.hollow:
-            triangles = np.concatenate([np.array(own) for own in body.skin])
+        if body.triangles and not body.is_surface:
+            triangles = np.concatenate([np.array(own) for own in body.triangles])
             cuts += [start + own for own in sections(body.vertices, triangles, DEFAULT.planarity * body.size)]
         start += len(body.vertices)
     cuts = [own for own in cuts if free[own[0]]]
@@ -159,9 +159,9 @@ def _moved(body: Body, points: Array) -> Body:
         own = points[[place[tuple(point)] for point in part.vertices.tolist()]]
         made = replace(body, vertices=frozen(points), parts=(part.placed(own, body.seed),))
     else:
-        triangles = [own for face in body.skin for own in face]
+        triangles = [own for face in body.triangles for own in face]
         drawn = points[: 1 + max(map(max, triangles))]
-        method: Method = "surface" if body.hollow else "exact"
+        method: Method = "surface" if body.is_surface else "exact"
         made = Body.from_mesh(drawn, triangles, decomposition=method, seed=body.seed, name=body.name)
     out, short = body.deviation
     errors = body.facet_errors if made.faces == body.faces else None

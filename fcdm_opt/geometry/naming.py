@@ -145,9 +145,9 @@ def names_of_rows(body: Body) -> list[str]:
 
 def normals_of_faces(body: Body) -> dict[Label, Array]:
     """Return a normal of each face that a part carries."""
-    if body.skin:
+    if body.triangles:
         corners, owners = body.face_triangles
-        sums = np.zeros((len(body.skin), 3))
+        sums = np.zeros((len(body.triangles), 3))
         np.add.at(sums, owners, cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         return dict(zip(body.faces, sums / norms(sums)[:, None], strict=True))
     normals: dict[Label, Array] = {}

@@ -99,7 +99,7 @@ class Resizing:
 
         Faces are chosen on the body as drawn, which the body was before it was scaled.
         """
-        if body.hollow:
+        if body.is_surface:
             what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
             raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed=allowed)
@@ -177,11 +177,11 @@ def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
     All over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says why.
     """
     lengths = [size for size in sizes if size.is_length]
-    if not lengths or body.hollow or not body.skin or len(body.parts) == 1:
+    if not lengths or body.is_surface or not body.triangles or len(body.parts) == 1:
         return body
     near = (-HARDLY * body.size, HARDLY * body.size)
     boxes = dict.fromkeys([tuple(size.tolerance or near for size in lengths), (near,) * len(lengths)])
-    rules = range(len(RULES) if sum(map(len, body.skin)) <= MOST_FOR_RULES else 1)
+    rules = range(len(RULES) if sum(map(len, body.triangles)) <= MOST_FOR_RULES else 1)
     for low, high in (np.array(box).T for box in boxes):
         for rule in (None, *rules):
             with suppress(InputError):
@@ -215,7 +215,7 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     if not lengths:
         return scaled
     values = np.array(list(lengths.values()))
-    if body.hollow:
+    if body.is_surface:
         with _at(body, tuple(lengths), values):
             return _surface_resized(scaled, _face_offsets(body, tuple(lengths)) @ values)
     return _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
@@ -231,7 +231,7 @@ def _surface_resized(body: Body, offsets: Array) -> Body:
 
     Faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn.
     """
-    triangles = np.concatenate([np.array(own) for own in body.skin])
+    triangles = np.concatenate([np.array(own) for own in body.triangles])
     places = (body.vertices + _surface_moves(body, offsets))[: triangles.max() + 1]  # the parts' apexes come after
     surface = _surface(body, places)
     made = _same_pyramids(body, places, triangles)
@@ -244,7 +244,7 @@ def _surface_resized(body: Body, offsets: Array) -> Body:
 
 def _surface_moves(body: Body, offsets: Array) -> Array:
     """Return how the corners of a body kept as its surface move where its faces move outward, (n, 3); 0 of apexes."""
-    triangles, owners = np.concatenate([np.array(own) for own in body.skin]), body.face_triangles[1]
+    triangles, owners = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles[1]
     around, normals, moves = [set[int]() for _ in body.vertices], body.face_planes[0], np.zeros_like(body.vertices)
     for face, triangle in zip(owners.tolist(), triangles.tolist(), strict=True):
         for row in triangle:
@@ -282,7 +282,7 @@ def _same_pyramids(body: Body, places: Array, triangles: Ints) -> Body | None:
 
 def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
     """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
-    if body.hollow:
+    if body.is_surface:
         made_body = resized(body.full_body or body, made)
         parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
         return [(part.normals, part.levels - part.normals @ part.seed) for part in parts]
@@ -304,7 +304,7 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     if not size.is_length:
         turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()
-    if body.hollow:
+    if body.is_surface:
         return _surface_moves(body, _face_offsets(body, (size,))[:, 0])
     moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
@@ -367,7 +367,7 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
     if numbered is None:
         return _CornersOfParts(found, np.empty((0, 3)), [], None)
     surface = None
-    if body.skin and len(found) > 1:
+    if body.triangles and len(found) > 1:
         with _at(body, moving.sizes, values):
             surface = _surface(body, numbered[0])
             _check_filled(body, found, surface)
@@ -408,7 +408,7 @@ def _surface(body: Body, rows: Array) -> Surface:
     from manifold3d import triangulate
 
     normals, triangles = body.face_planes[0], list[Ints]()
-    for face, own in enumerate(body.skin):
+    for face, own in enumerate(body.triangles):
         own_corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
         flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
         loops = [[v for v in loop if v in own_corners] for loop in rims(own)]
@@ -437,7 +437,10 @@ def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
     drawn, made = (
         (sum(float(ConvexHull(points - points[0]).volume) for points in own), volume_and_centroid(corners)[0])
         for own, corners in (
-            ([part.vertices for part in body.parts], body.vertices[np.concatenate(list(map(np.array, body.skin)))]),
+            (
+                [part.vertices for part in body.parts],
+                body.vertices[np.concatenate(list(map(np.array, body.triangles)))],
+            ),
             (parts, surface.points[surface.triangles]),
         )
     )

@@ -49,18 +49,18 @@ class SolidSurface:
     """
 
     def __init__(self, body: Body) -> None:
-        if body.skin:
-            points, triangles = body.vertices, np.array([own for face in body.skin for own in face], np.int64)
+        if body.triangles:
+            points, triangles = body.vertices, np.array([own for face in body.triangles for own in face], np.int64)
         else:
             starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)]).tolist()
             points = np.concatenate([part.vertices for part in body.parts])
             triangles = np.concatenate(
                 [start + fans(part.loops) for start, part in zip(starts, body.parts, strict=False)]
             )
-        self.closed = bool(body.skin) or len(body.parts) == 1
+        self.closed = bool(body.triangles) or len(body.parts) == 1
         used, rows = np.unique(triangles, return_inverse=True)
         self.points, self.triangles = points[used] - body.seed, rows.reshape(-1, 3)
-        if body.skin:
+        if body.triangles:
             first, same = distinct_rows(self.points)
             self.points, self.triangles = self.points[first], same[self.triangles]
 
@@ -186,7 +186,7 @@ def kept_as_surface(*bodies: Body) -> bool:
 
     Then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`.
     """
-    return any(body.hollow or body.full_body is not None for body in bodies)
+    return any(body.is_surface or body.full_body is not None for body in bodies)
 
 
 def contains(body: Body, points: Array) -> Flags:

@@ -66,10 +66,10 @@ class Carriers:
         found = self._found.get(feature)
         if found is None:
             pacing.check()
-            found = self._found[feature] = tuple(self._hosts(feature))
+            found = self._found[feature] = tuple(self._carriers(feature))
         return found
 
-    def _hosts(self, feature: Feature) -> Iterator[_Host]:
+    def _carriers(self, feature: Feature) -> Iterator[_Host]:
         own = (
             [(k, rows) for k, part in enumerate(parts) for rows in part.carriers(element)]
             for parts, element in zip(self._parts, (feature.one, feature.two), strict=True)
@@ -108,21 +108,21 @@ class Claim:
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
         self.feature = feature
         self._seeds = carried.seeds
-        self._hosts = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
-        if len(self._hosts) < 2 and feature.kind != "E1E2":
+        self._carriers = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
+        if len(self._carriers) < 2 and feature.kind != "E1E2":
             return
         least = self._best_first(rho, transform)
         if feature.kind == "E1E2" and not least <= judging.TOUCH * scaled.reaches.min():
             # edges that are nearly parallel cross in any direction
-            self._hosts = [self._separated(host, scaled, rho, transform) for host in self._hosts]
+            self._carriers = [self._separated(host, scaled, rho, transform) for host in self._carriers]
             self._best_first(rho, transform)
 
     def _best_first(self, rho: Array, transform: Array) -> float:
         """Put the part pair with the least error first, and return that; infinite without any."""
-        errors = [self._errors(host, rho[None], transform[None])[0] for host in self._hosts]
+        errors = [self._errors(host, rho[None], transform[None])[0] for host in self._carriers]
         if not errors:
             return np.inf
-        self._hosts.insert(0, self._hosts.pop(int(np.argmin(errors))))
+        self._carriers.insert(0, self._carriers.pop(int(np.argmin(errors))))
         return float(min(errors))
 
     def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
@@ -143,7 +143,7 @@ class Claim:
     @property
     def parts(self) -> tuple[int, int] | None:
         """The numbers of the two parts that carry the claim best; None where none do."""
-        return self._hosts[0].parts if self._hosts else None
+        return self._carriers[0].parts if self._carriers else None
 
     def lines(self, poses: Array) -> Array:
         """Return (a, b, c) of the contact line at each pose, (k, 3); nan where there is none."""
@@ -151,7 +151,7 @@ class Claim:
 
     def rows(self, poses: Array) -> Array:
         """Return the contact's normal, from body 1 to body 2, and (a, b, c) at each pose, (k, 6); nan without one."""
-        return self._rows(self._hosts[0], poses) if self._hosts else np.full((len(poses), 6), np.nan)
+        return self._rows(self._carriers[0], poses) if self._carriers else np.full((len(poses), 6), np.nan)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
@@ -168,7 +168,7 @@ class Claim:
         Where an error is small that part pair touches, and no deeper than twice the error: the common point is as near
         to both parts, and the plane through it keeps all vertices of the two parts apart.
         """
-        return [(host.parts, self._errors(host, pairs, poses)) for host in self._hosts]
+        return [(host.parts, self._errors(host, pairs, poses)) for host in self._carriers]
 
     def flush(self, pairs: Array, poses: Array) -> Array:
         """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
@@ -177,7 +177,7 @@ class Claim:
         its width, of the part pair in which that is widest.
         """
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
-        for host in self._hosts:
+        for host in self._carriers:
             own = judging.contact_flushness(*host[:-1], self._seeds, pairs, poses)
             wider = (own[:, 2] > found[:, 2]) | ((own[:, 2] == found[:, 2]) & (own[:, 1] > found[:, 1]))
             found[:, 0] = np.fmin(found[:, 0], own[:, 0])

@@ -131,8 +131,8 @@ def _corners(
 
 def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
     """Return corners of the same facets of a body as drawn and as made; as made alone where these are others."""
-    if drawn is not made and made.skin:  # triangulated anew, on vertices that keep their labels
-        triangles = np.array([own for face in made.skin for own in face])
+    if drawn is not made and made.triangles:  # triangulated anew, on vertices that keep their labels
+        triangles = np.array([own for face in made.triangles for own in face])
         points = made.vertices
         if triangles.max() < len(drawn.vertices):
             return drawn.vertices[triangles], points[triangles]

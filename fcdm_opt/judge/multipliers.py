@@ -236,12 +236,12 @@ def _single_ways(problem: Problem, ends: Array) -> list[tuple[Array, float]]:
     ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
     reach = float((np.abs(ends).max(axis=0) / problem.weights) @ np.linalg.norm(ways, axis=1)) / ROUNDED
     seed, (own, other) = problem.movable.seed, problem.target
-    opponents = [(part, problem.static.seed, other) for part in problem.static.parts]
-    opponents += [(part, part.seed, scale) for keep_out in problem.keep_out for part, scale in keep_out.obstacles]
+    obstacles = [(part, problem.static.seed, other) for part in problem.static.parts]
+    obstacles += [(part, part.seed, scale) for keep_out in problem.keep_out for part, scale in keep_out.obstacles]
     found = []
     for one in problem.movable.parts:
         X = seed + own * (one.vertices - seed)
-        for two, datum, scale in opponents:
+        for two, datum, scale in obstacles:
             Y = datum + scale * (two.vertices - datum)
             sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
             if len(sides[0]) * len(sides[1]) > MOST_CROSSED:

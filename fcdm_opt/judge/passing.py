@@ -17,7 +17,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 MOST_LINES = 2048
 """Lines that are looked at: where facets have most in common as seen along the way, and a choice of the others."""
-AT_ONCE = 1 << 16
+BATCH_SIZE = 1 << 16
 """Pairs of boxes up to which all are compared."""
 AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in 0.1 + np.arange(6) * np.pi / 3.0])
 """Lines about one, at a distance of 1."""
@@ -161,7 +161,7 @@ def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
 
 def _meeting(low: list[Array], high: list[Array]) -> tuple[Ints, Ints]:
     """Return which boxes of a first list meet which of a second: rows of both."""
-    if len(low[0]) * len(low[1]) <= AT_ONCE:
+    if len(low[0]) * len(low[1]) <= BATCH_SIZE:
         meet = np.ones((len(low[0]), len(low[1])), np.bool_)
         for a, b, c, d in zip(low[0].T, high[0].T, low[1].T, high[1].T, strict=True):
             meet &= (a[:, None] <= d) & (b[:, None] >= c)

@@ -169,7 +169,7 @@ class GapClaims:
         except InputError:  # a face has vanished
             return None
         pair, here = scaled_pair(*bodies), self._pose(place)[None]
-        if self.contact is not None and any(body.hollow for body in bodies):
+        if self.contact is not None and any(body.is_surface for body in bodies):
             gap = self._along(bodies, scales[0], here[0])
             return gap, gap, 0.0
         if self.contact is not None:

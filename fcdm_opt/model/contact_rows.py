@@ -161,7 +161,7 @@ def contact_rows(
     if q.shape != task.rest.shape:
         names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
-    if problem.partial or any(own.body.hollow for own in problem.keep_out):
+    if problem.partial or any(own.body.is_surface for own in problem.keep_out):
         within = problem.size / 16.0 if within is None else within
         problem = with_insides(problem, task.transform(q)) or problem
         task = Task.of(with_near_parts(problem, task.transform(q), within))
@@ -221,7 +221,7 @@ def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], 
 
 
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
-    features = (*task.tracked, *task.besides)
+    features = (*task.tracked, *task.untracked)
     if not features:
         rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
         features = tuple(
@@ -268,17 +268,17 @@ def _switching_point(task: Task, seeds: Mapping[str, Array]) -> ContactRow | Non
 
 
 def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping[str, Array]) -> ContactRow:
-    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
-    two, T = opponent.part, task.transform(q)
+    one, obstacle = task.movable.parts[parts[0]], task.obstacles[parts[1]]
+    two, T = obstacle.part, task.transform(q)
     moved = T[:3, :3] @ task.movable.seed + T[:3, 3]
     reach = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
     numbers = {
         **seeds,
         "movable": frozen(one.vertices.T),
         "static": frozen(two.vertices.T),
-        "scales": frozen([task.target[0], opponent.scale]),
+        "scales": frozen([task.target[0], obstacle.scale]),
         "seed": frozen(two.seed),
-        "need": frozen([max(opponent.need, 0.0)]),
+        "need": frozen([max(obstacle.need, 0.0)]),
     }
     function = separating_plane(task.motion, (len(one.vertices), len(two.vertices)))
     return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]))

@@ -88,7 +88,7 @@ def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
     return max(same, key=lambda seat: float(seat.normal @ piece.normal), default=None)
 
 
-def besides(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
+def untracked(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
     """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked.
 
     Parameters

@@ -25,7 +25,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import besides, held, independent, seat_of, spins
+from fcdm_opt.model.seats import held, independent, seat_of, spins, untracked
 from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
@@ -36,7 +36,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]
-AT_ONCE = 20_000  # part pairs that are looked at before the time is
+BATCH_SIZE = 20_000  # part pairs that are looked at before the time is
 REMEMBERED = 8  # motions whose poses and gaps are kept: stages and report ask about rest and the answer again
 
 
@@ -87,7 +87,7 @@ class Answer:
         return self.q is not None or self.last or not math.isfinite(self.lower_bound)
 
 
-class Opponent(NamedTuple):
+class ObstaclePart(NamedTuple):
     """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
 
     `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
@@ -105,7 +105,7 @@ class Opponent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and opponent j.
+    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and obstacle j.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Task:
     keep_out : tuple of KeepOut
     seats : tuple of Flush
         The flush contacts that "seat" keeps, tracked or not.
-    besides : tuple of FeaturePoints
+    untracked : tuple of FeaturePoints
         One feature for each plane of flush contacts that is not tracked; those of all `joints`, see `lines_of`.
     joints : tuple of Joint
         Contacts that are restored together: then none is tracked.
@@ -161,7 +161,7 @@ class Task:
     flush: tuple[Feature | None, ...] = ()
     keep_out: tuple[KeepOut, ...] = ()
     seats: tuple[Flush, ...] = ()
-    besides: tuple[FeaturePoints, ...] = ()
+    untracked: tuple[FeaturePoints, ...] = ()
     joints: tuple[Joint, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
@@ -185,7 +185,7 @@ class Task:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
             tuple(feature_points(*bodies, p.site, p.parts, p.normal, np.eye(3)) for p in some)
-            for some in (pieces, () if joints else besides(seats, pieces, problem.target))
+            for some in (pieces, () if joints else untracked(seats, pieces, problem.target))
         )
         others += tuple(line for joint in joints for line in lines_of(*bodies, joint))
         weights, amount = problem.weights, problem.amount
@@ -240,16 +240,16 @@ class Task:
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
 
-        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `besides`.
+        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `untracked`.
         """
-        pose, asked = self.pose(q), (*self.tracked, *self.besides)
+        pose, asked = self.pose(q), (*self.tracked, *self.untracked)
         lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
         rows = np.array([line.line for line in lines])
         return np.array([line.normal for line in lines]), rows[:, 2] - rows[:, :2] @ self.target
 
     def line_rates(self, q: Array, normals: Array) -> Array:
         """Return the derivatives of `line_gaps`, which gives the normals, by each parameter, (lines, k)."""
-        asked = zip((*self.tracked, *self.besides), normals, strict=True)
+        asked = zip((*self.tracked, *self.untracked), normals, strict=True)
         rates = [self.gap_rates(line.parts, q, np.array([line.site]), n[None])[0] for line, n in asked]
         return np.array(rates).reshape(-1, len(self.weights))
 
@@ -265,12 +265,12 @@ class Task:
         return spins(self.motion, self.movable, self.static)
 
     @cached_property
-    def opponents(self) -> tuple[Opponent, ...]:
+    def obstacles(self) -> tuple[ObstaclePart, ...]:
         """The static body's parts, then those of the keep-outs."""
         need = self.need if self.must_clear else -np.inf
-        contact = [Opponent(part, float(self.target[1]), need) for part in self.static.parts]
+        contact = [ObstaclePart(part, float(self.target[1]), need) for part in self.static.parts]
         others = [
-            Opponent(part, scale, keep_out.clearance, k)
+            ObstaclePart(part, scale, keep_out.clearance, k)
             for k, keep_out in enumerate(self.keep_out)
             for part, scale in keep_out.obstacles
         ]
@@ -278,17 +278,17 @@ class Task:
 
     @cached_property
     def needs(self) -> Array:
-        """Least gap that each opponent asks for, -inf where it asks for none."""
-        return frozen([opponent.need for opponent in self.opponents])
+        """Least gap that each obstacle asks for, -inf where it asks for none."""
+        return frozen([obstacle.need for obstacle in self.obstacles])
 
     @property
     def part_pairs(self) -> int:
         """Number of pairs of convex parts."""
-        return len(self.movable.parts) * len(self.opponents)
+        return len(self.movable.parts) * len(self.obstacles)
 
     def named(self, parts: Parts) -> str:
         """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
-        keep_out = self.opponents[parts[1]].keep_out
+        keep_out = self.obstacles[parts[1]].keep_out
         if keep_out < 0:
             return f"part pair {parts[0] + 1}, {parts[1] + 1}"
         return f"keep-out {self.keep_out[keep_out].name!r}"
@@ -308,7 +308,7 @@ class Task:
             Pairs of elements that its rows are made of, and vertices held by separating planes; in all there are
             `features`.
         """
-        keep_outs = {self.opponents[j].keep_out for _, j in kept} - {-1}
+        keep_outs = {self.obstacles[j].keep_out for _, j in kept} - {-1}
         return {
             "variables": variables,
             "constraints": constraints,
@@ -338,16 +338,16 @@ class Task:
     def _near(self, q: Array) -> list[Parts]:
         gaps, pose, near = self.pair_gaps(q), self.pose(q), list[Parts]()
         for columns, packed in self._groups:
-            opponent = self.opponents[columns.start]
-            bounds = kernels.pair_bounds(*self.movable.packed, *packed, *self._against(opponent, pose))
-            enough = max(float(gaps[:, columns].min()), opponent.need) + DEFAULT.requirement * self.size
+            obstacle = self.obstacles[columns.start]
+            bounds = kernels.pair_bounds(*self.movable.packed, *packed, *self._against(obstacle, pose))
+            enough = max(float(gaps[:, columns].min()), obstacle.need) + DEFAULT.requirement * self.size
             near += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
         return near
 
     @cached_property
     def features(self) -> int:
         """Number of pairs of elements that may be a contact after some motion: face and vertex, edge and edge."""
-        bodies = self.movable.parts, [opponent.part for opponent in self.opponents]
+        bodies = self.movable.parts, [obstacle.part for obstacle in self.obstacles]
         counts = [[(len(part.loops), len(part.vertices), len(part.edges)) for part in parts] for parts in bodies]
         (faces, vertices, edges), (others, against, across) = (map(sum, zip(*own, strict=True)) for own in counts)
         return faces * against + vertices * others + edges * across
@@ -459,11 +459,11 @@ class Task:
     def _poses(self) -> dict[bytes, Array]:
         return {}
 
-    def _against(self, opponent: Opponent, pose: Array) -> tuple[Array, Array]:
-        """Return a pose relative to an opponent, the offset leading to its own seed, and the scales made of both."""
-        if opponent.part.seed is not self.static.seed:
-            pose = np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
-        return pose, np.array([self.target[0], opponent.scale])
+    def _against(self, obstacle: ObstaclePart, pose: Array) -> tuple[Array, Array]:
+        """Return a pose relative to an obstacle, the offset leading to its own seed, and the scales made of both."""
+        if obstacle.part.seed is not self.static.seed:
+            pose = np.append(pose[:9], pose[9:] + obstacle.part.seed - self.static.seed)
+        return pose, np.array([self.target[0], obstacle.scale])
 
     @property
     def start(self) -> Array:
@@ -486,9 +486,9 @@ class Task:
 
         `pose` is relative to the static body, see `pose`.
         """
-        one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
-        pose, rho = self._against(opponent, pose)
-        sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
+        one, obstacle = self.movable.parts[parts[0]], self.obstacles[parts[1]]
+        pose, rho = self._against(obstacle, pose)
+        sites, rows = kernels.facet_rows(*one.packed, *obstacle.part.packed, pose)
         return sites, rows, rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1]
 
     def gap_rates(self, parts: Parts, q: Array, sites: Ints, normals: Array) -> Array:
@@ -504,7 +504,7 @@ class Task:
         sites, normals : (m, 3) arrays
             As `separations` gives them after the motion.
         """
-        (T, rates), one, other = self.rates(q), self.movable.parts[parts[0]], self.opponents[parts[1]]
+        (T, rates), one, other = self.rates(q), self.movable.parts[parts[0]], self.obstacles[parts[1]]
         first = self.target[0] * (one.vertices - one.seed) @ T[:3, :3].T + T[:3, :3] @ one.seed + T[:3, 3]
         second, (kinds, rows, columns) = other.placed(np.zeros(3)), sites.T
         meeting = np.empty((len(sites), 3))
@@ -526,7 +526,7 @@ class Task:
         return self._kinematics.rates(q)
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
-        """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
+        """Return the signed gap of every part pair at the scales made, (parts of 1, obstacles).
 
         The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
         for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
@@ -535,9 +535,9 @@ class Task:
         pose = self.pose(q)
         gaps = self._remembered(self._facet_gaps, q, lambda: self._along_facets(pose)).copy()
         for (i, j), normal in (normals or {}).items():
-            one, opponent = self.movable.parts[i], self.opponents[j]
-            seen, n = self._against(opponent, pose), normal / np.linalg.norm(normal)
-            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, *seen, n))
+            one, obstacle = self.movable.parts[i], self.obstacles[j]
+            seen, n = self._against(obstacle, pose), normal / np.linalg.norm(normal)
+            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *obstacle.part.packed, *seen, n))
         return gaps
 
     @cached_property
@@ -545,42 +545,42 @@ class Task:
         return {}
 
     def _along_facets(self, pose: Array) -> Array:
-        gaps = np.empty((len(self.movable.parts), len(self.opponents)))
+        gaps = np.empty((len(self.movable.parts), len(self.obstacles)))
         for columns, packed in self._groups:
-            opponent = self.opponents[columns.start]
-            seen = self._against(opponent, pose)
-            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
+            obstacle = self.obstacles[columns.start]
+            seen = self._against(obstacle, pose)
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, obstacle.need)
         return gaps
 
     def beside_joints(self, pairs: Flags) -> Flags:
         """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
         found = pairs.copy()
         for joint in self.joints:
-            found[tuple(np.transpose(joint.hosts))] = False
+            found[tuple(np.transpose(joint.carriers))] = False
         return found
 
     def spans(self, pairs: Ints, along: Array) -> Array:
         """Return from where to where part pairs, (k, 2), are too near along a shift from rest, see `kernels.spans`."""
         found, pose = np.empty((len(pairs), 4)), self.pose(self.rest)
         for columns, packed in self._groups:
-            opponent = self.opponents[columns.start]
-            both, seen = (*self.movable.packed, *packed), self._against(opponent, pose)
+            obstacle = self.obstacles[columns.start]
+            both, seen = (*self.movable.packed, *packed), self._against(obstacle, pose)
             rows = np.flatnonzero((columns.start <= pairs[:, 1]) & (pairs[:, 1] < columns.stop))
-            for some in np.split(rows, range(AT_ONCE, len(rows), AT_ONCE)):
+            for some in np.split(rows, range(BATCH_SIZE, len(rows), BATCH_SIZE)):
                 pacing.check()
                 own = pairs[some] - (0, columns.start)
-                found[some] = kernels.spans(*both, *seen, own, along, opponent.need, DEFAULT.tie)
+                found[some] = kernels.spans(*both, *seen, own, along, obstacle.need, DEFAULT.tie)
         return found
 
     @cached_property
     def _groups(self) -> tuple[tuple[slice, tuple[Array, Ints, Ints]], ...]:
         """Opponents of one body and scale, as a slice of all, and packed together."""
-        kinds = [(id(own.part.seed), own.scale, own.keep_out) for own in self.opponents]
+        kinds = [(id(own.part.seed), own.scale, own.keep_out) for own in self.obstacles]
         starts = [0, *(k for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]), len(kinds)]
         runs = [slice(first, last) for first, last in pairwise(starts)]
         first = slice(0, len(self.static.parts))  # these are packed already
         return tuple(
-            (run, self.static.packed if run == first else packed_together([own.part for own in self.opponents[run]]))
+            (run, self.static.packed if run == first else packed_together([own.part for own in self.obstacles[run]]))
             for run in runs
         )
 
@@ -704,7 +704,7 @@ class Task:
         else:
             ends = (start, before), (pose, rho)
             overlaps = overlaps_between(self.movable, self.static, ends, touching, DEFAULT.cut * self.size)
-        alike = all(len(seat.hosts) == 1 or seat.holds_between((start, before), (pose, rho)) for seat in self.seats)
+        alike = all(len(seat.carriers) == 1 or seat.holds_between((start, before), (pose, rho)) for seat in self.seats)
         return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked)]
 
     def _renamed(self, q: Array, tracked: Sequence[Tracked]) -> list[float]:
@@ -759,7 +759,7 @@ class Task:
         if not (np.abs(self.line_gaps(q)[1]) <= slack).all():
             return False
         for joint in self.joints:  # some part pair that carries it touches
-            if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.hosts) <= slack:
+            if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.carriers) <= slack:
                 return False
         return all(seat.holds(pose, self.target, DEFAULT.cut * self.size) for seat in self.seats)
 

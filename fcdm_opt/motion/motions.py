@@ -258,10 +258,10 @@ class Motion:
         own = zip(self.steps, self.by_step(map(float, q)), strict=True)
         return " + ".join(step.own_words(values, unit, digits) for step, values in own)
 
-    def deeds(self, q: Sequence[float] | Array, *, unit: str = "") -> list[tuple[str, str]]:
+    def describe_steps(self, q: Sequence[float] | Array, *, unit: str = "") -> list[tuple[str, str]]:
         """Return what is done, a (verb, manner) for each step, to four digits: ("move", "0.25 mm along -z")."""
         own = zip(self.steps, self.by_step(map(float, q)), strict=True)
-        return [step.own_deed(values, unit) for step, values in own]
+        return [step.own_description(values, unit) for step, values in own]
 
 
 class Step(Motion):
@@ -368,7 +368,7 @@ class Step(Motion):
         shown = [(name, (x, unit) if kind == "translation" else (math.degrees(x), "deg")) for (name, kind), x in named]
         return " ".join(f"{name} {measured(f'{x:.{digits}g}', own)}" for name, (x, own) in shown)
 
-    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+    def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return what the step does, a verb and how, lengths in a unit or without: by default its parameters."""
         return "move", f"by {self.own_words(q, unit, 4)}"
 
@@ -410,7 +410,7 @@ class Straight(Step):
         direction, point = self.line(tuple(seed), tuple(seed))
         return self.own_weights(_distance(points, None if turned and point == tuple(seed) else direction, point))
 
-    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+    def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return a shift along the line, a turn about it by the right-hand rule, or both."""
         along, about = self.movements(q)
         if about and along:
@@ -749,7 +749,7 @@ class Free(Step):
         """Return that it is free."""
         return {"free": True}
 
-    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+    def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return a shift, and a turn about the seed."""
         told = []
         for vector, size, where in ((q[:3], lambda x: _length(x, unit), "along"), (q[3:], _angle, "about")):

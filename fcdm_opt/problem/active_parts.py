@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
 
 FEW = 10_000  # part pairs that are all modelled
-AT_ONCE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
+BATCH_SIZE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
 DISTANCES = 1e-3 * 2.0 ** np.arange(9)  # of the size: how near parts are taken up where those modelled never touch
@@ -61,7 +61,7 @@ def active_bodies(
     indices : pair of int arrays, optional
         Parts of either body that are; by default those near each other as drawn.
     """
-    few = len(movable.parts) * len(static.parts) <= FEW and not (movable.hollow or static.hollow)
+    few = len(movable.parts) * len(static.parts) <= FEW and not (movable.is_surface or static.is_surface)
     if isinstance(nominal, int) or few:
         return (movable, static), box
     scales = np.array((1.0, 1.0) if nominal == "drawn" else nominal)
@@ -192,7 +192,7 @@ def moving_at_most(problem: Problem, along: Array, rho: Array) -> Callable[[floa
 
 
 def expand_active_parts(
-    problem: Problem, transform: Array | None, amount: float, most: int = AT_ONCE
+    problem: Problem, transform: Array | None, amount: float, most: int = BATCH_SIZE
 ) -> Problem | None:
     """Return the problem with further parts that an answer shows to matter; None where no others do.
 

@@ -10,9 +10,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
@@ -116,7 +116,7 @@ class AssemblySolution(Bounded):
 
     def __str__(self) -> str:
         """Return the verdict in words."""
-        name, told = self.assembly.name, upper("show.assemblies:assembly_verdict")(self)
+        name, told = self.assembly.name, imported("show.assemblies:assembly_verdict")(self)
         return f"{name}: {told}" if name else str(told)
 
     @property
@@ -153,7 +153,7 @@ class AssemblySolution(Bounded):
     @cached_property
     def sensitivity(self) -> AssemblySensitivity:
         """Derivatives of amount and motions by scales and sizes; worked out when first asked for, then kept."""
-        return upper("along.sensitivity:assembly_sensitivity")(self)
+        return imported("along.sensitivity:assembly_sensitivity")(self)
 
     @property
     def gaps(self) -> dict[tuple[str, str], float]:

@@ -296,6 +296,13 @@ class Assembly(Scene):
         part, _, own = name.rpartition(".")
         return self.changed(limits={**self.limits, part: {**self.limits[part], own: limits}})
 
+    def with_motion(self, motion: Motion) -> tuple[Assembly, tuple[str, ...]]:
+        """Return the same question with another motion of each part that moves, and which limits it has no more."""
+        names, owned = set(motion.names), [(part, k) for part, own in self.limits.items() for k in own]
+        limits = {part: {k: ends for k, ends in own.items() if k in names} for part, own in self.limits.items()}
+        dropped = tuple(f"limits.{part}.{k}" for part, k in owned if k not in names)
+        return self.changed(motions=dict.fromkeys(self.motions, motion), limits=limits), dropped
+
     def deviating(self, share: float) -> Assembly:
         """Return the same question with a share of the deviations of all scales and sizes."""
         scales = {part: 1.0 + share * (scale - 1.0) for part, scale in self.scales.items()}

@@ -211,9 +211,9 @@ def plain_body(body: Body) -> dict[str, Any]:
         told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
     told = {key: value for key, value in told.items() if value or key == "facet_errors"}
     unit = {"unit": body.unit} if body.unit else {}
-    if body.hollow:  # one part under each face: made again from these
-        drawn = body.vertices[: max(v for face in body.skin for triangle in face for v in triangle) + 1].tolist()
-        faces = [[v + 1 for v in triangle] for face in body.skin for triangle in face]
+    if body.is_surface:  # one part under each face: made again from these
+        drawn = body.vertices[: max(v for face in body.triangles for triangle in face for v in triangle) + 1].tolist()
+        faces = [[v + 1 for v in triangle] for face in body.triangles for triangle in face]
         surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
         return {"name": body.name, **surface, **told, "seed": body.seed.tolist(), **unit}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}

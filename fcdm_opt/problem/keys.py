@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapValidator
 
-from fcdm_opt import beside, pacing
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
@@ -480,7 +480,7 @@ class ProblemFile(Entry, title="Problem file"):
 
         movable, static = bodies
         files = (Path(folder or "") / str(entry.file) for _, entry in (movable, static))
-        both, others = beside.both(read, (movable, static), files), list[KeepOut]()
+        both, others = process_pool.both(read, (movable, static), files), list[KeepOut]()
         with placed(file=file):
             for k, entry in enumerate(self.keep_out, 1):
                 with placed(key=f"keep_out[{k}]"):

@@ -19,7 +19,6 @@ from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -27,6 +26,7 @@ from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
@@ -64,7 +64,7 @@ _NOMINAL = ("nominal_contact", "nominal_pair", "_closed")  # what the nominal co
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(NominalContact, Scene, Shown):
+class Problem(NominalContact, Scene, NotebookRepr):
     """The question: which smallest motion brings the parts actually made into the intended contact.
 
     The arguments are what the user asks; the attributes of the same name hold what that means (`goal`, `target`,
@@ -311,6 +311,18 @@ class Problem(NominalContact, Scene, Shown):
     def with_limits(self, name: str, limits: tuple[float, float]) -> Problem:
         """Return the same question with other limits of a parameter."""
         return self.changed(limits={**self.request["limits"], name: limits})
+
+    def with_motion(self, motion: Motion) -> tuple[Problem, tuple[str, ...]]:
+        """Return the same question about another motion, and which limits, weights and steps it has no parameter for.
+
+        Goal and length stay as they are.
+        """
+        names, given = set(motion.names), {key: self.request[key] for key in ("limits", "weights", "resolution")}
+        given = {key: values for key, values in given.items() if isinstance(values, Mapping)}
+        kept = {key: {k: x for k, x in values.items() if k in names} or None for key, values in given.items()}
+        dropped = tuple(f"{key}.{k}" for key, values in given.items() for k in values if k not in names)
+        same = {"goal": self.goal, "length": self.length, "published": None, "published_text": ""}
+        return self.changed(motion=motion, **same, **kept), dropped
 
     def deviating(self, share: float) -> Problem:
         """Return the same question with a share of the deviation from nominal: of its tolerance, or of its target's."""

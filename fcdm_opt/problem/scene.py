@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.keep_out import KeepOut
 
 if TYPE_CHECKING:
@@ -94,6 +95,10 @@ class Scene(ABC):
     @abstractmethod
     def with_limits(self, name: str, limits: tuple[float, float]) -> Self:
         """Return the same question with other limits of a coordinate."""
+
+    @abstractmethod
+    def with_motion(self, motion: Motion) -> tuple[Self, tuple[str, ...]]:
+        """Return the same question about another motion, of all parts that move, and what it says no more by that."""
 
     @abstractmethod
     def deviating(self, share: float) -> Self:

@@ -13,11 +13,11 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
@@ -108,7 +108,7 @@ class Check(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Certificate(Plain, Shown):
+class Certificate(Plain, NotebookRepr):
     """Outcome of the judge: a list of checks, all of which must pass; an empty list does not.
 
     One that was `read`, from plain data, is a claim, which `verify` compares with what it finds.
@@ -238,7 +238,7 @@ class Sensitivity(Plain):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Bounded(Plain, Shown):
+class Bounded(Plain, NotebookRepr):
     """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
 
     status: Status
@@ -441,7 +441,7 @@ class Solution(Bounded):
 
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
-        motion = upper("show.texts:motion_text")(self) if self.parameters else "no motion"
+        motion = imported("show.texts:motion_text")(self) if self.parameters else "no motion"
         amount, proved = (measured(f"{x:.4g}", self.amount_unit) for x in (self.amount, self.lower_bound))
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)
         found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
@@ -449,7 +449,7 @@ class Solution(Bounded):
 
     def __str__(self) -> str:
         """Return the verdict in words, and below it what its row in a table says."""
-        text: str = upper("show.verdict:answer_text")(self)
+        text: str = imported("show.verdict:answer_text")(self)
         return text
 
     @property
@@ -496,7 +496,7 @@ class Solution(Bounded):
     @cached_property
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
-        return upper("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
+        return imported("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
 
     @property
     def keep_out_gaps(self) -> dict[str, float]:

@@ -642,10 +642,10 @@ def _within_reach(T, balls1, balls2, near, gaps, pairs):
 
 
 @kernel
-def _too_near(T, movable, opponents, pair, asked, near, margin, witness):
-    """Return why all motions of a cell bring a part too near to an opponent, as far as a pair of them tells."""
+def _too_near(T, movable, obstacles, pair, asked, near, margin, witness):
+    """Return why all motions of a cell bring a part too near to an obstacle, as far as a pair of them tells."""
     i, j = pair // len(asked), pair % len(asked)
-    one, two = _part(movable, i), _part(opponents, j)
+    one, two = _part(movable, i), _part(obstacles, j)
     witness[0], witness[1] = i, j
     if asked[j] and meets(T, one, two, margin, witness):
         return MEETS
@@ -653,10 +653,10 @@ def _too_near(T, movable, opponents, pair, asked, near, margin, witness):
 
 
 @kernel
-def _stay_apart(T, movable, opponents, pair, margin, site, n, height):
+def _stay_apart(T, movable, obstacles, pair, margin, site, n, height):
     """Tell whether a pair of parts stays apart over a whole cell, by which site."""
     R, d = T[:9, 0].copy(), T[9:12, 0].copy()
-    one, two = _part(movable, pair[0]), _part(opponents, pair[1])
+    one, two = _part(movable, pair[0]), _part(obstacles, pair[1])
     for edged in (False, True):
         gap = best_site(R, d, one, two, edged, site)
         if gap > margin and apart(T, site, one[0], two[0], margin, n, height):
@@ -667,15 +667,15 @@ def _stay_apart(T, movable, opponents, pair, margin, site, n, height):
 
 @light
 @kernel
-def pair_cells(T, movable, opponents, partners, asked, near, margin, tries, codes, witness):
-    """Tell where a part overlaps an opponent or is too near, and where all pairs that ought to touch stay apart.
+def pair_cells(T, movable, obstacles, partners, asked, near, margin, tries, codes, witness):
+    """Tell where a part overlaps an obstacle or is too near, and where all pairs that ought to touch stay apart.
 
-    Cells come in runs of `tries`, of which the first that is excluded is enough. `movable` and `opponents` are packed,
-    the first `partners` opponents are those of which one ought to be touched; `asked` tells which may not be
+    Cells come in runs of `tries`, of which the first that is excluded is enough. `movable` and `obstacles` are packed,
+    the first `partners` obstacles are those of which one ought to be touched; `asked` tells which may not be
     overlapped, `near` how near they may be. Pairs whose balls are apart at a cell's centre cannot overlap all over it;
     the pair that excluded the cell before is tried first.
     """
-    balls1, balls2 = movable[5], opponents[5]
+    balls1, balls2 = movable[5], obstacles[5]
     most = len(balls1) * len(balls2)
     gaps, pairs, close = np.empty(most), np.empty(most, np.int64), np.zeros(most, np.bool_)
     n, height, last = np.zeros((3, T.shape[2])), np.zeros(T.shape[2]), 0
@@ -690,7 +690,7 @@ def pair_cells(T, movable, opponents, partners, asked, near, margin, tries, code
             pair = last if k < 0 else pairs[k]
             if k >= 0 and pair == last:
                 continue
-            codes[cell] = _too_near(T[cell], movable, opponents, pair, asked, near, margin, witness[cell, 0])
+            codes[cell] = _too_near(T[cell], movable, obstacles, pair, asked, near, margin, witness[cell, 0])
             if codes[cell] != OPEN:
                 last, done = pair, True
                 break
@@ -704,7 +704,7 @@ def pair_cells(T, movable, opponents, partners, asked, near, margin, tries, code
                 continue
             close[pair] = True
             site = witness[cell, i * partners + j]
-            if not _stay_apart(T[cell], movable, opponents, (i, j), margin, site, n, height):
+            if not _stay_apart(T[cell], movable, obstacles, (i, j), margin, site, n, height):
                 done = False
                 break
         if done:

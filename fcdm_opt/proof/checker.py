@@ -22,7 +22,7 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import besides, held, seat_of
+from fcdm_opt.model.seats import held, seat_of, untracked
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -182,7 +182,7 @@ class Examiner:
         seats = problem.nominal_seats if problem.goal == "seat" else ()
         if seats:
             lines = tuple(seat_of(line, seats) or line for line in lines)
-        others = besides(seats, lines, problem.target)
+        others = untracked(seats, lines, problem.target)
         bodies = problem.active
         made = (feature_points(*bodies, own.site, own.parts, own.normal, np.eye(3)) for own in (*lines, *others))
         return tuple(made), len(lines)

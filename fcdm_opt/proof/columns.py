@@ -188,7 +188,7 @@ def prove(
                     break
                 rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
                 looked += _advance(scene, columns, record, rows, enough)
-                if pacing.heard():
+                if pacing.has_listeners():
                     found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
                     pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
                 search_.beside(columns)

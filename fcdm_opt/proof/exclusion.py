@@ -123,16 +123,16 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
 def tested_vertices(task: Task, *, swollen: bool) -> int:
     """Return how many vertices are looked at in a cell where all part pairs are; of swollen parts all their points."""
     one = sum(len(part.vertices) for part in task.movable.parts)
-    others = [len(own.part.vertices) for own in task.opponents]
+    others = [len(own.part.vertices) for own in task.obstacles]
     if swollen:
-        others += [2 * (1 + len(BETWEEN)) * len(own.part.edges) for own in task.opponents if own.need > 0.0]
-    return one * len(task.opponents) + len(task.movable.parts) * sum(others)
+        others += [2 * (1 + len(BETWEEN)) * len(own.part.edges) for own in task.obstacles if own.need > 0.0]
+    return one * len(task.obstacles) + len(task.movable.parts) * sum(others)
 
 
 class Exclusion:
     """A task in the terms of the tests: everything about the seeds, body 1 moving.
 
-    With `swollen`, opponents that ask for a clearance are larger by as much, and nothing may overlap them: no witness
+    With `swollen`, obstacles that ask for a clearance are larger by as much, and nothing may overlap them: no witness
     that the checker of evidence knows, but parts that slide along each other need no small cells then.
     """
 
@@ -145,7 +145,7 @@ class Exclusion:
     @cached_property
     def features(self) -> Array:
         """The tracked features and those besides, a row each."""
-        return np.array([self._feature(line) for line in (*self.task.tracked, *self.task.besides)])
+        return np.array([self._feature(line) for line in (*self.task.tracked, *self.task.untracked)])
 
     def _feature(self, line: FeaturePoints) -> Array:
         task, row = self.task, np.zeros(tests.FEATURE)
@@ -199,10 +199,10 @@ class Exclusion:
         return [_solid(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
 
     @cached_property
-    def opponents(self) -> list[Solid]:
-        """The opponents as placed, about s_2."""
+    def obstacles(self) -> list[Solid]:
+        """The obstacles as placed, about s_2."""
         made = []
-        for own in self.task.opponents:
+        for own in self.task.obstacles:
             part, placed = own.part, own.placed(self.task.static.seed)
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
@@ -260,7 +260,7 @@ class Exclusion:
         shifts = np.array([own for own in directions if own is not None])
         if task.motion.about_seed and task.must_touch and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
-            partners = self.movable, self.opponents[: len(task.static.parts)]
+            partners = self.movable, self.obstacles[: len(task.static.parts)]
             away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in partners)
             if least > DEFAULT.nominal:
                 reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
@@ -362,7 +362,7 @@ class Exclusion:
 
     @cached_property
     def needs(self) -> Array:
-        """Least gap of each opponent: none may overlap where a tracked contact is to end at the target pair."""
+        """Least gap of each obstacle: none may overlap where a tracked contact is to end at the target pair."""
         ends_there = self.task.goal in ("at", "seat")
         return np.maximum(self.task.needs, 0.0) if ends_there else np.asarray(self.task.needs)
 
@@ -409,4 +409,4 @@ class Exclusion:
 
     @cached_property
     def _packed(self) -> tuple[Packed, Packed]:
-        return _pack(self.movable), _pack(self.opponents)
+        return _pack(self.movable), _pack(self.obstacles)

@@ -29,7 +29,7 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from fcdm_opt.doors import extra
+from fcdm_opt.lazy_import import extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

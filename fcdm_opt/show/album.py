@@ -9,9 +9,9 @@ from typing import Any
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.show import Figure, save

@@ -17,7 +17,7 @@ from fcdm_opt.show.scene import parts_figure
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
-from fcdm_opt.show.verdict import deed_text
+from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
 
@@ -75,20 +75,21 @@ def assembly_verdict(solution: AssemblySolution) -> str:
         return "does not fit: the only motions found take a part out of the place it is drawn in"
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
-    done = assembly_deed(solution)
+    done = assembly_instruction(solution)
     if not any(map(any, _kept(solution).values())):
         return f"{done}: every contact is closed"
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
     return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *_through(solution)])
 
 
-def assembly_deed(solution: AssemblySolution) -> str:
+def assembly_instruction(solution: AssemblySolution) -> str:
     """Return what to do with each part: "move left wedge 0.0125 mm along +x; move key 0.1 mm along -z"."""
     assembly, moved = solution.assembly, list[str]()
     for part, kept in _kept(solution).items():
         motion = assembly.motions[part]
-        deeds = zip(motion.by_step(kept), motion.deeds(kept, unit=assembly.unit), strict=True) if any(kept) else ()
-        moved += [deed_text(part, done)] if (done := [deed for own, deed in deeds if any(own)]) else []
+        words = motion.describe_steps(kept, unit=assembly.unit) if any(kept) else []
+        steps = zip(motion.by_step(kept), words, strict=False)
+        moved += [instruction_text(part, done)] if (done := [step for own, step in steps if any(own)]) else []
     return "; ".join(moved) or "leave all parts where they are"
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, bare_pixels
-from fcdm_opt.show.assemblies import assembly_deed, assembly_figure, assembly_verdict, part_texts
+from fcdm_opt.show.assemblies import assembly_figure, assembly_instruction, assembly_verdict, part_texts
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
@@ -35,7 +35,7 @@ from fcdm_opt.show.texts import (
     share_text,
     study_facts,
 )
-from fcdm_opt.show.verdict import deed, verdict_text
+from fcdm_opt.show.verdict import instruction, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from fcdm_opt.design.fixed_pose.clearances import Clearances
     from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.design.whatif.whatif import WhatIf
-    from fcdm_opt.doors import Shown
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.lazy_import import NotebookRepr
     from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Bounded, Certificate, Solution
@@ -224,7 +224,7 @@ def cases_card(cases: SolvedCases) -> Card:
     """Return the card of several answers: a line for each case."""
     lines = [
         (name, solution.status.name, number(solution.amount), solution.amount_unit or "length",
-         _bound(solution, "")[0], getattr(solution, "pair_state", "-"), _deed(solution))
+         _bound(solution, "")[0], getattr(solution, "pair_state", "-"), _instruction(solution))
         for name, solution in cases.items()
     ]  # fmt: skip
     usable = sum(solution.usable for solution in cases.values())
@@ -269,11 +269,11 @@ def _title(what: str, problem: Problem) -> str:
     return f"{what}: {problem.name}" if problem.name else what
 
 
-def _deed(solution: Any) -> str:
+def _instruction(solution: Any) -> str:
     """Return what to move how far, of two parts or several; why nothing where that is not known."""
     several = hasattr(solution, "assembly")
     if solution.usable:
-        return (assembly_deed if several else deed)(solution)
+        return (assembly_instruction if several else instruction)(solution)
     return (assembly_verdict if several else verdict_text)(solution)
 
 
@@ -498,6 +498,6 @@ CARDS: dict[str, Callable[[Any], Card]] = {
 """The function that says what stands on each class's card."""
 
 
-def card_of(result: Shown) -> str:
+def card_of(result: NotebookRepr) -> str:
     """Return the card of a result."""
     return next(CARDS[base.__name__] for base in type(result).__mro__ if base.__name__ in CARDS)(result).html

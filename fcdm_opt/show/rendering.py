@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from fcdm_opt.doors import extra
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.texts import NONE, numbers, shortened, shown, status_text
 

@@ -499,8 +499,8 @@ def sharp_edges(body: Body) -> Array:
     Nor those that lie within the body, where it was cut into parts.
     """
     normals = normals_of_faces(body)
-    if body.skin:
-        looks, sides = np.array(list(normals.values())), np.array([own for face in body.skin for own in face])
+    if body.triangles:
+        looks, sides = np.array(list(normals.values())), np.array([own for face in body.triangles for own in face])
         ends = np.sort(sides[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
         faces = np.repeat(body.face_triangles[1], 3)[np.argsort(own.reshape(-1), kind="stable")]
@@ -534,8 +534,8 @@ def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
 
 def own_polygons(body: Body) -> list[Array]:
     """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
-    if body.skin:
-        return [body.vertices[list(triangle)] for face in body.skin for triangle in face]
+    if body.triangles:
+        return [body.vertices[list(triangle)] for face in body.triangles for triangle in face]
     faces = set(body.faces)
     return [
         part.vertices[list(loop)]
@@ -550,8 +550,8 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
 
     A part that overlaps others may carry the face beyond where it is the solid's.
     """
-    if body.skin and face.vertices in body.face_rows:
-        return list(body.vertices[np.array(body.skin[body.face_rows[face.vertices]])])
+    if body.triangles and face.vertices in body.face_rows:
+        return list(body.vertices[np.array(body.triangles[body.face_rows[face.vertices]])])
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
@@ -604,12 +604,12 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
 
     points = points[:: -(-len(points) // MOST_APART)]
 
-    def merit(view: tuple[float, float]) -> tuple[bool, bool, float]:
+    def objective(view: tuple[float, float]) -> tuple[bool, bool, float]:
         page = page_directions(*view)
         spread = float(pdist(points @ page).min() * np.linalg.norm(offset @ page))
         return not offset @ np.cross(*page.T) > 0, view[1] < 0.0, spread
 
-    return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
+    return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=objective)
 
 
 def contacts_of(
@@ -641,7 +641,7 @@ def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
     from manifold3d import CrossSection, FillRule, triangulate
 
     sides = list(zip(bodies, (feature.one, feature.two), strict=True))
-    if not all(body.skin and element.kind == "F" for body, element in sides):
+    if not all(body.triangles and element.kind == "F" for body, element in sides):
         return np.empty((0, 3, 3))
     faces = [face_polygons(body, element) for body, element in sides]
     origin, normal = faces[0][0][0], unit_normals(faces[0][0][None])[0]
@@ -682,7 +682,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     size = float(np.ptp(points, axis=0).max())
     points = points[ConvexHull(points).vertices]
 
-    def merit(view: tuple[float, float]) -> float:
+    def objective(view: tuple[float, float]) -> float:
         page = page_directions(*view)
         toward = np.cross(page[:, 0], page[:, 1])
         starts, speeds = spots + 1e-3 * size * toward, normals @ toward
@@ -693,7 +693,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
         cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
         return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - cost)
 
-    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=merit)
+    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=objective)
 
 
 def _normal(points: Array) -> Array:

@@ -217,8 +217,8 @@ def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array
     """
     from manifold3d import Error, Manifold, Mesh64
 
-    if body.skin:
-        rows = np.array([triangle for face in body.skin for triangle in face])
+    if body.triangles:
+        rows = np.array([triangle for face in body.triangles for triangle in face])
         points = (body.vertices - point) @ np.column_stack([plane, normal])
         solid = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(rows, np.uint64)))
         if solid.status() == Error.NoError:

@@ -52,11 +52,11 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
     The area, length units squared, is None where only the parts are known, whose cuts may go on in a face's plane.
     """
     normals, points = body.face_planes
-    pieces: Any = body.skin or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
-    corners = body.vertices if body.skin else body.parts[0].vertices
+    pieces: Any = body.triangles or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
+    corners = body.vertices if body.triangles else body.parts[0].vertices
     known: Any = [sum(area(corners[list(piece)]) for piece in own) for own in pieces]
     areas = known or [None] * len(body.faces)
-    if not body.skin and len(body.parts) == 1:  # facets in the order of faces
+    if not body.triangles and len(body.parts) == 1:  # facets in the order of faces
         areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
     names = names_of_rows(body)
     return [

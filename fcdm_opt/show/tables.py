@@ -275,7 +275,7 @@ def print_comparison(comparison: Comparison) -> None:
             "amount": amount_text(row.amount),
             "proved at least": "" if row.solution is None else bound_line(row.solution),
             "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
-            "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
+            "pair made": getattr(row.solution, "pair_state", "") if row.solution and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
         for row in comparison.table

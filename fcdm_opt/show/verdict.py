@@ -53,7 +53,7 @@ REFUSED = {
 def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
     if solution.usable:
-        return f"{deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
+        return f"{instruction(solution)}: {_effect(solution)}; {sure_text(solution)}"
     if solution.left_by_mesh:
         return "; ".join((_refused_text(solution), solution.left_by_mesh))
     return _refused_text(solution)
@@ -94,8 +94,8 @@ def answer_text(solution: Solution) -> str:
 def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
     values = telling(problem, values, amount)
-    deeds = zip(problem.motion.by_step(values), problem.motion.deeds(values, unit=problem.unit), strict=True)
-    return [deed for own, deed in deeds if any(own)]
+    steps = zip(problem.motion.by_step(values), problem.motion.describe_steps(values, unit=problem.unit), strict=True)
+    return [step for own, step in steps if any(own)]
 
 
 def range_texts(coherent: CoherentRange) -> list[str]:
@@ -108,20 +108,20 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     for event in coherent.events:
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
         far = float(np.linalg.norm(problem.weights * values)) if values else 0.0
-        deeds = " and ".join(" ".join(deed) for deed in _done(problem, values, far)) if values else ""
-        ends.append((event, deeds or ("staying there" if values else "")))
+        steps = " and ".join(" ".join(step) for step in _done(problem, values, far)) if values else ""
+        ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist(), 1.0)
     sizes = " at sizes that change with the motion (parts of one size leave it at once)" if _across(coherent) else ""
     told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
-    for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
-        if not deeds:
+    for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
+        if not steps:
             what = "nothing ends it"
         elif event.kind == "scale":
-            what = f"{deeds}; there, a size would be zero, and no other contact ends it before"
+            what = f"{steps}; there, a size would be zero, and no other contact ends it before"
         elif event.successors:
-            what = f"{deeds}; beyond, {contact_text(problem, event.successors)} instead"
+            what = f"{steps}; beyond, {contact_text(problem, event.successors)} instead"
         else:
-            what = f"{deeds}; there, {event.what}"
+            what = f"{steps}; there, {event.what}"
         told.append(f"{side}: {what}")
     return told
 
@@ -142,24 +142,24 @@ def motion_said(solution: Solution) -> str:
     return _in_order(_steps(solution), "")[1] if solution.amount > 0.0 else ""
 
 
-def deed(solution: Solution) -> str:
+def instruction(solution: Solution) -> str:
     """Return what to do with the movable part: "move nut 0.25 mm along -z, then turn it 2 deg about +x"."""
-    return deed_text(name_of(solution.problem, 0), _steps(solution))
+    return instruction_text(name_of(solution.problem, 0), _steps(solution))
 
 
-def deed_text(name: str, deeds: list[tuple[str, str]]) -> str:
+def instruction_text(name: str, steps: list[tuple[str, str]]) -> str:
     """Return what to do with a part: "move nut 0.25 mm along -z, then turn it 2 deg about +x"."""
-    verb, told = _in_order(deeds, "it ") if deeds else ("", "")
-    return f"{verb} {name} {told}" if deeds else f"leave {name} where it is"
+    verb, told = _in_order(steps, "it ") if steps else ("", "")
+    return f"{verb} {name} {told}" if steps else f"leave {name} where it is"
 
 
-def _in_order(deeds: list[tuple[str, str]], again: str) -> tuple[str, str]:
+def _in_order(steps: list[tuple[str, str]], again: str) -> tuple[str, str]:
     """Return the first verb, and all that is done: shifts in a row together, then what comes after them.
 
     `again`: what is turned, said with each further verb.
     """
     runs: list[tuple[str, list[str]]] = []
-    for verb, manner in deeds:
+    for verb, manner in steps:
         if runs and runs[-1][0] == verb == "move":
             runs[-1][1].append(manner)
         else:
@@ -206,9 +206,9 @@ def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
         others += [two] if two not in others else []
     if not told:
         return ""
-    pairs = [(deed, two) for deed, others in told.items() for two in others]
-    shown = [f"{deed} {' and '.join(_the(two) for own, two in pairs[:CONTACTS] if own == deed)}" for deed in told]
-    words = " and ".join(shown[: len({deed for deed, _ in pairs[:CONTACTS]})])
+    pairs = [(step, two) for step, others in told.items() for two in others]
+    shown = [f"{step} {' and '.join(_the(two) for own, two in pairs[:CONTACTS] if own == step)}" for step in told]
+    words = " and ".join(shown[: len({step for step, _ in pairs[:CONTACTS]})])
     more = f", and {counted(len(pairs) - CONTACTS, 'more contact')}" if len(pairs) > CONTACTS else ""
     return f"{words} of {name_of(problem, 1)}{more}"
 

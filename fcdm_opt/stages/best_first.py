@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.stages import compiled
 from fcdm_opt.tolerances import DEFAULT
 
-AT_ONCE = 4  # rows that are tried together at first
+BATCH_SIZE = 4  # rows that are tried together at first
 MOST_NODES, FARTHEST = 2000, 1e6  # nodes that `nearest_on` looks at, and the length beyond which nothing is of interest
 
 
@@ -239,7 +239,7 @@ def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[flo
     order = np.argsort(bounds, kind="stable")
     order = order[sizes[order] > 0.0]
     G, h = np.ascontiguousarray(rows.normals), rows.levels - rows.normals @ centre
-    waiting, first, many = list[tuple[float, int, Array]](), 0, AT_ONCE
+    waiting, first, many = list[tuple[float, int, Array]](), 0, BATCH_SIZE
     while first < len(order) or waiting:
         some = order[first : first + many]
         found = compiled.least_distance(G, h, -further.normals[some], -levels[some])

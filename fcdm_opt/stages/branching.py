@@ -23,7 +23,7 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
 from fcdm_opt.proof.exclusion import tested_vertices
-from fcdm_opt.stages import direction_search, ways_apart
+from fcdm_opt.stages import direction_search, separating_directions
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.linear import translations
@@ -180,7 +180,8 @@ def least_apart(task: Task) -> Answer | None:
     """
     answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
     answer = spread(task, answer, [*_unturned(task), task.start])
-    if answer.q is None and task.part_pairs >= MANY_PAIRS and ways_apart.suits(task) and task.allows(task.rest):
+    many = task.part_pairs >= MANY_PAIRS and separating_directions.suits(task)
+    if answer.q is None and many and task.allows(task.rest):
         contact = on_a_ray(task, None)
         answer = answer if contact is None else spread(task, answer, [contact.motion])
     return None if answer.q is None else answer
@@ -188,13 +189,13 @@ def least_apart(task: Task) -> Answer | None:
 
 def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
     """Return an answer, or a better one that a descent over all ways apart finds from it, or from further motions."""
-    if not ways_apart.suits(task):
+    if not separating_directions.suits(task):
         return answer
     best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
     for start in starts if answer.q is None else (answer.q, *starts):
         if pacing.over():
             break
-        found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
+        found = separating_directions.descended(task, start, SPREAD * max(task.amount(start), task.unit))
         if found is not None and found.amount < best * (1.0 - GAINED) - slack:
             best = found.amount
             answer = replace(found, stage=STAGE_APART, lower_bound=min(answer.lower_bound, best))
@@ -204,7 +205,7 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
 def _unturned(task: Task) -> list[Array]:
     """Return the least motion found that turns nothing, if the motion both shifts and turns and one is found."""
     turning = np.asarray(task.spins.any(axis=1))
-    if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
+    if not separating_directions.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
         return []
     still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
     shifts = [Translation(tuple(own.tolist())) for own in task.motion.shift_directions if own is not None]
@@ -215,7 +216,7 @@ def _unturned(task: Task) -> list[Array]:
             q = task.rest
             q[~turning] = least.q
             return [q]
-    found = ways_apart.descended(still, task.start, LARGE * task.size)
+    found = separating_directions.descended(still, task.start, LARGE * task.size)
     return [] if found is None else [found.motion]
 
 
@@ -342,9 +343,10 @@ def near(task: Task, q: Array) -> Answer | None:
 
     It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
     """
-    if ways_apart.suits(task):
+    if separating_directions.suits(task):
         for share in NEAR:
-            found = ways_apart.descended(task, q, share * max(task.amount(q), DEFAULT.least_unit * task.unit))
+            radius = share * max(task.amount(q), DEFAULT.least_unit * task.unit)
+            found = separating_directions.descended(task, q, radius)
             if found is not None:
                 return found
         return None

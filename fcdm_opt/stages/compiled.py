@@ -12,12 +12,12 @@ The kernels of the descent share:
 Variables are z = weights * q / unit, so that the amount is unit |z| and every step of order one. A row says that its
 value is not negative, or zero where it is an equality:
 
-    REACH   rho of body 1 or 2 less its target, of the tracked pair after the motion
-    ON      the target's height over the one tracked line (an equality)
-    SIDE    the tracked pair's separation along a feature, at path position s
-    BEHIND  how far a vertex lies behind the plane of a tracked feature, at path position s
-    GAP     separation of two vertices at the target pair along a feature's normal, less what is needed
-    BOUND   a parameter's distance from a limit
+    ROW_TARGET      rho of body 1 or 2 less its target, of the tracked pair after the motion
+    ROW_LINE        the target's height over the one tracked line (an equality)
+    ROW_SEPARATION  the tracked pair's separation along a feature, at path position s
+    ROW_DEPTH       how far a vertex lies behind the plane of a tracked feature, at path position s
+    ROW_GAP         separation of two vertices at the target pair along a feature's normal, less what is needed
+    ROW_BOUND       a parameter's distance from a limit
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from fcdm_opt.curve.kernels import (
 from fcdm_opt.motion import instructions as codes
 from fcdm_opt.proof.least_distance import add, inner, nearest, norm
 
-REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
+ROW_TARGET, ROW_LINE, ROW_SEPARATION, ROW_DEPTH, ROW_GAP, ROW_BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
 ROW = 10  # integers of a row; its numbers are the path position s, the side, and the level or edges' orientation
-POSITION, HAND, SIGN = range(3)
+POSITION, ORIENTATION, SIGN = range(3)
 FOUND, NOWHERE, STUCK, BROKEN, GOES_ON = range(5)  # how a descent ended
 STEPS, HALVINGS, PATIENCE = 40, 8, 4
 STEEPEST = 0.6  # radians, or share of the bodies' size: longest step
@@ -310,11 +310,11 @@ def evaluate(scene, rows, count, only, z, g, G):
     for r in range(count):
         if only[r] <= 0.0:
             continue
-        kind, s, hand = ints[r, TYPE], reals[r, POSITION], reals[r, HAND]
-        if kind == BOUND:
+        kind, s, orientation = ints[r, TYPE], reals[r, POSITION], reals[r, ORIENTATION]
+        if kind == ROW_BOUND:
             for m in range(k):
-                G[r, m] = hand if m == ints[r, V] else 0.0
-            g[r] = hand * (z[ints[r, V]] - reals[r, SIGN])
+                G[r, m] = orientation if m == ints[r, V] else 0.0
+            g[r] = orientation * (z[ints[r, V]] - reals[r, SIGN])
             continue
         if s != here:
             _place(motion, z, s, q, flat, True)
@@ -324,28 +324,28 @@ def evaluate(scene, rows, count, only, z, g, G):
         n, body, x, y, e = lines[0], ints[r, BODY], 0.0, 0.0, 0.0
         v, w = ints[r, V], ints[r, W]
         one, two = _part(parts1, ints[r, P1])[0], _part(parts2, ints[r, P2])[0]
-        if kind == BEHIND:
+        if kind == ROW_DEPTH:
             n = lines[ints[r, ONE]]
             if body == 1:
                 x, w = 1.0, 0
             else:
                 y, w, v = 1.0, v, 0
-        elif kind in (SIDE, GAP):
+        elif kind in (ROW_SEPARATION, ROW_GAP):
             _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], flat, own)
             n = own
-            if kind == GAP:
+            if kind == ROW_GAP:
                 x, y, e = target[0], target[1], 1.0
         for m in range(k + 1):
             value = 0.0
-            if kind == REACH:
+            if kind == ROW_TARGET:
                 value = rho[m, body] - (target[body] if m == 0 else 0.0)
-            elif kind == ON:
+            elif kind == ROW_LINE:
                 value = n[m, 3] * target[0] + n[m, 4] * target[1] - n[m, 5]
-            elif kind == SIDE:
+            elif kind == ROW_SEPARATION:
                 value = n[m, 5] - n[m, 3] * rho[0, 0] - n[m, 4] * rho[0, 1]
                 value -= n[0, 3] * rho[m, 0] + n[0, 4] * rho[m, 1] if m > 0 else 0.0
             else:
-                value = n[m, 2 + body] if kind == BEHIND else -pairs[2, 0] if m == 0 else 0.0
+                value = n[m, 2 + body] if kind == ROW_DEPTH else -pairs[2, 0] if m == 0 else 0.0
                 u = _turned(flat, 12 * m, _at(one, v))
                 for c in range(3):
                     moved = e * flat[12 * m + 9 + c] - x * u[c]
@@ -355,9 +355,9 @@ def evaluate(scene, rows, count, only, z, g, G):
                         value += n[0, c] * moved
                     value += n[m, c] * way[c]
             if m == 0:
-                g[r] = hand * value
+                g[r] = orientation * value
             else:
-                G[r, m - 1] = hand * value
+                G[r, m - 1] = orientation * value
     return True
 
 
@@ -485,7 +485,7 @@ def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
     """Subtract from H the second differences of the rows that count, by their multipliers; tell if there are any."""
     k, ints, only, beside = len(z), rows[0], np.zeros(count), np.empty(len(z))
     for c in range(count):
-        only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != BOUND else 0.0
+        only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != ROW_BOUND else 0.0
     for m in range(k):
         beside[:] = z
         beside[m] += SPREAD
@@ -619,13 +619,13 @@ def _orientation(parts1, parts2, site, p1, p2, flat, n):
 
 
 @kernel
-def _note(faults, count, kind, s, hand, sign, site, p1, p2, body, v, amount):
+def _note(faults, count, kind, s, orientation, sign, site, p1, p2, body, v, amount):
     """Note a fault, or a worse one of the same kind; return how many are known."""
     ints, reals, excess = faults
     at = count
     for r in range(count):
-        same = ints[r, TYPE] == kind and ints[r, P1] == p1 and ints[r, P2] == p2 and reals[r, HAND] == hand
-        same = same and ints[r, BODY] == body and ints[r, V] == v
+        same = ints[r, TYPE] == kind and ints[r, P1] == p1 and ints[r, P2] == p2
+        same = same and reals[r, ORIENTATION] == orientation and ints[r, BODY] == body and ints[r, V] == v
         if same and ints[r, KIND] == site[0] and ints[r, ONE] == site[1] and ints[r, TWO] == site[2]:
             if not amount > excess[r]:
                 return count
@@ -635,7 +635,7 @@ def _note(faults, count, kind, s, hand, sign, site, p1, p2, body, v, amount):
     ints[at] = 0
     ints[at, TYPE], ints[at, KIND], ints[at, ONE], ints[at, TWO] = kind, site[0], site[1], site[2]
     ints[at, P1], ints[at, P2], ints[at, BODY], ints[at, V] = p1, p2, body, v
-    reals[at, POSITION], reals[at, HAND], reals[at, SIGN], excess[at] = s, hand, sign, amount
+    reals[at, POSITION], reals[at, ORIENTATION], reals[at, SIGN], excess[at] = s, orientation, sign, amount
     return max(count, at + 1)
 
 
@@ -669,7 +669,7 @@ def path_faults(scene, z, first, faults):
             for body in (1, 2):
                 vertex, over = (v, (high - line[3]) * x) if body == 1 else (w, (low - line[4]) * y)
                 if not over <= slack:
-                    count = _note(faults, count, BEHIND, s, 1.0, 0.0, site, p1, p2, body, vertex, over)
+                    count = _note(faults, count, ROW_DEPTH, s, 1.0, 0.0, site, p1, p2, body, vertex, over)
         met = False
         if len(parts1[2]) * len(parts2[2]) <= 4:
             for t in range(len(tracked)):
@@ -713,7 +713,7 @@ def _others(scene, lines, flat, x, y, s, faults, count):
                     continue
                 sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
                 best, widest = _widest(rows, x, y)
-                hand, wrong = (-1.0, widest > slack) if touching else (1.0, not -widest <= slack)
+                orientation, wrong = (-1.0, widest > slack) if touching else (1.0, not -widest <= slack)
                 if touching and wrong and known > 0:
                     excused = True
                     for t in range(len(tracked)):
@@ -726,7 +726,7 @@ def _others(scene, lines, flat, x, y, s, faults, count):
                 if wrong:
                     sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
                     site = _at(sites, best)
-                    count = _note(faults, count, SIDE, s, hand, sign, site, p1, p2, 0, 0, abs(widest))
+                    count = _note(faults, count, ROW_SEPARATION, s, orientation, sign, site, p1, p2, 0, 0, abs(widest))
                 elif not touching and widest <= slack:
                     for r in range(len(rows)):
                         if rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y >= -slack and known < len(flats):
@@ -747,31 +747,31 @@ def ways(scene, z, p1, p2):
     flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((k + 1, 6))
     _place(motion, z, 1.0, q, flat, True)
     sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), flat[:12])
-    hands, gaps, steep = np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites))
+    orientations, gaps, steep = np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites))
     x, y = pairs[1, 0], pairs[1, 1]
     for r in range(len(sites)):
-        hands[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
+        orientations[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
         gaps[r] = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
         site[:3] = sites[r]
-        _line(parts1, parts2, site, hands[r], flat, line)
+        _line(parts1, parts2, site, orientations[r], flat, line)
         square = 0.0
         for m in range(1, k + 1):
             slope = line[m, 5] - line[m, 3] * x - line[m, 4] * y
             square += slope * slope
         steep[r] = math.sqrt(square)
-    return sites, hands, rows[:, :3].copy(), gaps, steep
+    return sites, orientations, rows[:, :3].copy(), gaps, steep
 
 
 @kernel
-def _gap_row(rows, count, hand, site, sign, p1, p2, v, w):
+def _gap_row(rows, count, orientation, site, sign, p1, p2, v, w):
     """Add a row that two vertices are apart, or not, along a site's normal; return how many rows there are."""
     ints, reals = rows
     if count == len(ints):
         return count
     ints[count] = 0
-    ints[count, TYPE], ints[count, KIND], ints[count, ONE], ints[count, TWO] = GAP, site[0], site[1], site[2]
+    ints[count, TYPE], ints[count, KIND], ints[count, ONE], ints[count, TWO] = ROW_GAP, site[0], site[1], site[2]
     ints[count, P1], ints[count, P2], ints[count, V], ints[count, W] = p1, p2, v, w
-    reals[count, POSITION], reals[count, HAND], reals[count, SIGN] = 1.0, hand, sign
+    reals[count, POSITION], reals[count, ORIENTATION], reals[count, SIGN] = 1.0, orientation, sign
     return count if _is_known(rows, count, ints[count], reals[count]) else count + 1
 
 
@@ -809,7 +809,7 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
         Whether rows of chosen sites and of `closing` are to be added first.
     """
     motion, parts1, parts2, tracked, _, pairs, _ = scene
-    (ints, reals), (chosen, hands), k = rows, sites, len(z)
+    (ints, reals), (chosen, orientations), k = rows, sites, len(z)
     flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((1, 6))
     x, y, need = pairs[1, 0], pairs[1, 1], pairs[2, 0]
     pose, changed, faulty = flat[:12], begins, False
@@ -828,11 +828,11 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
         _place(motion, z, 1.0, q, flat, False)
         for c in range(made):
             p1, p2 = chosen[c, 3], chosen[c, 4]
-            _line(parts1, parts2, chosen[c], hands[c], pose, line)
+            _line(parts1, parts2, chosen[c], orientations[c], pose, line)
             v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
             if gap < need - slack or begins:
                 before = count
-                count = _gap_row(rows, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
+                count = _gap_row(rows, count, 1.0, chosen[c], orientations[c], p1, p2, v, w)
                 changed = changed or count > before
         bounds = pair_bounds(*parts1, *parts2, pose, pairs[1])
         for p1 in range(0 if begins else bounds.shape[0]):
@@ -847,9 +847,9 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                 if widest < need - slack:
                     chosen[made, :3] = facets[best]
                     chosen[made, 3], chosen[made, 4] = p1, p2
-                    hands[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
+                    orientations[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
                     v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, lines[best])
-                    count = _gap_row(rows, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
+                    count = _gap_row(rows, count, 1.0, chosen[made], orientations[made], p1, p2, v, w)
                     made += 1
                     changed = True
     if closing[0] >= 0:
@@ -857,7 +857,7 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
         kept = base
         for r in range(base, count):
             stale = False
-            if ints[r, TYPE] == GAP and reals[r, HAND] < 0.0:
+            if ints[r, TYPE] == ROW_GAP and reals[r, ORIENTATION] < 0.0:
                 _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], pose, line)
                 gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])[2]
                 one, two = _at(_part(parts1, p1)[0], ints[r, V]), _at(_part(parts2, p2)[0], ints[r, W])
@@ -894,13 +894,13 @@ def _widest(rows, x, y):
 # ------------------------------------------------------------------------------------------------- direction search
 # A path is the straight ray to its motion, so that motions with two parameters are a fan of rays: each direction, an
 # angle in weighted coordinates, has the least amount at which the requirement is met before coherence ends. What is
-# asked of a ray is its *merit*: that amount, or, where there is none, `FAR` plus what is missing at best. Over the
+# asked of a ray is its *objective*: that amount, or, where there is none, `FAR` plus what is missing at best. Over the
 # directions it is least at the least motion, whether that is a smooth minimum, or where the contact ends just as it is
 # beyond.
 
 
 @kernel
-def beyond(scene, hands, z, room):
+def beyond(scene, orientations, z, room):
     """Return by how much the tracked pair is beyond its target, relative; -inf where there is none."""
     q, flat, lines, rho, _ = room  # so that nothing is allocated
     _place(scene[0], z, 1.0, q, flat, False)
@@ -912,27 +912,27 @@ def beyond(scene, hands, z, room):
     least = np.inf
     noise = ROUNDING * math.sqrt((a * a + b * b) * (d * d + e * e)) / abs(a * e - b * d)
     for body in range(2):
-        if hands[body] != 0.0:
-            least = min(least, hands[body] * (rho[0, body] - pairs[1, body]) / pairs[1, body] - noise)
+        if orientations[body] != 0.0:
+            least = min(least, orientations[body] * (rho[0, body] - pairs[1, body]) / pairs[1, body] - noise)
     return least
 
 
 @kernel
-def _lost(scene, path, hands, z, room):
+def _lost(scene, path, orientations, z, room):
     """Tell whether the contact is not real at a motion, or its two lines all but parallel."""
     motion, parts1, parts2, tracked, signs, pairs, _ = scene
     if path_faults((motion, parts1, parts2, tracked, signs, pairs, path), z, True, room[4]):
         return True
-    return beyond(scene, hands, z, room) == -np.inf
+    return beyond(scene, orientations, z, room) == -np.inf
 
 
 @kernel
-def merits(scene, hands, limits, steps, angles, cap, halvings):
+def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
     Parameters
     ----------
-    hands : (2,) array
+    orientations : (2,) array
         Signs of "beyond" for each body, 0 where it does not matter.
     limits : (2, 2) array
         Of each z.
@@ -943,7 +943,7 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
     halvings : int
         Of a stretch at whose end the contact is lost.
     """
-    path, merits = scene[6], np.full(len(angles), 2.0 * FAR)
+    path, objectives = scene[6], np.full(len(angles), 2.0 * FAR)
     way, z = np.empty(2), np.empty(2)
     faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
     room = np.empty(2), np.empty(12 * 3), np.empty((2, 1, 6)), np.empty((1, 2)), faults
@@ -967,20 +967,20 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
             if before < start < ahead:
                 ahead = start
             z[:] = ahead * way
-            lost = _lost(scene, looks[0], hands, z, room)
+            lost = _lost(scene, looks[0], orientations, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
                 z[:] = middle * way
-                if _lost(scene, looks[0], hands, z, room):
+                if _lost(scene, looks[0], orientations, z, room):
                     high = middle
                 else:
                     low = middle
             ahead = low if lost else ahead
             z[:] = ahead * way
-            value = beyond(scene, hands, z, room)
+            value = beyond(scene, orientations, z, room)
             if ahead >= start and ahead > 0.0:
                 best = max(best, value)
                 if value >= 0.0:
@@ -990,15 +990,16 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
                         if not low < middle < high:
                             break
                         z[:] = middle * way
-                        if beyond(scene, hands, z, room) >= 0.0:
+                        if beyond(scene, orientations, z, room) >= 0.0:
                             high = middle
                         else:
                             low = middle
                     z[:] = high * way
-                    if not (_lost(scene, looks[1], hands, z, room) or _lost(scene, looks[2], hands, z, room)):
-                        merits[n], cap = high, min(cap, high)
+                    lost_soon = _lost(scene, looks[1], orientations, z, room)
+                    if not (lost_soon or _lost(scene, looks[2], orientations, z, room)):
+                        objectives[n], cap = high, min(cap, high)
                     lost = True
             before = ahead
-        if merits[n] >= FAR:
-            merits[n] = FAR * (1.0 + min(-best, 1.0))
-    return merits
+        if objectives[n] >= FAR:
+            objectives[n] = FAR * (1.0 + min(-best, 1.0))
+    return objectives

@@ -24,7 +24,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROOM = 160  # rows of one descent
 ROUNDS = 30  # of adding rows
-REACH, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
+START_DISTANCE, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
 PROBES = 5  # improvements along other sites, at most
 CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
 ASTRAY = 2.0  # factor by which a motion may differ from what rows promised before rays are searched
@@ -37,7 +37,7 @@ class Way(NamedTuple):
     """A site, (kind, i, j, part of 1, part of 2), and the orientation of its normal where it is of edges."""
 
     site: tuple[int, ...]
-    hand: float
+    orientation: float
 
     @property
     def parts(self) -> Parts:
@@ -101,17 +101,17 @@ class Descent:
         made: list[tuple[dict[int, int], float, float]] = []
         for k, side in np.argwhere(np.isfinite(task.limits)).tolist():
             level = float(task.limits[k, side] / self.scale[k])
-            made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, (1.0, -1.0)[side], level))
+            made.append(({compiled.TYPE: compiled.ROW_BOUND, compiled.V: k}, (1.0, -1.0)[side], level))
         if len(task.tracked) == 1:
-            made.append(({compiled.TYPE: compiled.ON, compiled.EQUAL: 1}, 1.0, 0.0))
+            made.append(({compiled.TYPE: compiled.ROW_LINE, compiled.EQUAL: 1}, 1.0, 0.0))
         elif task.tracked:
             for body in (0, 1):
-                own = {compiled.TYPE: compiled.REACH, compiled.BODY: body, compiled.EQUAL: int(task.goal == "at")}
+                own = {compiled.TYPE: compiled.ROW_TARGET, compiled.BODY: body, compiled.EQUAL: int(task.goal == "at")}
                 made.append((own, float(task.signs[body] or 1.0), 0.0))
-        for k, (entries, hand, level) in enumerate(made):
+        for k, (entries, orientation, level) in enumerate(made):
             for column, value in entries.items():
                 table[k, column] = value
-            numbers[k] = 1.0, hand, level
+            numbers[k] = 1.0, orientation, level
         return table, numbers, len(made)
 
     def settle(
@@ -157,46 +157,47 @@ class Descent:
             went, count, made = compiled.grow(self.scene, rows, base, count, sites, made, pair, z, slack, duals, begins)
             if went == compiled.FOUND:
                 sited = zip(sites[0][:made].tolist(), sites[1][:made].tolist(), strict=True)
-                ways = [Way(tuple(site), hand) for site, hand in sited]
-                return self._settled(z, rows[0][:count], rows[1][:count, compiled.HAND], duals, ways, closing)
+                ways = [Way(tuple(site), orientation) for site, orientation in sited]
+                return self._settled(z, rows[0][:count], rows[1][:count, compiled.ORIENTATION], duals, ways, closing)
             if went != compiled.GOES_ON:
                 return None
         return None
 
     def _settled(
-        self, z: Array, ints: Ints, hands: Array, duals: Array, ways: list[Way], closing: Parts | None
+        self, z: Array, ints: Ints, orientations: Array, duals: Array, ways: list[Way], closing: Parts | None
     ) -> Settled:
         kept = {feature.parts for feature in self.task.tracked} | ({closing} if closing is not None else set())
-        rows = zip(ints, hands, duals, strict=False)
-        active = tuple(dict.fromkeys(self._named(row, hand) for row, hand, dual in rows if dual != 0))
+        rows = zip(ints, orientations, duals, strict=False)
+        active = tuple(dict.fromkeys(self._named(row, orientation) for row, orientation, dual in rows if dual != 0))
         kinds = ints[:, compiled.TYPE]
-        sited = ints[(kinds == compiled.SIDE) | (kinds == compiled.GAP), compiled.KIND : compiled.P2 + 1]
-        behind = ints[kinds == compiled.BEHIND, compiled.KIND : compiled.V + 1]
+        sited = ints[(kinds == compiled.ROW_SEPARATION) | (kinds == compiled.ROW_GAP), compiled.KIND : compiled.P2 + 1]
+        behind = ints[kinds == compiled.ROW_DEPTH, compiled.KIND : compiled.V + 1]
         features = {*map(tuple, sited.tolist()), *map(tuple, behind.tolist())}
         kept |= {way.parts for way in ways} | {(one, two) for *_, one, two in sited.tolist()}
-        count = int((kinds != compiled.BOUND).sum())
+        count = int((kinds != compiled.ROW_BOUND).sum())
         return Settled(z, float(np.linalg.norm(z)), active, ways, count, len(features) + len(self.task.tracked), kept)
 
-    def _named(self, row: Ints, hand: float) -> str:
+    def _named(self, row: Ints, orientation: float) -> str:
         task, kind, parts = self.task, row[compiled.TYPE], (int(row[compiled.P1]), int(row[compiled.P2]))
-        if kind == compiled.REACH:
+        if kind == compiled.ROW_TARGET:
             return f"rho_{row[compiled.BODY] + 1} reaches its target"
-        if kind == compiled.ON:
+        if kind == compiled.ROW_LINE:
             return "target on the moved segment"
-        if kind == compiled.BOUND:
+        if kind == compiled.ROW_BOUND:
             return "a limit"
-        if kind == compiled.BEHIND:
+        if kind == compiled.ROW_DEPTH:
             body = int(row[compiled.BODY])
             return f"a vertex of body {body}, part {parts[body - 1] + 1}, behind the tracked feature"
         pair = task.named(parts)
-        if kind == compiled.SIDE:
-            return f"{pair} stays {'apart' if hand > 0 else 'in contact'} on the way"
-        return f"{pair} stays apart" if hand > 0 else f"{pair} closes"
+        if kind == compiled.ROW_SEPARATION:
+            return f"{pair} stays {'apart' if orientation > 0 else 'in contact'} on the way"
+        return f"{pair} stays apart" if orientation > 0 else f"{pair} closes"
 
     @cached_property
     def starts(self) -> Array:
         """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
-        reach = np.diag(np.where(self.task.motion.turning, np.minimum(REACH, 1.0 / self.scale), REACH))
+        turns = np.minimum(START_DISTANCE, 1.0 / self.scale)
+        reach = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
         first = self.task.start / self.scale
         low, high = self.task.limits.T / self.scale
         made: Array = np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
@@ -217,7 +218,7 @@ class Descent:
 
     def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
         """Return (amount to first order, site, separation) of the ways in which a part pair can come apart."""
-        sites, hands, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
+        sites, orientations, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
         found: list[tuple[float, Way, float]] = []
@@ -225,7 +226,8 @@ class Descent:
         for k in np.argsort(amounts, kind="stable").tolist():
             if not (known @ normals[k] > 1.0 - DEFAULT.nominal).any():
                 known = np.vstack([known, normals[k]])
-                found.append((float(amounts[k]), Way((*sites[k].tolist(), *parts), float(hands[k])), float(gaps[k])))
+                own = Way((*sites[k].tolist(), *parts), float(orientations[k]))
+                found.append((float(amounts[k]), own, float(gaps[k])))
             if len(found) == CHOICES:
                 break
         return found

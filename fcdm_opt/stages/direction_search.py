@@ -84,20 +84,20 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     count = RAYS if task.part_pairs <= MANY else RAYS_OF_MANY
     cap, width = farthest(task) / task.unit, 2.0 * math.pi / count
 
-    def merits_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
+    def objectives_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
         pacing.check()
-        merits: Array = compiled.merits(*given, angles, cap, halvings)
-        return merits
+        objectives: Array = compiled.objectives(*given, angles, cap, halvings)
+        return objectives
 
     angles: Array = np.arange(count, dtype=np.float64) * width
-    cap = min(cap, float(merits_of(angles[::COARSE], ROUGH).min()))
-    merits = merits_of(angles, ROUGH)
-    lowest = np.flatnonzero((merits <= np.roll(merits, 1)) & (merits <= np.roll(merits, -1)))
+    cap = min(cap, float(objectives_of(angles[::COARSE], ROUGH).min()))
+    objectives = objectives_of(angles, ROUGH)
+    lowest = np.flatnonzero((objectives <= np.roll(objectives, 1)) & (objectives <= np.roll(objectives, -1)))
     best, at = np.inf, 0.0
-    for k in lowest[np.argsort(merits[lowest], kind="stable")][:WINDOWS].tolist():
-        merit, angle = _narrowed(merits_of, (k - 1) * width, (k + 1) * width)
-        if merit < min(best, compiled.FAR):
-            best, at, cap = merit, angle, merit
+    for k in lowest[np.argsort(objectives[lowest], kind="stable")][:WINDOWS].tolist():
+        objective, angle = _narrowed(objectives_of, (k - 1) * width, (k + 1) * width)
+        if objective < min(best, compiled.FAR):
+            best, at, cap = objective, angle, objective
     if not best < compiled.FAR:
         return None
 
@@ -108,14 +108,14 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     return np.clip(motion(at), *task.limits.T), (motion(at - BESIDE), motion(at + BESIDE))
 
 
-def _narrowed(merits_of: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
+def _narrowed(objectives_of: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
     """Return (merit, angle) where the merit is least between two directions, by golden section.
 
     A window too narrow to have been seen is entered where what is missing becomes nothing; that none opens shows where
     directions differ by less than they miss.
     """
     one, two = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
-    first, second = merits_of(np.array([one, two])).tolist()
+    first, second = objectives_of(np.array([one, two])).tolist()
     misses = 0
     while high - low > FINE:
         misses = misses + 1 if min(first, second) - compiled.FAR > HOPELESS * abs(first - second) else 0
@@ -124,11 +124,11 @@ def _narrowed(merits_of: Callable[[Array], Array], low: float, high: float) -> t
         if first <= second:
             high, two, second = two, one, first
             one = low + GOLDEN * (high - low)
-            first = float(merits_of(np.array([one]))[0])
+            first = float(objectives_of(np.array([one]))[0])
         else:
             low, one, first = one, two, second
             two = high - GOLDEN * (high - low)
-            second = float(merits_of(np.array([two]))[0])
+            second = float(objectives_of(np.array([two]))[0])
     return min((first, one), (second, two))
 
 

@@ -61,7 +61,7 @@ def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer
         outcome = program.minimise(task, rows, task.start, planes, "full", tolerance)
         if outcome is None or (best is not None and task.amount(outcome.q) >= best.amount):
             continue
-        pairs = list(np.ndindex(len(task.movable.parts), len(task.opponents)))
+        pairs = list(np.ndindex(len(task.movable.parts), len(task.obstacles)))
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
         variables = len(task.weights) + 3 * len(planes) + min(largest, 1)
         counts = task.modelled(pairs, variables=variables, constraints=len(rows) + largest, features=task.features)
@@ -93,12 +93,12 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
                 ]
                 planes.append(_level(task, one, normal, task.nominal[0]))
     pose = task.pose(task.start)
-    for i, j in np.ndindex(len(task.movable.parts), len(task.opponents)):
-        one, opponent = task.movable.parts[i], task.opponents[j]
-        if np.isfinite(opponent.need):
+    for i, j in np.ndindex(len(task.movable.parts), len(task.obstacles)):
+        one, obstacle = task.movable.parts[i], task.obstacles[j]
+        if np.isfinite(obstacle.need):
             _, facets, gaps = task.separations((i, j), pose)
-            placed = opponent.placed(task.static.seed)
-            for body, need, vertices in ((1, 0.0, one.vertices), (2, opponent.need, placed)):
+            placed = obstacle.placed(task.static.seed)
+            for body, need, vertices in ((1, 0.0, one.vertices), (2, obstacle.need, placed)):
                 rows += [program.plane_row(task, len(planes), body, v, need, "") for v in vertices]
             planes.append(_level(task, one, facets[int(np.argmax(gaps)), :3], task.target[0]))
     if closing is not None:

@@ -28,15 +28,15 @@ from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest, nearest_on
+from fcdm_opt.stages.contact_system import System, among_others
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.stages.relaxation import choices
-from fcdm_opt.stages.together import System, among_others
 from fcdm_opt.tolerances import DEFAULT
 
 # Nodes looked at, and times as many as the most directions of one of several pairs, before the task is left to stage 4.
 # A single pair is done after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 500_000
-AT_ONCE = 16  # pairs of many that are taken up together
+BATCH_SIZE = 16  # pairs of many that are taken up together
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
 LINES = "1: contact lines linear in the motion"
@@ -110,7 +110,7 @@ def _on_one_line(task: Task, rates: Array, gaps: Array, moving: Bools) -> Answer
     least = straight(
         replace(
             task, movable=task.movable.moved(T), motion=Translation(tuple((along / length).tolist())),
-            weights=np.ones(1), limits=np.array([[low, high]]), tracked=(), besides=(), seats=(), flush=(),
+            weights=np.ones(1), limits=np.array([[low, high]]), tracked=(), untracked=(), seats=(), flush=(),
             coherent=False, resolution=None,
         )
     )  # fmt: skip
@@ -153,7 +153,7 @@ def _on_lines(task: Task, q: Array) -> Answer:
     moving = (task.limits != 0).any(axis=1)
     at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
     active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
-    kept = [line.parts for line in (*task.tracked, *task.besides)]
+    kept = [line.parts for line in (*task.tracked, *task.untracked)]
     counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
     return task.answer(q, LINES, np.inf, active, counts)
 
@@ -166,7 +166,7 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     turning = moving & task.spins.any(axis=1)
     if turning.any():
         along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
-        if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):
+        if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.untracked))):
             return False
     between = (task.motion.along_seeds & moving).any()
     return not between or moving.sum() == 1  # its axis follows what the others do
@@ -265,7 +265,7 @@ def translations(task: Task) -> Answer | None:
             return None
         x, pairs, constraints = least
         length = np.inf if x is None else float(np.linalg.norm(x))
-        sooner = [parts for bound, parts in later[: max(AT_ONCE, len(closings or ()))] if bound < length]
+        sooner = [parts for bound, parts in later[: max(BATCH_SIZE, len(closings or ()))] if bound < length]
         if closings is not None and sooner:
             later = later[len(sooner) :]
             rows = {parts: _closing(_lines(task, parts, shifts)) for parts in sooner}
@@ -326,7 +326,7 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
     if len(moved) * len(other) > MOST_DIFFERENCES:
         return None
     differences = (other[:, None] - moved[None]).reshape(-1, 3)
-    need = task.opponents[parts[1]].need
+    need = task.obstacles[parts[1]].need
     hull = ConvexHull(differences)
     outward, middles = hull.equations[:, :3], np.zeros_like(differences)
     np.add.at(middles, hull.simplices, outward[:, None])  # within a corner's normal cone
@@ -337,9 +337,9 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
 
 def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
     """Return the vertices of two parts as made, at rest, about s_2."""
-    one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
+    one, obstacle, centre = task.movable.parts[parts[0]], task.obstacles[parts[1]], task.static.seed
     moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
-    return moved, opponent.placed(centre)
+    return moved, obstacle.placed(centre)
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
@@ -360,7 +360,7 @@ def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
     codes = np.flatnonzero(gaps < -DEFAULT.cut * task.size)
     codes = codes[np.argsort(gaps.ravel()[codes], kind="stable")]
     pairs = (divmod(code, gaps.shape[1]) for code in codes.tolist())
-    return list(islice((parts for parts in pairs if parts not in known), AT_ONCE))
+    return list(islice((parts for parts in pairs if parts not in known), BATCH_SIZE))
 
 
 def _wall(lines: Rows) -> Rows:

@@ -12,13 +12,13 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
+from fcdm_opt.stages.contact_system import contact_system
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.direction_search import least_direction
 from fcdm_opt.stages.full import full
 from fcdm_opt.stages.linear import shift, straight, translations
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
-from fcdm_opt.stages.together import together
 from fcdm_opt.stages.turns import turns
 from fcdm_opt.tolerances import DEFAULT
 
@@ -37,7 +37,7 @@ StageName = Literal[
 ]  # fmt: skip
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": satisfied,
-    "together": together,  # several contacts at once: nothing after it takes them
+    "together": contact_system,  # several contacts at once: nothing after it takes them
     # linear in the motion: closed forms and least distances
     "shift": shift,
     "straight": straight,
@@ -79,7 +79,7 @@ def settled(task: Task, model: str = "auto") -> Answer:
             pacing.check()
             answer = STAGES[name](task)
         except pacing.TimeOverError:
-            return left(task, last)
+            return best_so_far(task, last)
         if answer is None:
             continue
         last = answer if last is None else replace(answer, lower_bound=max(answer.lower_bound, last.lower_bound))
@@ -91,7 +91,7 @@ def settled(task: Task, model: str = "auto") -> Answer:
     return last
 
 
-def left(task: Task, known: Answer | None = None) -> Answer:
+def best_so_far(task: Task, known: Answer | None = None) -> Answer:
     """Return the best that is known of a task whose search was left at the time limit: nothing is impossible."""
     bound = max(displacement_bound(task), 0.0 if known is None else known.lower_bound)
     stage = "left at the time limit"

@@ -87,7 +87,7 @@ def _seat_rows(task: Task) -> list[Row]:
         else Row(("aligned",), np.concatenate([scale * m, p]), 0.0, 0.0, "flush contacts end aligned")
         for (m, p), rate in zip(turns, rates, strict=True)
     ]
-    lines = (*task.tracked, *task.besides)
+    lines = (*task.tracked, *task.untracked)
     rows += [
         Row(
             ("target", line.kind),

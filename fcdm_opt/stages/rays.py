@@ -79,7 +79,7 @@ def one_parameter(task: Task) -> Answer | None:
     if steady and not task.meets(q, DEFAULT.requirement):
         return None
     near = task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size
-    others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.opponents[parts[1]].keep_out >= 0]
+    others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.obstacles[parts[1]].keep_out >= 0]
     stops = tuple(dict.fromkeys(map(task.named, others)))
     return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
 
@@ -232,9 +232,9 @@ def _rates(task: Task) -> Array:
 
 @lru_cache(maxsize=4)
 def _solids(task: Task) -> tuple[Any, Any, Array]:
-    """Return body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
+    """Return body 1 at the scale made, the obstacles about s_2, and the gap that each needs."""
     movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
-    others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
+    others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.obstacles]
     return together(movable), together(others), np.array(task.needs)
 
 
@@ -253,7 +253,7 @@ def leads_nearer(task: Task, direction: Array) -> bool:
     sites, rows, separations = task.separations((i, j), task.pose(task.rest))
     widest = np.array([int(separations.argmax())])
     nearing = task.gap_rates((i, j), task.rest, sites[widest], rows[widest, :3])[0] @ direction < 0.0
-    return bool(nearing != (float(gaps[i, j]) < task.opponents[j].need))
+    return bool(nearing != (float(gaps[i, j]) < task.obstacles[j].need))
 
 
 def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array, Ints]:
@@ -322,7 +322,7 @@ def _away(task: Task) -> float:
     """Return how far a shift leads at most until the parts are out of each other's way."""
     seed = task.movable.seed
     own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
-    others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
+    others = [o for o in task.obstacles if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
     return float(own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others))
 
 

@@ -24,8 +24,8 @@ VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
-REACH = 3.0  # starts away from rest, in typical amounts
-WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
+START_DISTANCE = 3.0  # starts away from rest, in typical amounts
+FAR_START_DISTANCE, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
 FALLBACK_CHOICES = 3  # choices of features tried then
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
@@ -78,7 +78,8 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
     Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
     """
     turning = task.motion.turning
-    near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
+    lengths = (x * task.steps for x in (START_DISTANCE, FAR_START_DISTANCE))
+    near, wide = (np.where(turning, np.minimum(x, 1.0), x) for x in lengths)
     near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
     near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]
     wide_starts = [x * direction * wide for x in WIDE_FRACTIONS for direction in rays.directions(task) * task.weights]
@@ -208,7 +209,7 @@ class Relaxation:
     @property
     def _modelled(self) -> dict[str, int]:
         task = self.task
-        lines = (*task.tracked, *task.besides)
+        lines = (*task.tracked, *task.untracked)
         kept = {*self._planes, *self._on_the_way, *(line.parts for line in lines)}
         kept |= {self.closing} if self.closing is not None else set()
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
@@ -309,8 +310,8 @@ class Relaxation:
         if body == 1:
             need, point = 0.0, task.movable.parts[parts[0]].vertices[vertex]
         else:
-            opponent = task.opponents[parts[1]]
-            need, point = opponent.need, opponent.placed(task.static.seed)[vertex]
+            obstacle = task.obstacles[parts[1]]
+            need, point = obstacle.need, obstacle.placed(task.static.seed)[vertex]
         self._rows.append(program.plane_row(task, block, body, point, need, f"{task.named(parts)} stays apart"))
         return True
 
@@ -320,7 +321,7 @@ class Relaxation:
         one = task.movable.parts[parts[0]]
         own = normal @ pose[:9].reshape(3, 3)
         first = task.target[0] * (one.vertices - one.seed) @ own - normal @ pose[9:]
-        return first, task.opponents[parts[1]].placed(task.static.seed) @ normal
+        return first, task.obstacles[parts[1]].placed(task.static.seed) @ normal
 
 
 def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]:
@@ -338,7 +339,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
     closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
     short = task.beside_joints(gaps < task.needs) if asks else gaps < 0.0
-    low = {parts: _ways_apart(task, parts, q) for parts in everything if short[parts]}
+    low = {parts: _separating_directions(task, parts, q) for parts in everything if short[parts]}
     pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]
     if near:
@@ -361,7 +362,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
             yield relaxation
 
 
-def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
+def _separating_directions(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
     """Return (amount, direction) for the ways in which a part pair can come apart near a motion, least first.
 
     The amount is what a way still needs, to first order.

@@ -8,7 +8,7 @@ by the square of what was left.
 
 Positions are about the moved seed at rest. A way is (direction of the line, a point on it, turn, shift), the latter
 two per unit of amount. Solids are packed as `turns` packs them: points, (normal, level) of each face, edges as `cells`
-takes them, and the first row of each part in these; opponents are about s_2, each with the least gap it needs.
+takes them, and the first row of each part in these; obstacles are about s_2, each with the least gap it needs.
 """
 
 from __future__ import annotations

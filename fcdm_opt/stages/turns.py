@@ -131,7 +131,7 @@ class _TurnSearch:
         self.two = rays.together(
             [
                 _tables(own.part, own.scale, offset + own.part.seed - task.static.seed)
-                for own in task.opponents[: len(task.static.parts)]
+                for own in task.obstacles[: len(task.static.parts)]
             ]
         )
         self.touching, self.apart = self._pairs()

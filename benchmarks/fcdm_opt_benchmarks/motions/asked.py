@@ -205,7 +205,7 @@ class Asked:
         return [], [own - task.need / task.unit if task.must_clear else np.empty(0), others]
 
     def gaps(self, q: Array) -> Array:
-        """Return signed gaps of all part pairs, (parts of 1, opponents)."""
+        """Return signed gaps of all part pairs, (parts of 1, obstacles)."""
         return self.task.pair_gaps(q)
 
 
@@ -228,7 +228,7 @@ class AskedOfCoal(Asked):
         self._ask, self._here, self._there = coal.distance, coal.Transform3s(), coal.Transform3s()
         self._result, (self._request, _) = coal.DistanceResult(), coal_requests(tolerance)
         self._first = [_shape(part, float(task.target[0]), _KEPT[0]) for part in task.movable.parts]
-        self._second = [_shape(own.part, own.scale, _KEPT[1] if own.keep_out < 0 else {}) for own in task.opponents]
+        self._second = [_shape(own.part, own.scale, _KEPT[1] if own.keep_out < 0 else {}) for own in task.obstacles]
         self._motion = task.motion.kinematics(task.movable.seed, task.static.seed)
 
     def gaps(self, q: Array) -> Array:

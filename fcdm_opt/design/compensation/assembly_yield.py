@@ -12,10 +12,10 @@ import numpy as np
 
 from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.sizes import SCALES, drawn_pairs, proportion_interval, sources
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import by_parameter, interval, length, real
 from fcdm_opt.problem.problem import Problem
@@ -62,7 +62,7 @@ class Contribution(Plain):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssemblyYield(Plain, Shown):
+class AssemblyYield(Plain, NotebookRepr):
     """The share of part pairs whose motion stays within a budget.
 
     Attributes

@@ -20,11 +20,11 @@ from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.design.sizes import SCALES
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
@@ -77,7 +77,7 @@ class Boundary(Plain):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CompensationMap(Plain, Shown):
+class CompensationMap(Plain, NotebookRepr):
     """The smallest motion as a function of the sizes made, over a box of sizes.
 
     Attributes

@@ -255,7 +255,7 @@ def _nearest(holding: Holding) -> list[str]:
     """Return the features of part pairs that are as far apart as they must be; none that are part of a flush one."""
     task, found = holding.task, dict[int, list[tuple[str, Feature]]]()
     for parts, feature in holding.near_features():
-        keep_out = task.opponents[parts[1]].keep_out
+        keep_out = task.obstacles[parts[1]].keep_out
         found.setdefault(keep_out, []).append(("" if keep_out < 0 else f"{task.named(parts)} ", feature))
     labels = [
         f"{prefix}{feature.label}"

@@ -16,11 +16,11 @@ from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, lea
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.model.task import Task
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
@@ -38,7 +38,7 @@ WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as la
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BestPose(Shown, Plain):
+class BestPose(NotebookRepr, Plain):
     """One pose for all pairs of parts.
 
     Attributes

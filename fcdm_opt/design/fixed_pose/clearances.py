@@ -11,11 +11,11 @@ import numpy as np
 from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, not_counted, proportion_interval
 from fcdm_opt.design.stack.spread import draws
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.active_parts import need_all_parts
@@ -75,7 +75,7 @@ class EndOfRange(Plain):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clearances(Shown):
+class Clearances(NotebookRepr):
     """The gap of all size pairs at one pose.
 
     The gap is the signed distance of the two bodies, what a gauge measures: the Euclidean distance where they are

@@ -238,7 +238,7 @@ class WorstContacts(Worst):
             one, two = drawn["movable"], drawn["static"]
             others = obstacles(relation)
             if relation.goal == "clear" and pair != SCALES:
-                others.append((two, relation.clearance, two if two.hollow else None))
+                others.append((two, relation.clearance, two if two.is_surface else None))
             for body, gap, solid in others:
                 mine = tuple(size for size in relation.sizes if own and (body is two or size.body == "movable"))
                 box = np.ones((2, 2)) if own else sizes.box[whose].copy()
@@ -319,8 +319,8 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
     found = least_vector(G[used], h[used])
     return None if found is None else found / weights
 
-Obstacle = tuple[Body
-, float, Body | None]
+
+Obstacle = tuple[Body, float, Body | None]
 
 
 def obstacles(problem: Problem) -> list[Obstacle]:
@@ -332,7 +332,7 @@ def obstacles(problem: Problem) -> list[Obstacle]:
     for own in problem.keep_out:
         seed = own.body.seed
         parts = [seed + scale * (part.vertices - seed) for part, scale in own.obstacles]
-        solid = own.body if own.body.hollow else None
+        solid = own.body if own.body.is_surface else None
         found.append((Body.from_parts(parts, seed=seed, name=own.name), own.clearance, solid))
     return found
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.contributions import mixture
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive
 from fcdm_opt.problem.schema import known_sizes

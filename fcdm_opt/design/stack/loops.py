@@ -122,7 +122,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
                 wide[:, 1 + names.index(size.name)] += own.values[:, 1 + k]
             pairs.append(own._replace(values=wide))
     rows = replace(touching, sizes=assembly.sizes, pairs=tuple(pairs), ranges=np.empty((0, 2)), as_drawn=True)
-    still = tuple(own for k, other in enumerate(asked) if other != pair for own in _claims(gaps, k, motions, assembly.sizes))
+    others = (k for k, other in enumerate(asked) if other != pair)
+    still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
     return Loop(rows, claim, still)
 
 

@@ -15,7 +15,6 @@ from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
 from fcdm_opt.design.stack.loops import Loop, assembly_loop, pair_loop
 from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
-from fcdm_opt.doors import upper
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.bodies import rigid_transform
@@ -23,6 +22,7 @@ from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
 from fcdm_opt.problem.assembly import Assembly
@@ -152,7 +152,7 @@ class StackUp:
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
-        told: str = upper("show.stacks:stack_text")(self)
+        told: str = imported("show.stacks:stack_text")(self)
         return told
 
     def __repr__(self) -> str:

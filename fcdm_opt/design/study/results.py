@@ -19,8 +19,8 @@ from fcdm_opt.design.moved_files import moved, to_csv
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
-from fcdm_opt.doors import Shown, extra
 from fcdm_opt.errors import InputError
+from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.plain import plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -65,7 +65,7 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StudyResult(Shown):
+class StudyResult(NotebookRepr):
     """The points of a study in order, with what was found for each of them.
 
     Attributes

@@ -19,8 +19,8 @@ from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
-from fcdm_opt.doors import extra
 from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.lazy_import import extra
 from fcdm_opt.version import __version__
 
 Engine = Literal["joblib", "dask"]
@@ -237,7 +237,7 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     """
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
-        if pacing.heard():
+        if pacing.has_listeners():
             yield lambda done, made: pacing.at("solving points", done, total)
             return
         from rich.console import Console

@@ -7,15 +7,17 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, create_model, model_validator
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import schema_of
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
-from fcdm_opt.problem.solution import Effort
+from fcdm_opt.problem.solution import Effort, Solution
 
 Key = Annotated[str, Field(min_length=1)]
 Sampling = Literal["latin hypercube", "random"]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
-KINDS = ("problem", "study", "assembly")
+KINDS = ("problem", "study", "assembly", "result")
 WAYS = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
@@ -189,7 +191,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
 
     Parameters
     ----------
-    kind : "problem", "study" or "assembly"
+    kind : "problem", "study" or "assembly", or "result": what `fcdm-opt solve --json` writes
 
     Raises
     ------
@@ -198,8 +200,35 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     """
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
+    if kind == "result":
+        return _of_results()
     model = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind]
     document = model.model_json_schema()
     document.pop("title", None)
     head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}
     return {**head, **document}
+
+
+def _of_results() -> dict[str, Any]:
+    """Return the schema of a document of `solve`: files, their cases, and for each what its solution tells."""
+    known: dict[str, Any] = {}
+    kinds = [schema_of(kind, known) for kind in (Solution, AssemblySolution)]
+    failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": ["name", "error"]}
+    case = {"type": "object", "properties": {"name": {"type": "string"}}, "anyOf": [*kinds, failed]}
+    texts = {key: {"type": "string"} for key in ("file", "title", "note", "error")}
+    file = {"type": "object", "properties": {**texts, "cases": {"type": "array", "items": case}}, "required": ["file"]}
+    return {
+        "$schema": DIALECT,
+        "$id": "urn:fcdm-opt:result",
+        "title": "Result of fcdm-opt solve --json",
+        "type": "object",
+        "properties": {
+            "schema": {"const": "fcdm_opt solve 1"},
+            "version": {"type": "string"},
+            "error": {"type": "string"},
+            "scenes": {"type": "array", "items": {"type": "object"}, "description": "bodies, by their number"},
+            "files": {"type": "array", "items": file},
+        },
+        "required": ["schema", "version"],
+        "$defs": known,
+    }

@@ -322,7 +322,7 @@ def _shape_of_sizes(problem: Scene, scale: bool) -> tuple[Array, float, tuple[st
     usual: tuple[str, ...] = CORNERS[2:] if isinstance(problem, Assembly) else CORNERS[:2]
     for role, body in problem.drawn.items():
         rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
-        if body.hollow and rows:
+        if body.is_surface and rows:
             usual = CORNERS[2:]
         elif rows:
             moving = Resizing.of(body, [problem.sizes[k] for k in rows])

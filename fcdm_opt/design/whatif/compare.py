@@ -14,12 +14,14 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import truth
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-BY_PARAMETER = ("limits", "weights", "resolution")  # arguments that name parameters
 REFUSED = "BAD_INPUT"  # status of a family that the question does not hold for
 OWN = "as given"  # name of the problem's own motion
 
@@ -58,7 +60,7 @@ class FamilyRow(PlainMotion):
     ----------
     name : str
     motion : Motion
-    solution : Solution or None
+    solution : Solution, AssemblySolution or None
         None where the question does not hold for the family.
     dropped : tuple of str
         What the question says of parameters that the family does not have: "limits.TX", "weights.RZ".
@@ -72,7 +74,7 @@ class FamilyRow(PlainMotion):
 
     name: str
     motion: Motion
-    solution: Solution | None
+    solution: Bounded | None
     dropped: tuple[str, ...] = ()
     tied: tuple[str, ...] = ()
     note: str = ""
@@ -95,10 +97,12 @@ class FamilyRow(PlainMotion):
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"."""
         solution, motion = self.solution, None
-        if solution is not None and solution.parameters:
-            q, unit = list(solution.parameters.values()), solution.problem.unit
-            motion = solution.problem.motion.describe(q, unit=unit)
-        bound, state = (None, "") if solution is None else (plain(solution.lower_bound), solution.pair_state)
+        if isinstance(solution, AssemblySolution):
+            motion = "; ".join(f"{part} {told}" for part, told in solution.motions.items()) or None
+        elif isinstance(solution, Solution) and solution.parameters:
+            motion = solution.problem.motion.describe([*solution.parameters.values()], unit=solution.problem.unit)
+        bound = None if solution is None else plain(solution.lower_bound)
+        state = getattr(solution, "pair_state", "")
         return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
 
 
@@ -108,13 +112,13 @@ class Comparison:
 
     Attributes
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     length : float
-        Length that turns radians into lengths, the same for all.
+        Length that turns radians into lengths, the same for all families; of an assembly the least of its parts'.
     table : tuple of FamilyRow
     """
 
-    problem: Problem = field(repr=False)
+    problem: Scene = field(repr=False)
     length: float
     table: tuple[FamilyRow, ...]
 
@@ -140,19 +144,19 @@ class Comparison:
 
 @known_arguments
 def compare(
-    problem: Problem,
+    problem: Scene,
     motions: Mapping[str, Motion] | Iterable[Motion] | None = None,
     *,
     certify: bool = False,
 ) -> Comparison:
-    """Solve a problem with several families of motions, and say which is cheapest.
+    """Solve a problem, or an assembly all parts of which move so, with families of motions; say which is cheapest.
 
     Goal, length and everything else stay as they are; what the problem says of parameters that a family does not have
     is dropped there, and told.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     motions : mapping of name to Motion, or Motions, optional
         Default: the problem's own motion and the usual `families`.
     certify : bool
@@ -167,21 +171,22 @@ def compare(
     InputError
         For arguments of the wrong kind. A family that the question does not hold for is a row, not an error.
     """
-    expected(problem, Problem, "problem")
+    expected(problem, (Problem, Assembly), "problem")
     truth(certify, "certify")  # each family would be a row that says so
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
     notes = _checked(rows) if motions is None else {}
     table = (replace(row, tied=_tied(row, rows), note=row.note or notes.get(row.name, "")) for row in rows)
-    return Comparison(problem=problem, length=problem.length, table=tuple(table))
+    return Comparison(problem=problem, length=problem.turning_length, table=tuple(table))
 
 
-def _usual(problem: Problem) -> dict[str, Motion]:
+def _usual(problem: Any) -> dict[str, Motion]:
     """Return the usual families, and the problem's own motion where it is none of them."""
     usual = families()
-    own = {} if any(problem.motion.steps == motion.steps for motion in usual.values()) else {OWN: problem.motion}
-    return {**own, **usual}
+    if isinstance(problem, Assembly) or any(problem.motion.steps == motion.steps for motion in usual.values()):
+        return usual
+    return {OWN: problem.motion, **usual}
 
 
 def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion]:
@@ -203,20 +208,12 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
     return made
 
 
-def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> FamilyRow:
+def _row(problem: Any, name: str, motion: Motion, certify: bool) -> FamilyRow:
     """Return a family solved, or why it cannot be asked."""
-    names = set(motion.names)
-    given = {key: problem.request[key] for key in BY_PARAMETER if isinstance(problem.request[key], Mapping)}
-    changes = {
-        key: {name: value for name, value in values.items() if name in names} or None for key, values in given.items()
-    }
-    dropped = tuple(f"{key}.{name}" for key, values in given.items() for name in values if name not in names)
-    row = FamilyRow(name=name, motion=motion, solution=None, dropped=dropped)
+    row = FamilyRow(name=name, motion=motion, solution=None)
     try:
-        asked = problem.changed(
-            motion=motion, goal=problem.goal, length=problem.length, published=None, published_text="", **changes
-        )
-        return replace(row, solution=solve(asked, certify=certify))
+        asked, dropped = problem.with_motion(motion)
+        return replace(row, solution=solve(asked, certify=certify), dropped=dropped)
     except InputError as reason:
         return replace(row, note=str(reason))
 
@@ -225,7 +222,7 @@ def _tied(row: FamilyRow, rows: list[FamilyRow]) -> tuple[str, ...]:
     """Return the other usable families of the same amount."""
     if row.solution is None or not row.usable:
         return ()
-    floor, others = DEFAULT.tie * row.solution.problem.size, [one for one in rows if one is not row and one.usable]
+    floor, others = DEFAULT.tie * row.solution.question.size, [one for one in rows if one is not row and one.usable]
     near = [max(DEFAULT.tied * max(row.amount, other.amount), floor) for other in others]
     return tuple(
         other.name for other, slack in zip(others, near, strict=True) if abs(other.amount - row.amount) <= slack

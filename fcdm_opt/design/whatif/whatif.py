@@ -14,9 +14,9 @@ import numpy as np
 from fcdm_opt.design.question import excluded
 from fcdm_opt.design.whatif.constraints import scene_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
-from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.scene import Scene
@@ -34,7 +34,7 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WhatIf(Plain, Shown):
+class WhatIf(Plain, NotebookRepr):
     """A solved problem, a changed one, and what the change did.
 
     Attributes

@@ -9,7 +9,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-from fcdm_opt import beside, pacing
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.errors import InputError
 from fcdm_opt.model.mesh_error import facets_known
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -67,7 +67,7 @@ def gather(
     """
     files = list(files)
     asked = [problem for file in files for problem in file.problems]
-    together = beside.cores(len(asked))
+    together = process_pool.cores(len(asked))
 
     def case(number: int) -> dict[str, Any]:
         problem, part = asked[number], min(1.0, together / (len(asked) - number))
@@ -90,7 +90,7 @@ def gather(
         with pacing.telling():
             view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     pacing.at("solving and drawing the cases before it")
-    answers = beside.each(case, range(len(asked)))
+    answers = process_pool.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
         errors = [file.error] if file.error else []

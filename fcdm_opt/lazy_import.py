@@ -1,0 +1,50 @@
+"""What is imported when asked for: what packages above a result's own work out, and libraries that are extras."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from fcdm_opt.errors import InputError
+
+
+def imported(place: str) -> Any:
+    """Return what stands at "package.module:name" of fcdm_opt."""
+    module, name = place.split(":")
+    return getattr(import_module(f"fcdm_opt.{module}"), name)
+
+
+def extra(module: str, of: str, *, key: str | None = None, found: Any = None) -> Any:
+    """Import a library that is installed with an extra of this project.
+
+    Parameters
+    ----------
+    module : str
+        What to import.
+    of : str
+        The extra that installs it, a name of `project.optional-dependencies`.
+    key, found : optional
+        What asked for it, as `InputError` says it.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be loaded; says what to install.
+    """
+    try:
+        return import_module(module)
+    except ImportError as reason:
+        name = module.partition(".")[0]
+        what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[{of}]'"
+        raise InputError(what, key=key, found=found) from reason
+
+
+class NotebookRepr:
+    """Base of the results that notebooks show as a card, see `fcdm_opt.show.cards`."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook."""
+        made: str = imported("show.cards:card_of")(self)
+        return made

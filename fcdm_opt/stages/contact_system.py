@@ -1,0 +1,657 @@
+"""Several contacts at once: the least motion that closes all of them, and what to say where none does.
+
+The gap of each contact is one equation, and flush contacts of motions that turn have those of their alignment besides.
+In weighted coordinates z the least motion of the linearised equations is a least distance problem in their null space,
+with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method. So are
+several tasks with the same parameters, one for each two parts of an assembly, met at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from fcdm_opt import pacing
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.bounds import displacement_bound
+from fcdm_opt.model.equations import FeaturePoints
+from fcdm_opt.model.seats import Bools
+from fcdm_opt.model.task import Answer, Parts, Task, lines_of
+from fcdm_opt.problem.evidence import Multipliers
+from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.exclusion import Exclusion
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
+from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
+from fcdm_opt.stages.separating_directions import Linearised
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
+CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
+EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
+AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
+WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
+TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
+SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
+OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
+OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
+BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
+MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
+MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
+LINEAR, NEWTON = "1: several contacts, linear equations", "2: several contacts, by Newton's method"
+
+
+def contact_system(task: Task) -> Answer | None:
+    """Answer a task that restores several contacts at once; None for any other.
+
+    Exact where nothing turns: fewer independent contacts than parameters leave a family, of which the least motion is
+    taken, as many one motion; more are impossible unless they agree, and it is said which exclude each other.
+    """
+    if not task.joints:
+        return None
+    if task.goal == FIT:
+        return _fitted(task)
+    own = System.of(task)
+    z, sure = least([own])
+    if z is not None:
+        return _answered(own, z, exact=sure)
+    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
+    if sure:
+        return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
+    return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
+
+
+def among_others(task: Task) -> Answer | None:
+    """Return the least shift that brings tracked lines to the target pair and keeps other parts apart; exact.
+
+    None where that is not sure, and of other motions.
+    """
+    if task.goal not in ("at", "seat") or not task.motion.shifts:
+        return None
+    own = System(task, (*task.tracked, *task.untracked))
+    z, sure = least([own])
+    if not sure:
+        return None
+    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if z is None else _answered(own, z, exact=True)
+
+
+def _answered(own: System, z: Array, *, exact: bool) -> Answer:
+    """Return a motion that restores all contacts as the answer."""
+    task, q = own.task, own.q(z)
+    count = len(task.joints) or 1
+    beside = [task.obstacles[j].keep_out >= 0 for j in range(len(task.obstacles))]
+    at_need = np.abs(task.pair_gaps(q) - task.needs) <= DEFAULT.active * task.size
+    stopped = {task.named((i, j)): None for i, j in np.argwhere(at_need & beside).tolist()}
+    first = f"{count} contacts at once" if count > 1 else "the contact"
+    active = (first, *(f"{name} stays apart" for name in stopped), *own.at_limits(q))
+    pairs = {feature.parts for feature in own.features} | {(i, j) for i, j in np.argwhere(at_need & beside).tolist()}
+    counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
+    bound = np.inf if exact else displacement_bound(task)
+    return task.answer(q, LINEAR if task.motion.shifts else NEWTON, bound, active, counts)
+
+
+def all_at_once(
+    problems: Sequence[Problem], tasks: Sequence[Task], names: Sequence[str], *, known: float, prove: bool
+) -> Answer:
+    """Answer several tasks that share their parameters and their size: contacts of an assembly that share motions.
+
+    Exact where nothing turns; else with the best bound found: `known` beforehand, that no other motions restore the
+    contacts, or multipliers.
+
+    Parameters
+    ----------
+    problems, tasks : sequences of Problem and Task
+        Alike.
+    names : sequence of str
+        Of each, in what is told.
+    known : float
+        A lower bound of the amount.
+    prove : bool
+        Look for a bound where motions turn.
+    """
+    systems = [System.of(task) for task in tasks]
+    stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
+    z, exact = least(systems)
+    if z is None:
+        status = Status.INFEASIBLE if exact else Status.NOT_FOUND
+        return Answer(status, None, stage, np.inf if exact else known, _Told(systems, names).sentences())
+    q = systems[0].q(z)
+    amount = float(np.linalg.norm(tasks[0].weights * q))
+    bound = amount if exact else known
+    joined = [problem for problem in problems if problem.contacts]
+    if prove and bound < amount and joined:
+        bound = max(bound, min(widest_unique(joined, q), amount))
+        if bound < amount:
+            bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
+    count = sum(len(task.joints) for task in tasks)
+    active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
+    status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
+    return Answer(status, q, stage, min(bound, amount), active, amount=amount)
+
+
+def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
+    """Return an answer about several contacts and a motion that turns with what interval arithmetic proves of it.
+
+    How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
+    unless it is larger.
+    """
+    none, fit = answer.q is None, problem.goal == FIT
+    if (none and fit) or ((none or fit) and problem.motion.shifts):
+        return answer
+    if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
+        return answer  # only where all can be closed does the least gap ask for the same
+    if problem.motion.shifts:  # what holds in one box holds in all
+        only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
+        return replace(answer, unique=np.inf if only else 0.0)
+    if answer.q is not None:
+        answer = replace(answer, unique=widest_unique((problem,), answer.q))
+    if answer.q is not None and not answer.q.any():
+        return answer
+    bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
+    if bound < answer.amount:
+        bound = max(bound, _bounded(problem, task, answer))
+    bound = min(bound, answer.amount)
+    if answer.q is not None or bound <= answer.lower_bound:
+        return replace(answer, lower_bound=max(bound, answer.lower_bound))
+    farthest = float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
+    if farthest <= bound:
+        return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
+    with suppress(pacing.TimeOverError):
+        if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
+            return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
+    told = f"below the amount {bound:.4g} no motion closes all and lets nothing overlap"
+    return replace(answer, lower_bound=bound, active=(*answer.active, told))
+
+
+def proof_of(problem: Problem, task: Task, answer: Answer) -> Multipliers | None:
+    """Return what shows the bound of an answer about several contacts: a box about its motion, or boxes without any."""
+    if not answer.lower_bound > 0.0:
+        return None
+    ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
+    if answer.q is not None:
+        return Multipliers(boxes=ends[None], motions=(task.weights * answer.q)[None])
+    if problem.goal == FIT or len(task.weights) > MOST_BOXED:
+        return None
+    found = excluded(problem, *ends) if np.isfinite(answer.lower_bound) else _excluded(problem, task)
+    return None if found is None else Multipliers(boxes=found[0], motions=found[1])
+
+
+def _excluded(problem: Problem, task: Task) -> tuple[Array, Array] | None:
+    """Return boxes in all that motions may be in, and motions at which equations disagree all over them, if they do."""
+    low, high = Exclusion(task).domain.T * task.weights
+    return excluded(problem, low - WIDER * np.abs(low), high + WIDER * np.abs(high))
+
+
+def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
+    """Return the amount below which no motion restores the contacts, by multipliers at the motion nearest to that."""
+    y = task.weights * (answer.q if answer.q is not None else task.start)
+    if answer.q is None:
+        for _ in range(FEW_STEPS):  # to the least squares of the equations
+            values, slopes = equations_at((problem,), y)
+            step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            y = y - step
+            if not np.abs(step).max(initial=0.0) > CONTRACTED * task.size:
+                break
+        if not len(values):
+            return 0.0
+        if np.abs(task.line_gaps(y / task.weights)[1]).max() <= DEFAULT.touch * task.size:
+            return widest_unique((problem,), y / task.weights)  # the one motion that closes all is no answer
+        return least_amount((problem,), max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES))
+    return least_amount((problem,), answer.amount * np.array(SHARES))
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The equations of some contacts; z = weights * q / size.
+
+    Attributes
+    ----------
+    task : Task
+    features : tuple of FeaturePoints
+        Those of the task's joints, or of its tracked contact, or others to be worked out alike.
+    """
+
+    task: Task
+    features: tuple[FeaturePoints, ...]
+
+    @classmethod
+    def of(cls, task: Task, group: Sequence[int] | None = None) -> System:
+        """Return the equations of all of a task's joints, or of some, as if there were no others."""
+        if group is None:
+            return cls(task, task.untracked)
+        joints = tuple(task.joints[k] for k in group)
+        lines = tuple(line for joint in joints for line in lines_of(task.movable, task.static, joint))
+        return cls(replace(task, joints=joints, untracked=lines), lines)
+
+    def only(self, group: Sequence[int]) -> System:
+        """Return the same with some of the contacts; without any the parts are only to be clear of each other."""
+        return System.of(self.task if group else replace(self.task, goal="clear", pair="clear"), group)
+
+    def q(self, z: Array) -> Array:
+        """Return the motion parameters."""
+        task = self.task
+        return np.clip(z * task.size / task.weights, *task.limits.T)
+
+    @cached_property
+    def moving(self) -> Bools:
+        """Which parameters are free to change, (k,)."""
+        return self.task.limits[:, 0] < self.task.limits[:, 1]
+
+    @cached_property
+    def turns(self) -> list[tuple[Array, Array]]:
+        """Directions that must stay aligned, see `Flush.turns`; of the seats that these contacts are of."""
+        if self.task.motion.shifts:
+            return []
+        own = {feature.parts for feature in self.features}
+        return [turn for seat in self.task.seats if seat.parts in own for turn in seat.turns]
+
+    @property
+    def count(self) -> int:
+        """How many equations there are."""
+        return len(self.features) + len(self.turns)
+
+    def linearised(self, q: Array) -> tuple[Array, Array]:
+        """Return the gaps in sizes, then how far flush contacts are from aligned, and their derivatives by z."""
+        task = self.task
+        if not self.count:
+            return np.empty(0), np.empty((0, len(task.weights)))
+        lines, (T, rates) = replace(task, tracked=(), untracked=self.features), task.rates(q)
+        normals, gaps = lines.line_gaps(q)
+        values = [*(gaps / task.size), *(m @ T[:3, :3] @ p for m, p in self.turns)]
+        slopes = [*lines.line_rates(q, normals), *(task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns)]
+        return np.array(values), self._by_z(np.array(slopes))
+
+    def _by_z(self, rates: Array) -> Array:
+        """Return derivatives of lengths over the size by z, from those of the lengths by q."""
+        return np.where(self.moving, rates / self.task.weights, 0.0)
+
+    def misfit(self, z: Array) -> float:
+        """Return the largest gap of a motion, in sizes, where all fit; what overlaps or is not aligned counts more."""
+        values, count = self.linearised(self.q(z))[0], len(self.features)
+        gaps, aligned = values[:count], np.abs(values[count:]).max(initial=0.0)
+        return float(max(gaps.max(), 0.0) + OVERLAP_COUNTS * (max(-gaps.min(), 0.0) + aligned))
+
+    def limits(self) -> Rows:
+        """Return the limits as rows over z."""
+        task = self.task
+        normals = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
+        levels = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
+        return Rows(normals[np.isfinite(levels)], levels[np.isfinite(levels)])
+
+    def _rows(self, parts: Parts, q: Array, most: int) -> Rows:
+        """Return gap >= 0 along facet directions of a part pair as rows over z, the widest first."""
+        task = self.task
+        sites, rows, gaps = task.separations(parts, task.pose(q))
+        order = np.argsort(-gaps)[:most]
+        slopes = self._by_z(task.gap_rates(parts, q, sites[order], rows[order, :3]))
+        return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
+
+    def meets(self, q: Array, slack: float) -> bool:
+        """Tell whether a motion closes these contacts, and does what the task asks besides."""
+        return replace(self.task, untracked=self.features).meets(q, slack)
+
+    def blocked(self, q: Array) -> set[Parts]:
+        """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
+        task, own = self.task, {feature.parts for feature in self.features}
+        bad = task.pair_gaps(q) < task.needs - DEFAULT.cut * task.size
+        if not task.motion.shifts:
+            return {(i, j) for i, j in np.argwhere(bad).tolist()}
+        asked = np.isfinite(task.needs)
+        return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
+
+    def separating_directions(self, pairs: Sequence[Parts], q: Array) -> Choices:
+        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
+        task, y = self.task, self.task.weights * q
+        if not pairs or not task.motion.shifts:
+            around = AROUND * max(float(np.linalg.norm(y)), task.unit)
+            scene = Linearised.of(task, y, around) if pairs else None
+            return Choices.of([self._turned_apart(scene, parts, y) for parts in pairs], len(y))
+        pose = task.pose(q)
+        rows, gaps = zip(*(task.separations(parts, pose)[1:] for parts in pairs), strict=True)
+        sizes = list(map(len, gaps))
+        short = np.concatenate(gaps) - np.repeat(task.needs[[j for _, j in pairs]], sizes)
+        order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
+        shifts = task.rates(q)[1][:, :3, 3]
+        slopes = self._by_z(-np.concatenate(rows)[order, :3] @ shifts.T)
+        apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
+        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1])
+
+    def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
+        """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
+        need, size = float(self.task.needs[parts[1]]), self.task.size
+        ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
+        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
+        never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
+        return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
+
+    def closings(self, q: Array, *, shared: bool) -> Choices:
+        """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
+
+        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may.
+        """
+        task = self.task
+        carriers = [joint.carriers for joint in task.joints]
+        if task.must_touch and not self.features:
+            carriers = [tuple(np.ndindex(task.pair_gaps(q).shape))]
+        most = EVERY if task.motion.shifts else NEAREST_WAYS
+        groups = [
+            [
+                Rows(-rows.normals, self._over(parts, q, most) - rows.levels if shared else -rows.levels)
+                for parts in own for rows in (self._rows(parts, q, most),)
+            ] for own in carriers
+        ]  # fmt: skip
+        return Choices.of(groups, len(task.weights))
+
+    def _over(self, parts: Parts, q: Array, most: int) -> Array:
+        """Return how far flush faces of a part pair must lie over one another, in sizes, along each of its `_rows`."""
+        rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
+        normals, over = rows[np.argsort(-gaps)[:most], :3], np.zeros(min(most, len(gaps)))
+        for seat in self.task.seats:
+            if seat.parts == parts:
+                across = np.abs(normals @ seat.normal) < 1.0 - DEFAULT.nominal
+                over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
+        return over
+
+    def at_limits(self, q: Array) -> tuple[str, ...]:
+        """Return "a limit" where a parameter is at one."""
+        low, high = self.task.limits.T
+        return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
+
+
+def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, bool]:
+    """Return the least z that meets the tasks of all systems, which share their parameters and their size.
+
+    Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
+
+    None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
+    may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
+    """
+    first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
+    z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
+    touching = [own for own in systems if own.task.must_touch and not own.features]
+    moving, share, last = systems[0].moving, 1.0, np.zeros(len(z))
+    for _ in range(STEPS):
+        pacing.check()
+        q = systems[0].q(z)
+        values, slopes = _linearised(systems, q)
+        sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
+        only = exact and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum()
+        if only and not blocked:  # what no motion is left to part needs no way apart
+            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
+        else:
+            closing = systems if exact and blocked else touching
+            choices = Choices.of([], len(z)).and_also(
+                *(
+                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q)
+                    for k, own in enumerate(systems)
+                ),
+                *(own.closings(first.start if exact else q, shared=shared) for own in closing),
+            )
+            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), choices)
+        if found is None:
+            return None, sure and complete
+        if not exact:  # what the equations leave free is taken less of where it goes to and fro
+            onto = -np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            along = found - z - onto
+            share /= 2.0 if along @ last < -TO_AND_FRO * last @ last < 0.0 else 1.0
+            found, last = z + onto + share * along, along
+        step, z = float(np.abs(found - z).max()), found
+        if step > CONTRACTED and not exact:
+            continue
+        q = systems[0].q(z)
+        if np.abs(_linearised(systems, q)[0]).max(initial=0.0) > DEFAULT.line:
+            if step <= LEAST_STEP or exact:
+                return None, False
+            continue
+        if all(own.meets(q, DEFAULT.requirement) for own in systems):
+            if not (exact or blocked or touching):  # a last step of Newton's method
+                values, slopes = _linearised(systems, q)
+                z = np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
+            return z, sure
+        if only:
+            return None, not all(own.meets(q, DEFAULT.line) for own in systems)
+        more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
+        if not more:
+            unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
+            if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
+                return least(systems, shared=True)[0], False
+            return None, False
+        blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
+    return None, False
+
+
+def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
+    """Return values and derivatives of all systems, see `System.linearised`."""
+    values, slopes = zip(*(own.linearised(q) for own in systems), strict=True)
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+# ------------------------------------------------------------------------------------------ where not all can be closed
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What keeps contacts from being restored together, and which of them can be; `names` are of the systems."""
+
+    systems: Sequence[System]
+    names: Sequence[str]
+
+    @cached_property
+    def _joints(self) -> list[tuple[int, int]]:
+        """System and place there of each contact."""
+        return [(k, j) for k, own in enumerate(self.systems) for j in range(len(own.task.joints))]
+
+    def _named(self, group: Sequence[int]) -> str:
+        """Return contacts by number, with their system's name."""
+        told = list[str]()
+        for c in group:
+            k, j = self._joints[c]
+            number = str(j + 1) if len(self.systems[k].task.joints) > 1 or not self.names[k] else ""
+            told.append(f"{self.names[k]} {number}".strip())
+        return ", ".join(told)
+
+    def _some(self, group: Sequence[int]) -> list[System]:
+        """Return all systems with some contacts, as if there were no others."""
+        kept = [[j for i, j in (self._joints[c] for c in group) if i == k] for k in range(len(self.systems))]
+        return [own.only(some) if own.task.joints else own for own, some in zip(self.systems, kept, strict=True)]
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return which contacts exclude each other, by number, and which carry without the others."""
+        count = len(self._joints)
+        if count > MOST_EXPLAINED:
+            return (f"{count} contacts: too many to tell which exclude each other",)
+        told = [
+            f"contacts {self._named(group)} exclude each other"
+            if len(group) > 1
+            else f"contact {self._named(group)} cannot be closed"
+            for group in self.conflicts
+        ]
+        if not told:
+            which = "all contacts" if count > 1 else "the contact"
+            return (
+                f"where {which} would be closed parts overlap, a limit is passed, or a contact is beyond its faces",
+            )
+        return (*told, *self._carried())
+
+    @cached_property
+    def conflicts(self) -> list[tuple[int, ...]]:
+        """The least sets of contacts that no motion closes together, whatever else it does."""
+        found: list[tuple[int, ...]] = []
+        count, most = len(self._joints), int(self.systems[0].moving.sum()) + 1
+        for size in range(1, min(count, most) + 1):
+            for group in combinations(range(count), size):
+                if not any(set(known) <= set(group) for known in found) and not self._agree(group):
+                    found.append(group)
+        return found
+
+    def _agree(self, group: tuple[int, ...]) -> bool:
+        """Tell whether the equations of some contacts alone have a solution."""
+        some, task = self._some(group), self.systems[0].task
+        shifts = all(own.task.motion.shifts for own in some)
+        z = np.zeros(len(task.weights))
+        for _ in range(STEPS):
+            values, slopes = _linearised(some, z * task.size / task.weights)
+            step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            z = z - step
+            if np.abs(step).max() <= LEAST_STEP * 10 or shifts:
+                break
+        return bool(np.abs(_linearised(some, z * task.size / task.weights)[0]).max() <= DEFAULT.touch)
+
+    def _carried(self) -> Iterator[str]:
+        """Yield which contacts can be closed together while the others are open, and by how much."""
+        count, told = len(self._joints), 0
+        for size in range(count - 1, 0, -1):
+            for group in combinations(range(count), size):
+                if any(set(known) <= set(group) for known in self.conflicts):
+                    continue
+                z, _ = least(self._some(group))
+                if z is None:
+                    continue
+                left = {c: self._opened(c, z) for c in range(count) if c not in group}
+                slack = DEFAULT.touch * self.systems[0].task.size
+                if min(left.values()) < -slack:
+                    continue  # past it, not above it
+                told += 1
+                others = ", ".join(
+                    f"{self._named([c])} {f'open by {x:.4g}' if x > slack else 'not flush'}" for c, x in left.items()
+                )
+                yield f"{self._named(group)} can carry, with {others}"
+            if told:
+                return
+
+    def _opened(self, contact: int, z: Array) -> float:
+        """Return how far a contact is open after a motion."""
+        k, j = self._joints[contact]
+        alone = System.of(self.systems[k].task, (j,))
+        return float(alone.task.line_gaps(alone.q(z))[1].max())
+
+
+def _listed(group: Sequence[int]) -> str:
+    return ", ".join(str(k + 1) for k in group)
+
+
+# ----------------------------------------------------------------------------------------------------------- goal "fit"
+
+
+def _fitted(task: Task) -> Answer:
+    """Return the least motion of those that leave nothing overlapping and make the largest gap least.
+
+    A linear program where nothing turns, exact; else one after the other. What would overlap besides the contacts is
+    kept apart in one of its ways: that of the least gap, and of no bound unless all are closed.
+    """
+    own, exact, count = System.of(task), task.motion.shifts, len(task.joints)
+    z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
+    failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
+    none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
+    blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
+    standing = np.inf if exact else own.misfit(z)
+    for _ in range(STEPS if exact else 2 * STEPS):
+        values, slopes = own.linearised(own.q(z))
+        count = len(own.features)
+        gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
+        aligned = slopes[count:], slopes[count:] @ z - values[count:]
+        choices, near = own.separating_directions(sorted(blocked), own.q(z)), own.limits()
+        if not exact:
+            near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
+        kept = near
+        if blocked:
+            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, choices)
+            if ways is None:
+                return none if complete else failed
+            kept = kept.and_also(ways.normals, ways.levels)
+        fun = _least_gap(gaps, rates, aligned, kept)
+        if fun is None and not exact and trusted < FARTHEST:  # so far what overlaps cannot be undone
+            trusted *= 4.0
+            continue
+        if fun is None:
+            return replace(none, active=_overlapping(gaps, rates))
+        largest = max(fun, 0.0) + DEFAULT.tie
+        rows = near.and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
+        found, _ = nearest_on(*aligned, rows, choices)
+        if found is None:
+            return failed
+        step = float(np.abs(found - z).max())
+        if not exact and step > SHORT_STEP and own.misfit(found) > standing:
+            trusted = step / 4.0
+            continue
+        turned = not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0  # to and fro about the least gap
+        trusted = min(trusted, step / 2.0) if turned else trusted
+        last, z, standing = found - z, found, np.inf if exact else own.misfit(found)
+        if turned and step <= SETTLED:
+            step = 0.0
+        if not exact and step > CONTRACTED:
+            continue
+        more = own.blocked(own.q(z)) - blocked
+        if task.meets(own.q(z), DEFAULT.requirement) or not more:
+            break
+        blocked, standing = blocked | more, np.inf  # what keeps clear of more may fit less
+    q = own.q(z)
+    if not task.meets(q, DEFAULT.requirement):
+        return replace(failed, active=("parts overlap besides these contacts",))
+    opened = np.maximum(task.line_gaps(q)[1], 0.0)
+    most = float(opened.max())
+    at = np.flatnonzero(opened >= most - DEFAULT.touch * task.size)
+    closed = most <= DEFAULT.touch * task.size  # rounding
+    active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
+    counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
+    known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
+    return task.answer(q, stage, np.inf if known else 0.0, active, counts)
+
+
+def _least_gap(gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows) -> float | None:
+    """Return the least largest gap, in sizes, of motions z that meet all rows and let no gap be negative."""
+    from scipy.optimize import linprog
+
+    ones = np.ones((len(gaps), 1))
+    program = linprog(
+        np.append(np.zeros(rates.shape[1]), 1.0),
+        A_ub=np.vstack([np.hstack([-rates, 0.0 * ones]), np.hstack([rates, -ones]), _widened(-rows.normals)]),
+        b_ub=np.concatenate([gaps, -gaps, -rows.levels]),
+        A_eq=_widened(aligned[0]),
+        b_eq=aligned[1],
+        bounds=[*[(None, None)] * rates.shape[1], (0.0, None)],
+        method="highs",
+    )
+    return float(program.fun) if program.status == 0 else None
+
+
+def _ways_of_least_gap(
+    gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, choices: Choices
+) -> tuple[Rows | None, bool]:
+    """Return the way of each group that is met where the largest gap is least, motions counting little.
+
+    None where there is none, and whether that is so.
+    """
+    ones = np.ones((len(gaps), 1))
+    of_gaps = np.vstack([np.hstack([rates / MINOR, 0.0 * ones]), np.hstack([-rates / MINOR, ones])])
+
+    def lifted(given: Rows) -> Rows:
+        return Rows(_widened(given.normals / MINOR), given.levels)
+
+    every = lifted(rows).and_also(of_gaps, np.concatenate([-gaps, gaps]))
+    widened = choices._replace(rows=lifted(choices.rows))
+    y, complete = nearest_on(_widened(aligned[0] / MINOR), aligned[1], every, widened)
+    if y is None:
+        return None, complete
+    missed = choices.of_rows(choices.rows.levels - choices.rows.normals @ (y[:-1] / MINOR))[0]
+    return choices.only(choices.first_least(missed)).rows, True
+
+
+def _widened(rows: Array) -> Array:
+    """Return rows over z as rows over z and the largest gap."""
+    return np.hstack([rows, np.zeros((len(rows), 1))])
+
+
+def _overlapping(gaps: Array, rates: Array) -> tuple[str, ...]:
+    """Return which contacts overlap whatever the motion."""
+    flat = np.linalg.norm(rates, axis=1) <= DEFAULT.tie
+    at = np.flatnonzero(flat & (gaps < -DEFAULT.touch)).tolist()
+    return (f"contact {_listed(at)} overlaps whatever the motion",) if at else ("some contact always overlaps",)

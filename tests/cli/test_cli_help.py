@@ -1,0 +1,285 @@
+"""Help, completion, and how commands end: what is said, on which stream, with which code."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from fcdm_opt.cli import COMMANDS, EXAMPLES, app
+from fcdm_opt.cli.guarding import BROKEN_PIPE, INTERNAL, INTERRUPTED
+from fcdm_opt.show import solved
+
+TOP = Path(__file__).parents[2]
+NAMES = [name for commands in COMMANDS.values() for name in commands]
+ROWS = {name: "\n".join(own for own in EXAMPLES.splitlines() if own.split(" ")[1] == name) for name in NAMES}
+LINES = EXAMPLES.splitlines()
+QUICK = ("init", "schema", "curve", "solve", "range", "whatif", "pose")  # commands whose first example is run
+BOXES = "problems/boxes.toml"
+
+
+def run(*arguments: object, **more: Any) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False, **more)
+
+
+def process(*arguments: str, **more: Any) -> subprocess.Popen[str]:
+    """Start the command in a process of its own."""
+    code = "from fcdm_opt.cli import main; main()"
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **more}
+    return subprocess.Popen([sys.executable, "-c", code, *arguments], text=True, cwd=TOP, **streams)
+
+
+# ----------------------------------------------------------------------------------------------------------------- help
+
+
+@pytest.mark.parametrize("name", ["", *ROWS])
+def test_help_is_plain_narrow_and_ends_with_examples(name: str) -> None:
+    result = run(*([name] if name else []), "--help", env={"COLUMNS": "200", "FORCE_COLOR": "1"})
+    lines = result.stdout.splitlines()
+    assert result.exit_code == 0
+    assert max(map(len, lines)) <= 80
+    assert "\x1b" not in result.stdout
+    assert not re.search(r"[a-z]\.\.\.$", result.stdout, re.MULTILINE)  # not cut off
+    if name:
+        assert lines[-len(ROWS[name].splitlines()) :] == [f"  {line}" for line in ROWS[name].splitlines()]
+    undescribed = [line for line in lines if re.fullmatch(r"  --\S+( [A-Z,=.]+)?", line)]
+    assert all(lines[lines.index(line) + 1].startswith("   ") for line in undescribed)
+
+
+def test_the_overview_names_every_command_and_is_what_a_bare_call_prints() -> None:
+    overview = run("--help").stdout
+    for question, names in COMMANDS.items():
+        assert f"\n{question}\n" in overview
+        for name in names:
+            assert re.search(rf"^  {name} ", overview, re.MULTILINE)
+    bare = run()
+    assert (bare.exit_code, bare.stdout) == (0, overview)
+    assert run("-h").stdout == overview
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_every_example_can_be_read(line: str) -> None:
+    program, name, *words = shlex.split(line.split(" > ")[0])
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    context = command.make_context(name, [*words])
+    assert (program, len(line) <= 78) == ("fcdm-opt", True)
+    for file in [word for word in words if word.startswith("problems/")]:
+        assert (TOP / file).exists()
+    for case in context.params.get("case") or ():
+        assert any(f'name = "{case}"' in (TOP / word).read_text() for word in words if word.endswith(".toml"))
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_the_first_example_of_quick_commands_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "problems").symlink_to(TOP / "problems")
+    assert run(*shlex.split(ROWS[name].splitlines()[0].split(" > ")[0])[1:]).exit_code == 0
+
+
+def test_commands_of_a_package_that_is_missing_stand_in_the_overview_and_say_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("fcdm_opt.cli.helping.entry_points", lambda **_: [])
+    overview = run("--help").stdout
+    for name in ("bench", "stability"):
+        assert re.search(rf"^  {name} ", overview, re.MULTILINE)
+        shown = run(name, "--help")
+        assert shown.exit_code == 0
+        assert "pip install ./benchmarks" in shown.stdout
+        assert f"fcdm-opt {name} --quick" in shown.stdout
+        for words in (["--quick", "--out", "out"], []):
+            result = run(name, *words)
+            assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
+            assert result.stderr.startswith(f"error: {name}: needs the package fcdm_opt_benchmarks: pip install ")
+    assert completed("fcdm-opt stability --q", monkeypatch) == []
+
+
+# ----------------------------------------------------------------------------------------------------------- completion
+
+
+def completed(line: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    words = shlex.split(line + " x")[:-1] + ([""] if line.endswith(" ") else [])
+    env = {"_FCDM_OPT_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    monkeypatch.chdir(TOP)
+    result = CliRunner().invoke(app, [], prog_name="fcdm-opt", env=env)
+    assert result.exit_code == 0
+    return [word for word in result.stdout.splitlines() if word]
+
+
+def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert completed("fcdm-opt s", monkeypatch) == ["schema", "solve", "stack", "study", "stability"]
+    assert completed("fcdm-opt solve --ce", monkeypatch) == ["--certify"]
+    assert completed(f"fcdm-opt solve {BOXES} --case u", monkeypatch) == [
+        "undo an overlap",
+        "undo an overlap with play",
+    ]
+    assert completed("fcdm-opt solve problems/example1", monkeypatch) == [
+        "problems/example1.toml",
+        "problems/example1_touch.toml",
+    ]
+    assert completed("fcdm-opt solve prob", monkeypatch) == []  # a folder: the shell's own completion
+    assert completed("fcdm-opt solve none.toml --case ", monkeypatch) == []
+    script = run(prog_name="fcdm-opt", env={"_FCDM_OPT_COMPLETE": "source_bash"}).stdout
+    assert "complete -o default -F _fcdm_opt_completion fcdm-opt" in script
+
+
+# --------------------------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("solv x.toml", "error: solv: no such command, did you mean 'solve'?; allowed: init,"),
+        ("solve x.toml --certfy", "error: --certfy: no such option, did you mean '--certify'?"),
+        ("solve --jsn x.toml", "error: --jsn: no such option, did you mean '--json'?"),
+        ("init --jsonn a b", "error: --jsonn: no such option; see"),  # dashes alone made '--version' near
+        ("solve", "error: FILE: missing; allowed: Problem files (TOML); see fcdm-opt solve --help"),
+        ("map x.toml --out o --jobs many", "error: --jobs: "),
+        (f"map {BOXES} --box 1,2 --out /proc/none", "error: --box: not four numbers; found '1,2'; allowed: "),
+        ("stability", "error: --out: what to do is not given once; found 'neither'; allowed: "),
+        (f"solve {BOXES} --case nope", "error: --case: no such case; found 'nope'; allowed: close the gap,"),
+        ("solve problems", "error: problems: the file cannot be read; found 'Is a directory'; allowed: "),
+    ],
+)
+def test_errors_are_one_line_and_valid_json_where_that_is_asked_for(
+    line: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(TOP)
+    result = run(*line.split(" "))
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith(words)
+    assert result.stderr.count("\n") == 1
+    asked = run(*line.split(" "), "--json")
+    assert asked.exit_code == 2
+    document = json.loads(asked.stdout)
+    assert (document if "error" in document else document["files"][0])["error"]
+
+
+@pytest.mark.parametrize("command", ["curve", "solve", "range", "map"])
+def test_a_folder_was_left_where_no_file_could_be_read(command: str, tmp_path: Path) -> None:
+    result = run(command, tmp_path / "none.toml", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_defect_is_one_line_and_a_traceback_only_with_debug(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("planted\nhere")
+
+    monkeypatch.chdir(TOP)
+    monkeypatch.setattr(solved, "solved_case", broken)
+    result = run("solve", BOXES)
+    assert result.exit_code == INTERNAL
+    assert result.stderr.startswith("error: internal: ZeroDivisionError: planted here; please report")
+    assert result.stderr.count("\n") == 1
+    assert "internal" in json.loads(run("solve", BOXES, "--json").stdout)["error"]
+    for line in (["--debug", "solve", BOXES], ["solve", BOXES, "--debug"]):
+        shown = run(*line)
+        assert shown.exit_code == INTERNAL
+        assert "Traceback" in shown.stderr
+    assert "Traceback" in run("solve", "none.toml", "--debug").stderr
+    assert "Traceback" not in run("solve", "none.toml").stderr
+
+
+def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.chdir(TOP)
+    monkeypatch.setattr(solved, "solved_case", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+    result = run("solve", BOXES)
+    signal.signal(signal.SIGINT, before)
+    assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
+
+
+@pytest.mark.parametrize("after", [0.3, 0.8, 1.6])
+def test_an_interrupt_while_libraries_load_ends_a_command_without_a_traceback(after: float) -> None:
+    """It was swallowed by some of them, and others crashed."""
+    command = [sys.executable, "-m", "fcdm_opt", "solve", "--certify", str(TOP / "problems/dovetail.toml")]
+    begun = subprocess.Popen(
+        command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    time.sleep(after)
+    begun.send_signal(signal.SIGINT)
+    said = begun.communicate(timeout=20)[1]
+    assert begun.returncode in (INTERRUPTED, -signal.SIGINT)
+    assert "Traceback" not in said
+
+
+def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:
+    """CoACD cuts a mesh for minutes without returning to Python; here a wait in C that signals do not end."""
+    busy = """if True:
+        import ctypes, os, signal, threading
+        from fcdm_opt.cli import guarding
+        guarding.GRACE = 0.2
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+        lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with guarding.guarded():
+            lock(mutex), lock(mutex)  # the second waits for ever
+        """
+    done = subprocess.run([sys.executable, "-c", busy], text=True, capture_output=True, timeout=30, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "interrupted\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_was_a_traceback_where_json_is_asked_for() -> None:
+    with open("/dev/full", "w") as full:
+        done = process("solve", "none.toml", "--json", stdout=full)
+        _, errors = done.communicate(timeout=60)
+    assert done.returncode == 2
+    assert errors.splitlines()[-1] == "error: No space left on device"
+    assert "Traceback" not in errors
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = process("schema", stdout=writer)
+    os.close(writer)
+    _, errors = done.communicate(timeout=60)
+    told = [line for line in errors.splitlines() if not line.startswith("still ")]  # what a slow machine says meanwhile
+    assert (done.returncode, told) == (BROKEN_PIPE, [])
+
+
+# ---------------------------------------------------------------------------------------------------------------- range
+
+
+def test_a_range_along_several_parameters_takes_the_motion_found(tmp_path: Path) -> None:
+    """It was refused without --direction; a cube touches a table, and the motion found lifts it straight up."""
+    path = tmp_path / "p.toml"
+    path.write_text("""
+        [bodies.movable]
+        vertices = [[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0], [-1, -1, 2], [1, -1, 2], [-1, 1, 2], [1, 1, 2]]
+        [bodies.static]
+        vertices = [[-9, -9, -2], [9, -9, -2], [-9, 9, -2], [9, 9, -2], [-9, -9, 0], [9, -9, 0], [-9, 9, 0], [9, 9, 0]]
+        [[case]]
+        name = "a"
+        motion = [{ translation = "z" }, { translation = "x" }]
+        requirement = "A"
+        tolerance = 0.02
+        """)
+    result = run("range", path, "--json")
+    assert result.exit_code == 0
+    assert "no --direction given; along the motion found, TZ 0.04 + TX" in result.stderr
+    (case,) = json.loads(result.stdout)["files"][0]["cases"]
+    assert case["direction"]["TZ"] == pytest.approx(0.04)
+    path.write_text(
+        path.read_text().replace('requirement = "A"', "target = [1.0, 1.0]").replace("tolerance = 0.02", "")
+    )
+    refused = run("range", path)
+    assert refused.exit_code == 2
+    assert "solved without any motion; found 'none'; allowed: NAME=VALUE,... as TZ=1,TX=1" in refused.stderr

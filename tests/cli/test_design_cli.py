@@ -1,0 +1,189 @@
+"""The commands study, whatif, map and pose: what they print, write and refuse, and their exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fcdm_opt.cli import app
+from fcdm_opt.show.printing import console
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+STUDY = """
+problem = "{problem}"
+cases = ["A", "D"]
+[[vary]]
+key = "tolerance"
+values = [0.005, 0.01]
+"""
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.format(problem=PROBLEMS / "peg_tapered.toml"))
+    return path
+
+
+def test_a_study_writes_store_table_and_picture_and_is_not_run_twice(study: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code, text, _ = run("study", study, "--out", out, "--jobs", 1, "--json")
+    document = json.loads(text)
+    assert code == 0
+    assert document["counts"] == {"SOLVED": 4}
+    assert {path.name for path in out.iterdir()} >= {"study.sqlite", "study.csv", "study.png", "study.svg"}
+    with (out / "study.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4
+    assert float(rows[0]["amount"]) == pytest.approx(5 * 0.005, rel=1e-9)  # of the problem file: 5 (rho_2 - 1)
+    stamp = (out / "study.sqlite").stat().st_mtime_ns
+    assert run("study", study, "--out", out, "--jobs", 1)[0] == 0
+    assert (out / "study.sqlite").stat().st_mtime_ns == stamp
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ('[[vary]]\nkey = "tolerence"\nvalues = [1]', "did you mean 'tolerance'"),
+        ('[[vary]]\nkey = "snap"\ngrid = { from = 0.02, to = 0.01, count = 3 }', "grid.to"),
+        ('[[vary]]\nkey = "snap"\ncsv = { file = "sizes.csv", column = "peg" }\n', "row 3"),
+    ],
+)
+def test_a_wrong_study_is_refused_before_anything_is_written(
+    study: Path, tmp_path: Path, wrong: str, words: str
+) -> None:
+    (tmp_path / "sizes.csv").write_text("peg\n0.01\nnan\n")
+    count = "count = 5\n" if "csv" in wrong else ""
+    study.write_text(count + study.read_text() + wrong)
+    code, _, errors = run("study", study, "--out", tmp_path / "out")
+    assert code == 2
+    assert words in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_that_is_not_there_leaves_no_folder(tmp_path: Path) -> None:
+    code, _, errors = run("study", tmp_path / "none.toml", "--out", tmp_path / "out")
+    assert code == 2
+    assert "none.toml" in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_closed_streams_swallow_what_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout", None)
+    console().print("text")
+    monkeypatch.undo()
+    command = [sys.executable, "-c", "import fcdm_opt.cli as cli, os; cli.app = lambda **_: None; cli.main()\n"
+               "raise SystemExit(os.readlink('/proc/self/fd/1') != os.devnull)"]  # fmt: skip
+    if os.path.exists("/proc/self/fd"):
+        subprocess.run(command, check=True, preexec_fn=lambda: os.close(1))
+
+
+def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> None:
+    assert run("study", study, "--out", tmp_path / "out", "--jobs", 1)[0] == 0
+    study.write_text(study.read_text().replace("0.01]", "0.02]"))
+    code, _, errors = run("study", study, "--out", tmp_path / "out", "--jobs", 1)
+    assert code == 2
+    assert "another study" in errors
+
+
+@pytest.mark.usefixtures("coarse_maps")
+def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Path) -> None:
+    text = (PROBLEMS / "peg_tapered.toml").read_text()
+    path = tmp_path / "made.toml"
+    text = text[: text.index("[[case]]")].replace("tolerance = 0.01\n", "").replace("meshes", str(PROBLEMS / "meshes"))
+    path.write_text(text + '[[case]]\nname = "A"\ntarget = [1.0, 1.0]\n')
+    for command in (["pose", path], ["map", path, "--out", tmp_path]):
+        code, _, errors = run(*command)
+        assert code == 2
+        assert "--box LOW1,HIGH1,LOW2,HIGH2" in errors
+        more = ("--error", 0.05) if command[0] == "map" else ()
+        code, text, _ = run(*command, "--box", "0.99,1.0,1.0,1.01", *more, "--json")
+        (case,) = json.loads(text)["files"][0]["cases"]
+        assert code == 0
+        box = case["map"]["box"] if "map" in case else case["as_drawn"]["box"]
+        assert box == [[0.99, 1.0], [1.0, 1.01]]
+        code, _, errors = run(*command, "--box", "0.99,1.0,1.0")
+        assert code == 2
+        assert "--box: not four numbers" in errors
+    assert run("pose", path, "--box", "0.9,1,1,1.1", "--sizes", path)[0] == 2
+
+
+def test_whatif_sets_any_key(tmp_path: Path) -> None:
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "B", "--set", "tolerance=0.02", "--json")
+    (case,) = json.loads(text)["files"][0]["cases"]
+    assert code == 0
+    draft = math.tan(math.radians(5))
+    assert case["whatif"]["after"]["amount"] == pytest.approx(10 * 0.04 / draft - 5 * 0.02, rel=1e-9)
+    assert case["whatif"]["predicted_amount"] == pytest.approx(case["whatif"]["after"]["amount"], rel=1e-9)  # linear
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "B", "--set", "bodies.static.seed=[0,0,6]")
+    assert code == 0
+    assert "bodies" not in text
+
+
+def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 0.1, "--compare", "--json")
+    (case,) = json.loads(text)["files"][0]["cases"]
+    assert code == 0
+    assert case["budget"]["requirements"]["A"]["tolerance"] == pytest.approx(0.02, rel=1e-6)  # 5 tau = 0.1
+    assert case["compare"]["rows"][0]["amount"] <= 0.05 * (1 + 1e-9)
+    code, text, _ = run("whatif", PROBLEMS / "peg_square_tight.toml", "--case", "shift")
+    assert code == 0
+    assert "clash: lower limit of TX; upper limit of TX; lower limit of TY; upper limit of TY (proved)" in text
+    code, text, _ = run("whatif", PROBLEMS / "peg_square.toml", "--case", "against the lower wall")
+    assert code == 0
+    assert 'ask for goal "clear"' in text
+    assert "outcome" in text
+
+
+@pytest.mark.parametrize("option", [("--set", "tolerance"), ("--budget", "much")])
+def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
+    code, _, errors = run("whatif", PROBLEMS / "peg_tapered.toml", *option)
+    assert code == 2
+    assert option[0] in errors
+
+
+@pytest.mark.usefixtures("coarse_maps")
+def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
+    arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 1.0, "--error", 0.05)
+    code, text, _ = run(*arguments, "--out", tmp_path, "--json")
+    (case,) = json.loads(text)["files"][0]["cases"]
+    names = {path.name for path in tmp_path.iterdir()}
+    assert code == 0
+    assert names >= {"peg_tapered-A-map.json", "peg_tapered-A-map.csv", "peg_tapered-A-map.png"}
+    assert case["map"]["reached"] <= case["map"]["error"]
+    assert 0.0 < case["yield"]["share"] < 1.0
+    assert run("map", PROBLEMS / "example1.toml", "--case", "A", "--out", tmp_path)[0] == 2  # "beyond" jumps
+
+
+def test_a_pose_printed_a_table_before_it_refused() -> None:
+    code, printed, said = run("pose", PROBLEMS / "locating.toml", "--case", "A")
+    assert (code, "does not look at contacts" in said) == (2, True)
+    assert "clearance" not in printed
+
+
+def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> None:
+    (tmp_path / "sizes.csv").write_text("peg,hole\n1.0,1.0\n1.01,1.0\n0.99,1.0\n")
+    sizes = ("--sizes", tmp_path / "sizes.csv", "--columns", "peg,hole")
+    code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", *sizes, "--json")
+    (case,) = json.loads(text)["files"][0]["cases"]
+    assert code == 0
+    assert case["as_drawn"]["interference"] == pytest.approx(1 / 3)
+    assert run("pose", PROBLEMS / "peg_tapered.toml", "--clearance", "1")[0] == 2
+    code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=-inf,0.5", *sizes, "--json")
+    (case,) = json.loads(text)["files"][0]["cases"]
+    assert (code, case["best_pose"]["window"]) == (0, [None, 0.5])

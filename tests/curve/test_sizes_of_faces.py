@@ -1,0 +1,537 @@
+"""Sizes of faces, axes and features: parts as made, and the sizes at which two of them touch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import fcdm_opt as fo
+from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.geometry.resizing import Resizing, resized
+from fcdm_opt_benchmarks.references import sizes as exact
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+X = fo.Translation("x")
+
+
+def box(low: Any, high: Any, name: str = "body") -> fo.Body:
+    """An aligned box."""
+    return fo.Body.convex(list(product(*zip(low, high, strict=True))), name=name)
+
+
+def volume(body: fo.Body) -> float:
+    """The volume of a union of parts, by a mesh library."""
+    return float(trimesh.boolean.union([trimesh.convex.convex_hull(part.vertices) for part in body.parts]).volume)
+
+
+def slot() -> fo.Body:
+    """The block with a slot of the shipped problem."""
+    return fo.load_problems(PROBLEMS / "slot_and_key.toml")[0].request["static"]
+
+
+# ------------------------------------------------------------------------------------------------------- parts as made
+
+
+def test_a_width_between_two_faces_moves_each_by_half() -> None:
+    made = resized(box((0, 0, 0), (4, 2, 1)), {fo.Size("w", "movable", faces=["+x", "-x"], each=0.5): 0.25})
+    assert made.vertices[:, 0].min() == -0.125
+    assert made.vertices[:, 0].max() == 4.125
+    assert np.ptp(made.vertices[:, 1:], axis=0).tolist() == [2.0, 1.0]
+
+
+def test_the_name_of_a_cylinder_means_all_of_its_facets() -> None:
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    ring = np.column_stack([5.0 * np.cos(angles), 5.0 * np.sin(angles)])
+    pin = fo.Body.convex(np.vstack([np.column_stack([ring, np.full(12, z)]) for z in (0.0, 3.0)]))
+    around = {"around": (0, 0, 1), "axis": "z", "radius": 5.0}
+    by_name, by_axis = (fo.Size("d", "movable", faces=faces, each=0.5) for faces in ("cylinder radius 5", around))
+    assert np.array_equal(by_name.offsets(pin), by_axis.offsets(pin))
+    assert int((by_name.offsets(pin) == 0.5).sum()) == 12
+    assert fo.Size("h", "movable", faces="top").offsets(pin).sum() == 1.0
+    made = resized(pin, {by_name: 0.2})
+    apothem = 5.0 * math.cos(math.pi / 12)  # a facet moves out by 0.1, so all of the outline grows by one factor
+    assert np.linalg.norm(made.vertices[:, :2], axis=1) == pytest.approx(5.0 * (apothem + 0.1) / apothem)
+
+
+def test_a_scale_through_every_axis_is_the_uniform_one_and_that_of_the_body() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        body = fo.Body.convex(rng.normal(size=(9, 3)), seed=rng.normal(size=3))
+        p = rng.uniform(-0.2, 0.2)
+        each = {fo.Size(axis, "movable", scale=axis): p for axis in "xyz"}
+        whole = resized(body, {fo.Size("all", "movable", scale="xyz"): p}).vertices
+        assert np.array_equal(resized(body, each).vertices, whole)
+        assert np.abs(body.scaled(1.0 + p).vertices - whole).max() <= 4 * np.spacing(np.abs(whole).max())
+
+
+def test_thousands_of_random_axes_stretch_as_rationals_do() -> None:
+    from fractions import Fraction
+
+    rng = np.random.default_rng(4)
+    body = box((-1, -2, -3), (1, 2, 3))
+    worst = 0.0
+    for _ in range(2000):
+        axis, p = rng.normal(size=3), rng.uniform(-0.1, 0.1)
+        size = fo.Size("s", "movable", scale=axis)
+        u = list(map(Fraction, axis.tolist()))
+        square = sum(x * x for x in u)
+        point = list(map(Fraction, body.vertices[0].tolist()))
+        along = sum(x * y for x, y in zip(u, point, strict=True)) / square  # the seed is the origin
+        true = [float(x + Fraction(p) * along * y) for x, y in zip(point, u, strict=True)]
+        worst = max(worst, float(np.abs(body.vertices[0] + p * size.directions() @ body.vertices[0] - true).max()))
+    assert worst <= 4 * np.spacing(4.0)
+
+
+def test_faces_offset_by_their_share_of_the_scale_are_the_scaled_body() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        body = fo.Body.convex(rng.normal(size=(10, 3)))
+        normals, points = body.face_planes
+        heights = ((points - body.seed) * normals).sum(axis=1)
+        faces = [f"F{k + 1}" for k in range(len(normals))]
+        made = resized(body, {fo.Size("s", "movable", faces=faces, each=heights): 0.05})
+        corners = [label - 1 for label in body.corners]
+        assert np.abs((made.vertices - body.scaled(1.05).vertices)[corners]).max() < 1e-13
+        assert made.faces == body.faces
+
+
+def test_a_slot_gets_wider_and_deeper_with_its_cuts() -> None:
+    body = slot()  # 30 x 20 x 30 less 10.125 x 8 x 30
+    walls = [{"through": (-5.0625, 16, 15)}, {"through": (5.0625, 16, 15)}]
+    made = resized(
+        body,
+        {
+            fo.Size("w", "static", faces=walls, each=-0.5): 0.5,
+            fo.Size("u", "static", faces=walls, along="x"): 0.25,
+            fo.Size("d", "static", faces={"through": (0, 12, 15)}, each=-1.0): 1.0,
+            fo.Size("h", "static", faces=["F5", "F9"], each=1.0): 2.0,
+        },
+    )
+    assert volume(made) == pytest.approx(30 * 22 * 30 - 10.625 * 11 * 30, rel=1e-12)
+    assert made.faces == body.faces  # labels are kept
+    left = made.vertices[[label - 1 for label in made.faces[7]]]
+    assert left[:, 0].tolist() == [-5.0625 - 0.25 + 0.25] * 4
+
+
+def test_the_tolerance_that_init_writes_for_all_cases_kept_sizes_from_being_asked_about(tmp_path: Path) -> None:
+    cube, table = (str([list(map(float, p)) for p in product((-1, 1), (-1, 1), z)]) for z in ((0, 2), (-2, 0)))
+    path = tmp_path / "p.toml"
+    path.write_text(
+        f"[bodies.movable]\nvertices = {cube}\n[bodies.static]\nvertices = {table}\n"
+        '[[size]]\nname = "feet"\nbody = "movable"\nfaces = "-z"\ntolerance = 0.1\n'
+        '[defaults]\ntolerance = 0.02\ngoal = "touch"\nmotion = [{ translation = "z" }]\n'
+        '[[case]]\nname = "A"\nrequirement = "A"\n[[case]]\nname = "feet"\nmade = "worst"\n'
+    )
+    scaled, sized = fo.load_problems(path)
+    assert scaled.requirement == "A"
+    assert (sized.requirement, sized.target.tolist(), sized.made) == (None, [1.0, 1.0], {"feet": 0.1})
+
+
+@pytest.mark.parametrize("goal", ["at", "seat"])
+def test_what_stands_on_a_table_made_higher_was_refused_for_want_of_a_contact(goal: str) -> None:
+    """The parts made lie on no contact of the curve: those that are drawn are restored."""
+    cube, table = box((-1, -1, 0), (1, 1, 2), "cube"), box((-3, -3, -1), (3, 3, 0), "table")
+    feet = fo.Size("feet", "movable", faces="-z", tolerance=0.1)
+    problem = fo.Problem(cube, table, sizes=[feet], made={"feet": 0.0625}, goal=goal, motion=fo.Translation("z"))
+    solution = fo.solve(problem)
+    assert solution.usable
+    assert solution.parameters["TZ"] == pytest.approx(0.0625, abs=1e-15)
+    assert [feature.kind for feature in solution.features] == ["F1F2"]
+
+
+def bored(radius: float, sections: int) -> fo.Body:
+    """A plate with a round hole, partitioned by the planes of its own facets."""
+    plate, pin = trimesh.creation.box((60, 40, 10)), trimesh.creation.cylinder(radius, 30, sections=sections)
+    mesh = trimesh.boolean.difference([plate, pin])
+    return fo.Body.from_mesh(mesh.vertices, mesh.faces, name="plate")
+
+
+def turned(name: str, *profile: tuple[float, float]) -> fo.Body:
+    mesh = trimesh.creation.revolve(np.array(profile), sections=12)
+    mesh.merge_vertices()
+    return fo.Body.from_mesh(mesh, name=name)
+
+
+@pytest.mark.parametrize(
+    ("goal", "faces", "up"),
+    [("at", ["F3", "F5"], 0.5), ("seat", ["F1", "F5"], 0.0), ("touch", ["cylinder radius 9"], 0.0),
+     ("seat", ["F3", "F5"], 0.5)],
+)  # fmt: skip
+def test_a_flange_on_a_ring_was_refused_for_contacts_whose_corners_had_one_name(
+    goal: str, faces: Any, up: float
+) -> None:
+    """The ring's cuts cross edges in corners that are no corners of it: those of one edge are called alike."""
+    bush = turned("bush", (0, -1), (5, -1), (5, 8), (9, 8), (9, 11), (0, 11))
+    ring = turned("ring", (5.1, 0), (20, 0), (20, 8), (5.1, 8), (5.1, 0))
+    size = fo.Size("size", "movable", faces=faces, each=0.5, tolerance=0.05)
+    for made, value in ({"size": -0.03}, -0.03), ("worst", 0.05):
+        asked = {"sizes": [size], "made": made, "goal": goal, "motion": fo.Translation("z")}
+        solution = fo.solve(fo.Problem(bush, ring, **asked))
+        assert solution.certificate.passed
+        assert solution.parameters["TZ"] == pytest.approx(up * value, abs=1e-12)
+
+
+def test_pieces_of_a_face_with_a_hole_lost_its_name_at_other_sizes() -> None:
+    body = bored(8.0, 24)
+    made = resized(body, {fo.Size("d", "static", faces="bore radius 8", each=-0.5): -0.02})
+    named = [(made, part, k) for part in made.parts for k in np.flatnonzero(np.abs(part.normals[:, 2]) > 0.5).tolist()]
+    assert len(named) >= 48
+    assert all(own.owns(part.elements["F"][k]) for own, part, k in named)
+    apothem = 8.0 * math.cos(math.pi / 24)
+    hole = 24 * math.tan(math.pi / 24) * (apothem - 0.01) ** 2
+    assert volume(made) == pytest.approx(10 * (60 * 40 - hole), rel=1e-6)  # the library has single precision
+
+
+def test_a_slot_that_closes_is_refused_with_its_walls() -> None:
+    mesh = trimesh.boolean.difference([
+        trimesh.creation.box(bounds=[[0, 0, 0], [3, 1, 2]]), trimesh.creation.box(bounds=[[1, -1, 1], [2, 2, 3]]),
+    ])  # fmt: skip
+    body = fo.Body.from_mesh(mesh.vertices, mesh.faces)
+    walls = [{"through": (x, 0.5, 1.5)} for x in (1.0, 2.0)]
+    size = fo.Size("w", "static", faces=walls, each=1.0)
+    assert volume(resized(body, {size: 0.49})) == pytest.approx(6.0 - 0.02, rel=1e-6)
+    with pytest.raises(fo.InputError, match=r"faces meet otherwise than as drawn: F\d+, F\d+; found 'w = 0.51'"):
+        resized(body, {size: 0.51})
+
+
+def test_a_pin_made_too_thick_is_told_not_to_fit() -> None:
+    """It was moved out through the wall, and refused for want of a name there."""
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    ring = 7.98 * np.column_stack([np.cos(angles), np.sin(angles)])
+    pin = fo.Body.convex(np.vstack([np.column_stack([ring, np.full(24, z)]) for z in (-4.0, 4.0)]), name="pin")
+    size = fo.Size("d", "movable", faces="cylinder radius 7.98", each=0.5)
+    shift = X >> fo.Translation("y")
+    problem = fo.Problem(pin, bored(8.0, 24), sizes=[size], made={"d": 0.1}, goal="clear", motion=shift)
+    solution = fo.solve(problem)
+    wide = 2.0 * 7.98 * math.cos(math.pi / 24) + 0.1, 16.0 * math.cos(math.pi / 24)
+    assert not solution.usable
+    assert "not fit: pin {:.3f} in plate {:.3f}".format(*wide) in str(solution)
+
+
+@pytest.mark.parametrize("name", ["dovetail", "lid"])
+def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
+    """By a first-order formula: dV / dp of a face is its area; of all faces at once too."""
+    problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]
+    tried = 0
+    for body in (problem.movable, problem.static):
+        for k, triangles in enumerate(body.triangles):
+            size = fo.Size("f", "static", faces=f"F{k + 1}")
+            try:
+                one, two = (volume(resized(body, {size: p})) for p in (-0.1, 0.1))  # the library has single precision
+            except fo.InputError as reason:
+                assert "plane" in str(reason)  # noqa: PT017 - a cut that runs along two faces, or none
+                continue
+            area = sum(np.linalg.norm(np.cross(b - a, c - a)) / 2 for a, b, c in body.vertices[np.array(triangles)])
+            assert (two - one) / 0.2 == pytest.approx(area, rel=2e-3)
+            tried += 1
+    assert tried >= 6
+
+
+def test_where_a_face_vanishes_is_told_with_the_face() -> None:
+    body = fo.Body.convex([(0, 0, 0), (4, 0, 0), (4, 2, 0), (0, 2, 0), (1, 0, 1), (3, 0, 1), (3, 2, 1), (1, 2, 1)])
+    top = next(k for k, n in enumerate(body.face_planes[0]) if n[2] > 0.99)
+    size = fo.Size("height", "movable", faces="+z", tolerance=0.5)
+    assert resized(body, {size: 0.9}).vertices[:, 2].max() == pytest.approx(1.9)
+    with pytest.raises(fo.InputError, match=rf"vanishes.*F{top + 1}|F{top + 1}.*vanishes"):
+        resized(body, {size: 1.1})  # the sides meet at a height of 2
+    factor, where = Resizing.of(body, [size]).reach(np.array([-0.5]), np.array([0.5]))
+    assert factor == pytest.approx(2.0)
+    assert "F" in where
+
+
+def test_a_stack_says_from_where_on_parts_as_made_are_refused() -> None:
+    rng = np.random.default_rng(3)
+    far = fo.Body.convex(rng.normal(size=(8, 3)) + np.array([9.0, 0.0, 0.0]))
+    slab, width = box((0, 0, 0), (0.2, 1, 1)), fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.5)
+    assert TouchingSizes.of(slab, far, [replace(width, tolerance=0.1)]).vanishing[0] == pytest.approx(2.0)
+    for _ in range(7):
+        one = fo.Body.convex(rng.normal(size=(9, 3)))
+        sizes = []
+        for k in range(3):
+            names = [f"F{face + 1}" for face in rng.choice(len(one.face_planes[0]), 2, replace=False)]
+            sizes.append(fo.Size(f"{k}", "movable", faces=names, each=rng.uniform(-1, 1, 2), tolerance=0.3))
+        factor, face, end = TouchingSizes.of(one, far, sizes).vanishing
+        at = np.array([end[size.name] for size in sizes])
+        for p in (factor * 0.9999 * at, *rng.uniform(-0.2999 * factor, 0.2999 * factor, (5, 3))):
+            resized(one, dict(zip(sizes, p, strict=True)))
+        with pytest.raises(fo.InputError, match="vanishes"):
+            resized(one, dict(zip(sizes, factor * 1.0001 * at, strict=True)))
+        assert face.startswith("face F")
+
+
+def test_a_slot_whose_walls_meet_is_refused() -> None:
+    walls = [{"through": (-5.0625, 16, 15)}, {"through": (5.0625, 16, 15)}]
+    size = fo.Size("w", "static", faces=walls, each=-0.5)
+    with pytest.raises(fo.InputError, match="changes its shape"):
+        resized(slot(), {size: -10.2})
+
+
+REFUSED = {
+    "several": ({"faces": "-x"}, "several faces.*F6.*F10"),
+    "none": ({"faces": "F99"}, "no such face.*F1 to F10"),
+    "word": ({"faces": "lid"}, "no face is named like this.*through"),
+    "name": ({"faces": "bore radius 8"}, "no face of body 'slot' has this name.*front, right, back no. 1"),
+    "each": ({"faces": ["F1", "F2"]}, "how far does each face move.*0.5"),
+    "unit": ({"scale": "xyz", "tolerance": "0.1 mm"}, "a scale has no unit.*a share: 0.003"),
+    "both": ({"faces": "F1", "scale": "x"}, "faces or a scale"),
+    "empty": ({"faces": "F1", "tolerance": (0.1, -0.1)}, "low <= high"),
+    "across": ({"faces": "F2", "along": "x"}, "no face is moved"),
+    "same": ({"faces": ["F2", "F2"], "each": 0.5}, "F2 is meant twice"),
+    "no list": ({"faces": 3}, "no faces"),
+    "truth": ({"faces": "F1", "tolerance": True}, "unusable numbers"),
+    "nothing": ({"faces": "F1", "each": 0.0}, "each: no face is moved"),
+    "radius": ({"faces": {"around": (0, 0, 0), "axis": "z", "radius": -1.0}}, "no radius"),
+    "nowhere": ({"faces": {"through": (90, 0, 0)}}, "no face of body 'slot' goes through"),
+    "spread": ({"faces": "F1", "distribution": {"normal": 3}}, "unusable distribution"),
+    "coplanar": ({"faces": "F2", "distribution": {"weibull": {}}, "tolerance": 0.1}, "unusable distribution"),
+}
+
+
+def test_a_face_that_is_not_there_is_refused_whatever_is_made() -> None:
+    size = fo.Size("odd", "static", faces="F99")
+    with pytest.raises(fo.InputError, match="F1 to F10"):
+        fo.Problem(box((-5, 13, 2), (5, 20, 28)), slot(), sizes=[size], motion=X, goal="touch")
+
+
+@pytest.mark.parametrize("key", REFUSED)
+def test_what_no_size_is_is_refused_with_what_is_allowed(key: str) -> None:
+    arguments, said = REFUSED[key]
+
+    def asked() -> object:
+        size = fo.Size("odd", "static", **{"tolerance": 0.1, **arguments})
+        problem = fo.Problem(box((-5, 13, 2), (5, 20, 28)), slot(), sizes=[size], motion=X, goal="touch")
+        return fo.stack_up(problem).contributions
+
+    with pytest.raises(fo.InputError, match=said):
+        asked()
+
+
+def test_all_facets_of_a_cylinder_are_one_selector() -> None:
+    count, radius = 24, 5.0
+    ring = [
+        (radius * math.cos(2 * math.pi * k / count), radius * math.sin(2 * math.pi * k / count)) for k in range(count)
+    ]
+    body = fo.Body.convex([(x, y, z) for x, y in ring for z in (0.0, 3.0)])
+    around = {"around": (0, 0, 1), "axis": "z", "radius": radius}
+    made = resized(body, {fo.Size("diameter", "movable", faces=[around], each=0.5): 0.2})
+    grown = radius + 0.1 / math.cos(math.pi / count)
+    assert np.hypot(*made.vertices[:, :2].T) == pytest.approx(np.full(2 * count, grown), rel=1e-14)
+
+
+# -------------------------------------------------------------------------------------------------- touching at a pose
+
+
+def test_signs_of_gaps_are_those_of_rationals() -> None:
+    wrong = unproved = together = 0
+    for gap, meet in exact.cases(200, seed=11):
+        unproved += meet is None
+        together += meet is True
+        wrong += meet is not None and (gap <= 0.0) != meet
+    assert wrong == 0
+    assert unproved <= 4
+    assert 40 < together < 160
+
+
+def test_theleast_of_the_largest_row_is_that_of_a_linear_program() -> None:
+    from scipy.optimize import linprog
+
+    rng = np.random.default_rng(12)
+    for count, size in product((1, 2, 5, 20, 40), (1, 2, 5, 24)):
+        for scale in (1e-6, 1.0, 1e6):
+            rows = rng.normal(size=(count, 1 + size)) * np.array([0.1 * scale, *[1.0] * size])
+            middle = scale * rng.normal(size=size)
+            box = np.column_stack([middle - scale * rng.random(size), middle + scale * rng.random(size)])
+            value, place = least_of(rows, box)
+            left = np.column_stack([rows[:, 1:], -np.ones(count)])
+            bounds = [*(box / scale).tolist(), (None, None)]
+            known = linprog([*[0.0] * size, 1.0], left, -rows[:, 0] / scale, bounds=bounds).fun * scale
+            assert value == pytest.approx(known, abs=1e-7 * scale)
+            assert (rows[:, 0] + rows[:, 1:] @ place).max() == pytest.approx(value, abs=1e-11 * scale)
+            assert (least_of(rows, box, sign=True)[0] < 0.0) == (value < 0.0)
+
+
+def test_the_gap_of_parts_made_is_that_of_the_rows() -> None:
+    rng = np.random.default_rng(6)
+    seen = 0
+    for _ in range(12):
+        bodies = [fo.Body.convex(rng.normal(size=(8, 3)) + k * rng.normal(size=3)) for k in (0, 1)]
+        sizes = [
+            fo.Size(f"{role}{k}", role, faces=f"F{k + 1}", tolerance=0.02)
+            for role, body in zip(("movable", "static"), bodies, strict=True)
+            for k in range(len(body.faces))
+        ]
+        sizes += [fo.Size("m", "movable", scale="xyz", tolerance=0.02)]
+        problem = fo.Problem(*bodies, sizes=sizes, motion=X, goal="touch")
+        stack = fo.stack_up(problem)
+        for p in rng.uniform(-0.02, 0.02, (4, len(sizes))):
+            named = dict(zip(stack.names, p.tolist(), strict=True))
+            try:
+                made = problem.changed(made=named)
+            except fo.InputError:
+                continue  # a face as small as its tolerance
+            gap = fo.decision_curve(made.movable, made.static).gap((1.0, 1.0))
+            seen += 1
+            if gap < 0:  # apart, rows of corners that split may tell more of the distance
+                assert stack.gap(named) == pytest.approx(gap, abs=1e-12)
+            else:
+                distance = fo.decision_curve(made.movable, made.static).distance((1.0, 1.0))
+                assert gap - 1e-12 <= stack.gap(named) <= distance + 1e-9
+    assert seen >= 30
+
+
+def uniform(role: str, body: fo.Body, *, faces: bool) -> fo.Size:
+    """A uniform scale, as one or as every face moved outward by its height over the seed."""
+    if not faces:
+        return fo.Size(role, role, scale="xyz", tolerance=0.2)
+    normals, points = body.face_planes
+    heights = (normals * (points - body.seed)).sum(axis=1)
+    names = [f"F{k + 1}" for k in range(len(normals))]
+    return fo.Size(role, role, faces=names, each=heights.tolist(), tolerance=0.2)
+
+
+def pairs_of_bodies(kind: str, rng: Any) -> tuple[fo.Body, fo.Body]:
+    way = rng.normal(size=3)
+    if kind == "hulls":
+        away = 3.0 * way / np.linalg.norm(way)
+        return fo.Body.convex(rng.normal(size=(10, 3))), fo.Body.convex(rng.normal(size=(10, 3)) + away)
+    one, two, off = rng.uniform(0.5, 2.0, 3), rng.uniform(0.5, 2.0, 3), rng.uniform(-0.4, 0.4, 3)
+    axis = int(rng.integers(3))
+    off[axis] = (one[axis] + two[axis]) / 2.0 * rng.uniform(0.95, 1.05)
+    if kind == "aligned boxes":
+        return box(-one / 2, one / 2), box(off - two / 2, off + two / 2)
+    off[2] = 0.5 + one[2] / 2.0
+    turn = Rotation.from_rotvec([0.0, 0.0, way[0]]).as_matrix()
+    corners = [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+    peg = fo.Body.convex(np.array(corners) * one @ turn.T + off)
+    return peg, fo.Body.from_parts([np.array(corners) * [3, 3, 1], np.array(corners) * [1, 3, 3] + [2, 0, 0]])
+
+
+@pytest.mark.parametrize("faces", [False, True])
+@pytest.mark.parametrize("kind", ["hulls", "aligned boxes", "a turned box on two others"])
+def test_rows_of_two_uniform_scales_are_the_lines_of_the_decision_curve(kind: str, faces: bool) -> None:
+    """Equal to the last bit, where rows of a scale of their own were up to four, of faces up to nine units off."""
+    rng = np.random.default_rng(7)
+    checked = 0
+    for _ in range(30):
+        one, two = pairs_of_bodies(kind, rng)
+        sizes = [uniform(role, body, faces=faces) for role, body in (("movable", one), ("static", two))]
+        transform = np.eye(4)
+        if kind == "hulls":
+            transform[:3, :3] = Rotation.from_rotvec(rng.normal(size=3) * 0.02).as_matrix()
+        touching = TouchingSizes.of(one, two, sizes, transform=transform)
+        rows = np.concatenate([pair.values for pair in touching.pairs])
+        curve = fo.decision_curve(one, two, box=((0.81, 1.19), (0.81, 1.19)), transform=transform)
+        for a, b, c in (segment.line for segment in curve.segments):
+            assert (rows == [c - a - b, -a, -b]).all(axis=1).any()
+            checked += 1
+    assert checked >= 10
+
+
+def test_a_pose_moves_the_movable_body() -> None:
+    one, two = box((0, 0, 0), (1, 1, 1)), box((3, -5, -5), (4, 5, 5))
+    size = fo.Size("w", "movable", faces="+y", tolerance=0.1)
+    problem = fo.Problem(one, two, sizes=[size], motion=X, goal="touch")
+    turned = np.array([[0.0, 1, 0, 0.5], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # +y becomes +x
+    (row,) = fo.stack_up(problem, pose=turned).rows
+    assert (row.gap, row.coefficients) == (pytest.approx(1.5), {"w": pytest.approx(-1.0)})
+
+
+# ------------------------------------------------------------------------------------------------------------- problems
+
+
+def test_parts_made_are_solved_judged_and_told_again() -> None:
+    one, two = box((0, 0, 0), (4, 2, 1), "peg"), box((4, 0, 0), (6, 2, 1), "wall")
+    sizes = [
+        fo.Size("a", "movable", faces="+x", tolerance=0.05),
+        fo.Size("b", "static", faces="-x", tolerance=(-0.02, 0.1)),
+        fo.Size("c", "movable", scale="x", tolerance=0.01),
+    ]
+    problem = fo.Problem(one, two, sizes=sizes, made={"a": 0.03, "b": 0.01}, motion=X, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.certificate.passed
+    assert solution.parameters["TX"] == pytest.approx(-0.04, abs=1e-12)
+    again = fo.Problem.from_dict(problem.to_dict())
+    assert np.array_equal(again.movable.vertices, problem.movable.vertices)
+    assert again.made == {"a": 0.03, "b": 0.01, "c": 0.0}
+    assert fo.verify(fo.Solution.from_dict(solution.to_dict())).passed
+    corners = {"worst": -0.17, "loosest": 0.09, "low": 0.09, "high": -0.17, "middle": -0.04}
+    for corner, shift in corners.items():
+        assert fo.solve(problem.changed(made=corner)).parameters["TX"] == pytest.approx(shift, abs=1e-12)
+    with pytest.raises(fo.InputError, match=r"no such size.*a, b, c"):
+        problem.changed(made={"d": 0.1})
+    assert np.array_equal(problem.changed(made=None).movable.vertices, one.vertices)
+
+
+def test_a_file_with_sizes_answers_its_closed_forms() -> None:
+    for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml")[:2]:
+        solution = fo.solve(problem)
+        assert solution.certificate.passed
+        assert list(solution.parameters.values()) == pytest.approx(list(problem.published), abs=1e-12)
+
+
+def test_what_if_takes_other_sizes() -> None:
+    problem = fo.load_problems(PROBLEMS / "slot_and_key.toml")[1]
+    answer = fo.whatif(problem, made={"key_foot": 0.02, "slot_depth": 0.0})
+    assert answer.after.parameters["TY"] == pytest.approx(-0.105, abs=1e-12)
+
+
+def test_derivatives_by_sizes_are_those_of_the_closed_forms() -> None:
+    """Amounts: 0.125 + slot_depth - key_foot; 0.0625 + (slot_width - key_width) / 2 - slot_position."""
+    told = {
+        "as drawn": {"key_foot": -1.0, "slot_depth": 1.0},
+        "low foot, deep slot": {"key_foot": -1.0, "slot_depth": 1.0},
+        "to a side, at the least gap": {"key_width": -0.5, "slot_width": 0.5, "slot_position": -1.0},
+    }
+    for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml"):
+        found = fo.solve(problem).sensitivity
+        assert found.exists
+        assert found.sizes == pytest.approx({name: told[problem.name].get(name, 0.0) for name in found.sizes}, abs=1e-9)
+
+
+def test_derivatives_by_sizes_are_those_of_differences() -> None:
+    """Random hulls that are scaled, and whose faces are moved besides: corners of three faces, so that all exist."""
+    from scipy.spatial import HalfspaceIntersection
+
+    rng = np.random.default_rng(8)
+    tried = 0
+    for _ in range(4):
+        bodies = []
+        for k in range(2):
+            normals = np.vstack([rng.normal(size=(4, 3)), [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]])
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            planes = np.column_stack([normals, -rng.uniform(0.8, 1.3, size=8)])
+            points = HalfspaceIntersection(planes, np.zeros(3)).intersections
+            bodies.append(fo.Body.convex(points + np.array([0, 0, 3.5 * k])))
+        sizes = [fo.Size("all", "movable", scale="xyz")]
+        for role, body in zip(("movable", "static"), bodies, strict=True):
+            sizes += [fo.Size(f"{role}{k}", role, faces=f"F{k + 1}") for k in range(len(body.faces))]
+        values = {size.name: x for size, x in zip(sizes, rng.uniform(-0.003, 0.003, 17).tolist(), strict=False)}
+        motion = fo.Translation("z") >> fo.Translation("x")
+        problem = fo.Problem(*bodies, sizes=sizes, made=values, motion=motion, goal="touch")
+        solution = fo.solve(problem)
+        found = solution.sensitivity
+        if not found.exists:
+            continue
+        for name, x in values.items():
+            ends = [fo.solve(problem.changed(made={**values, name: x + step})).amount for step in (1e-6, -1e-6)]
+            assert found.sizes[name] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
+            tried += 1
+    assert tried >= 17 * 2
+
+
+def test_faces_are_chosen_on_the_part_as_drawn_when_it_is_scaled_too() -> None:
+    """The point of a selector lies on the face as drawn, and no more on that of the scaled part."""
+    peg, wall = box((0, 0, 0), (4, 2, 1), "peg"), box((4.5, 0, 0), (6, 2, 1), "wall")
+    sizes = [fo.Size("s", "movable", scale="x"), fo.Size("a", "movable", faces={"through": (4, 1, 0.5)})]
+    problem = fo.Problem(peg, wall, sizes=sizes, made={"s": 0.05, "a": 0.02}, motion=X, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.parameters["TX"] == pytest.approx(0.5 - 0.1 - 0.02, abs=1e-12)
+    assert solution.sensitivity.sizes == pytest.approx({"s": -2.0, "a": -1.0})

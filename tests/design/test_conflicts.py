@@ -1,0 +1,472 @@
+"""Which constraints clash where there is no motion, and the least relaxation that cures it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ordinary import CUBE, FAR, box, problems, random_scene
+
+from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.solver import solve
+
+CASES = Path(__file__).parents[1] / "cases"
+X, Y = Translation("x"), Translation("y")
+
+
+WALL = box((5, -10, -1), (6, 10, 1), "wall")  # touched along x at TX = 4 and TX = 7, beside it for |TY| >= 11
+POST = box((2, -1, -1), (4, 1, 1), "post")  # in the way at TX = 4 for |TY| < 2
+
+
+def touching_wall(**arguments: Any) -> Problem:
+    return Problem(CUBE, WALL, **{"target": (1, 1), "goal": "touch", "motion": X >> Y, **arguments})
+
+
+def at_the_block(**arguments: Any) -> Problem:
+    """The gap is 3 - rho_1 - rho_2 + TX."""
+    block = box((2, -3, -3), (4, 3, 3), "block")
+    return Problem(CUBE, block, nominal=(1.5, 1.5), target=(1.5, 1.6), goal="at", motion=X, **arguments)
+
+
+def clear(*keep_out: Any, **arguments: Any) -> Problem:
+    given = {"target": (1, 1), "goal": "clear", "motion": X, **arguments}
+    return Problem(CUBE, FAR, keep_out=keep_out, **given)
+
+
+def names(problem: Problem) -> list[str]:
+    return [own.name for own in constraints(problem)]
+
+
+def sets(found: Conflicts) -> set[frozenset[str]]:
+    return {frozenset(clash.names) for clash in found.clashes}
+
+
+def relaxations(found: Conflicts) -> dict[str, LeastRelaxation]:
+    return {own.name: own for own in found.relaxations}
+
+
+def assert_least(own: LeastRelaxation, by: float, problem: Problem) -> None:
+    """The relaxation is this one: it does, verified, and a little less does not."""
+    assert own.cures
+    assert own.by == pytest.approx(by, abs=4e-9 * problem.size)
+    assert own.failing < own.by
+    assert own.by - own.failing <= 2e-8 * problem.size
+    assert own.solution is not None
+    assert own.solution.usable
+    assert excesses(problem, own.solution)[own.name] == pytest.approx(own.by, abs=4e-9 * problem.size)
+
+
+# -------------------------------------------------------------------------------------------------------- constraints
+
+
+def rich() -> Problem:
+    return clear(
+        POST,
+        KeepOut(WALL, clearance=0.5),
+        motion=X >> Y >> Rotation("z"),
+        clearance=0.25,
+        limits={"TX": (-1, 2), "TY": (-math.inf, 3), "RZ": (0, 0)},
+        resolution=0.125,
+    )
+
+
+def test_every_constraint_of_a_problem_is_listed_by_name():
+    assert names(rich()) == [
+        "lower limit of TX", "upper limit of TX", "upper limit of TY", "RZ held", "keep-out 'post'", "keep-out 'wall'",
+        "keep-out 'wall': clearance", "clearance", "whole steps",
+    ]  # fmt: skip
+    assert names(touching_wall(pair="clear")) == ["pair 'clear'"]
+    assert names(touching_wall(pair="touch")) == []  # the goal says so already
+    assert names(at_the_block()) == ["coherence"]
+    assert names(at_the_block(path="free")) == []
+
+
+def test_names_are_those_of_what_is_active_in_a_solution():
+    solution = solve(clear(box((-5, -1, -1), (0, 1, 1), "block")))
+    assert set(solution.active) <= set(names(solution.problem))
+    rounded = solve(clear(box((-5, -1, -1), (0, 1, 1), "block"), resolution=0.3))
+    assert set(rounded.active) <= set(names(rounded.problem))
+
+
+@pytest.mark.parametrize("dropped", names(rich()))
+def test_a_dropped_constraint_is_gone_with_those_that_include_it_and_all_others_stay(dropped: str):
+    asked = rich()
+    includes = {own.name for own in constraints(asked) if own.includes == dropped}
+    left = without(asked, [dropped])
+    assert names(left) == [name for name in names(asked) if name not in {dropped, *includes}]
+    by_name = {own.name: own for own in constraints(asked)}
+    assert all(own.value == by_name[own.name].value for own in constraints(left) if not math.isnan(own.value))
+    assert names(without(asked, names(asked))) == []
+
+
+def test_dropping_a_pair_state_drops_the_clearance_that_it_asks_for():
+    asked = at_the_block(pair="clear", clearance=0.5)
+    assert names(asked) == ["pair 'clear'", "clearance", "coherence"]
+    assert names(without(asked, ["pair 'clear'"])) == ["coherence"]
+    assert names(without(asked, ["clearance"])) == ["pair 'clear'", "coherence"]
+
+
+def named(problem: Problem, name: str) -> Constraint:
+    (constraint,) = (one for one in constraints(problem) if one.name == name)
+    return constraint
+
+
+def relaxed(problem: Problem, name: str, by: float) -> Problem:
+    return named(problem, name).changed(problem, by)
+
+
+def test_relaxing_widens_limits_reduces_clearances_and_halves_steps():
+    asked = rich()
+    assert relaxed(asked, "lower limit of TX", 0.5).limits[0].tolist() == [-1.5, 2]
+    assert relaxed(asked, "upper limit of TX", 0.5).limits[0].tolist() == [-1, 2.5]
+    assert relaxed(asked, "RZ held", 0.5).limits[2].tolist() == [-0.5, 0.5]
+    assert relaxed(asked, "clearance", 0.125).clearance == 0.125
+    assert relaxed(asked, "keep-out 'wall': clearance", 0.5).keep_out[1].clearance == 0.0
+    assert relaxed(asked, "whole steps", 2).resolution.tolist() == [0.125 / 4] * 3
+    assert all(relaxed(asked, "whole steps", 0).resolution == asked.resolution)
+
+
+def test_a_constraint_that_is_none_is_refused():
+    with pytest.raises(InputError, match=r"no such constraint.*lower limit of TX"):
+        without(rich(), ["limit of TX"])
+
+
+def test_excesses_say_how_far_a_motion_passes_each_constraint():
+    asked = rich()
+    free = without(asked, [name for name in names(asked) if name != "whole steps"])
+    found = excesses(asked, solve(free))  # at rest: 1 from the post, 4 from the wall
+    assert set(found) == set(names(asked))
+    assert set(found.values()) == {0.0}
+    tight = clear(box((-3, -1, -1), (0.25, 1, 1), "A"), KeepOut(POST, clearance=1.25), limits={"TX": (0.5, 0.75)})
+    at_rest = solve(without(tight, names(tight)))
+    assert excesses(tight, at_rest) == pytest.approx(
+        {"lower limit of TX": 0.5, "upper limit of TX": 0, "keep-out 'A'": 1.25, "keep-out 'post'": 0,
+         "keep-out 'post': clearance": 0.25}, abs=1e-9,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------- by hand
+
+
+def test_one_limit_alone_can_clash_with_the_goal():
+    asked = touching_wall(motion=X, limits={"TX": (-1, 3)})
+    found = conflicts(asked)
+    assert sets(found) == {frozenset({"upper limit of TX"})}
+    assert found.clashes[0].proved
+    assert found.complete
+    own = relaxations(found)["upper limit of TX"]
+    assert_least(own, 1.0, asked)
+    assert own.value == pytest.approx(4.0, abs=1e-9)
+    assert own.amount == pytest.approx(4.0, abs=1e-9)
+    assert own.impossible == own.failing  # of one translation: proved
+    assert found.deviation is None
+    assert found.trials == ()
+
+
+def test_four_constraints_clash_only_all_together():
+    asked = touching_wall(limits={"TX": (0, 6), "TY": (-1, 1.5)}, keep_out=[POST])
+    found = conflicts(asked)
+    clash = {"upper limit of TX", "lower limit of TY", "upper limit of TY", "keep-out 'post'"}
+    assert sets(found) == {frozenset(clash)}
+    assert found.clashes[0].proved
+    least = relaxations(found)
+    assert_least(least["upper limit of TX"], 1.0, asked)  # the wall's other side, TX = 7
+    assert_least(least["lower limit of TY"], 1.0, asked)  # past the post, TY = -2
+    assert_least(least["upper limit of TY"], 0.5, asked)
+    assert least["upper limit of TY"].amount == pytest.approx(math.hypot(4, 2), abs=1e-6)
+    assert math.isinf(least["keep-out 'post'"].by)
+    assert least["keep-out 'post'"].amount == pytest.approx(4.0, abs=1e-9)
+    assert found.solves <= 40
+
+
+def test_two_keep_outs_and_two_limits_leave_no_room():
+    left, right = box((-9, -1, -1), (-0.5, 1, 1), "L"), box((1.2, -1, -1), (9, 1, 1), "R")
+    asked = clear(left, right, limits={"TX": (-5, 5)})
+    found = conflicts(asked)
+    assert sets(found) == {frozenset(names(asked))}
+    least = relaxations(found)
+    assert_least(least["lower limit of TX"], 5.0, asked)
+    assert_least(least["upper limit of TX"], 5.0, asked)
+    assert least["keep-out 'L'"].amount == 0.0
+    assert least["keep-out 'R'"].amount == pytest.approx(0.5, abs=1e-9)
+
+
+def test_a_relaxation_that_cures_nothing_alone_is_told_so():
+    a, b = box((-9, -1, -1), (0.5, 1, 1), "A"), box((-9, -1, -1), (1, 1, 1), "B")
+    asked = clear(a, b, limits={"TX": (1, 1)})
+    found = conflicts(asked)
+    assert sets(found) == {frozenset({"TX held", "keep-out 'A'"}), frozenset({"TX held", "keep-out 'B'"})}
+    least = relaxations(found)
+    assert_least(least["TX held"], 1.0, asked)
+    for name in ("keep-out 'A'", "keep-out 'B'"):
+        assert not least[name].cures
+        assert math.isnan(least[name].by)
+        assert math.isinf(least[name].impossible)
+        assert "cures nothing alone" in str(least[name])
+
+
+def test_a_limit_that_rest_is_beyond_is_relaxed_by_halving():
+    a = box((-0.75, -1, -1), (9, 1, 1), "A")  # free for TX <= -1.75
+    asked = clear(a, limits={"TX": (-1, -0.5)})
+    found = conflicts(asked, deviation=False)
+    assert sets(found) == {frozenset({"lower limit of TX", "upper limit of TX", "keep-out 'A'"})}
+    least = relaxations(found)
+    assert_least(least["lower limit of TX"], 0.75, asked)
+    assert_least(least["upper limit of TX"], 10.5, asked)  # from -0.5 on, so rest itself is beyond: 9 + 1
+
+
+def test_a_clearance_is_named_where_the_keep_out_itself_leaves_room():
+    a, b = box((-9, -1, -1), (-1.1, 1, 1), "A"), box((1.3, -1, -1), (9, 1, 1), "B")  # room of 0.4 in all
+    asked = clear(KeepOut(a, clearance=0.5), b, limits={"TX": (-3, 3)})
+    found = conflicts(asked, relax=False)
+    clash = {"lower limit of TX", "upper limit of TX", "keep-out 'A': clearance", "keep-out 'B'"}
+    assert sets(found) == {frozenset(clash)}
+    assert found.relaxations == ()
+    assert solve(relaxed(asked, "keep-out 'A': clearance", 0.1)).usable
+    assert solve(relaxed(asked, "keep-out 'A': clearance", 0.1 - 1e-5)).status is Status.INFEASIBLE
+
+
+def test_where_answers_near_the_least_relaxation_tell_nothing_few_are_asked_for(monkeypatch: pytest.MonkeyPatch):
+    a, b = box((-9, -1, -1), (-1.1, 1, 1), "A"), box((1.3, -1, -1), (9, 1, 1), "B")  # as above
+    asked = clear(KeepOut(a, clearance=0.57), b, limits={"TX": (-3, 3)})
+    unsure = []
+
+    def solved(problem: Problem, **arguments: Any) -> Any:
+        solution = solve(problem, **arguments)
+        if solution.status is Status.INFEASIBLE and problem.keep_out and problem.keep_out[0].clearance < 0.401:
+            unsure.append(problem)
+            return replace(solution, status=Status.NOT_FOUND)
+        return solution
+
+    monkeypatch.setattr("fcdm_opt.design.whatif.search.solve", solved)
+    search = ClashSearch(asked)
+    own = next(own for own in search.constraints if own.name == "keep-out 'A': clearance")
+    search.alone(search.names)
+    least = search.least_relaxation(own)
+    assert 2 <= len(unsure) <= 5
+    assert least.failing < 0.17 <= least.by * (1 + 1e-8)
+    assert 1e-7 < least.by - least.failing < 1e-3
+    assert f"to within {(least.by - least.failing) / least.by:.1g} of it" in least.note
+
+
+def test_the_least_reduction_of_the_target_pairs_clearance():
+    post = box((2, -1, -1), (4, 1, 1))
+    asked = Problem(
+        CUBE, post, target=(1, 1), goal="clear", clearance=2, motion=X, limits={"TX": (-0.25, 6)}
+    )  # gaps 1 - TX and TX - 5
+    found = conflicts(asked)
+    assert sets(found) == {frozenset(names(asked))}
+    least = relaxations(found)
+    assert_least(least["lower limit of TX"], 0.75, asked)
+    assert_least(least["upper limit of TX"], 1.0, asked)
+    assert_least(least["clearance"], 0.75, asked)
+    assert least["clearance"].value == pytest.approx(1.25, abs=1e-8)
+
+
+def test_a_pair_state_can_only_be_dropped():
+    asked = Problem(CUBE, POST, target=(1, 1), goal="clear", pair="touch", motion=X, limits={"TX": (-0.25, 0.5)})
+    found = conflicts(asked)
+    assert sets(found) == {frozenset({"upper limit of TX", "pair 'touch'"})}
+    assert_least(relaxations(found)["upper limit of TX"], 0.5, asked)
+    assert math.isinf(relaxations(found)["pair 'touch'"].by)
+
+
+def test_whole_steps_are_halved_until_one_falls_into_the_room():
+    left, right = box((-9, -1, -1), (-0.69, 1, 1), "L"), box((1.36, -1, -1), (9, 1, 1), "R")
+    asked = clear(left, right, limits={"TX": (-5, 5)}, resolution=0.25)  # 0.31 <= TX <= 0.36: 5 steps of 1 / 16
+    found = conflicts(asked)
+    assert sets(found) == {frozenset({"keep-out 'L'", "keep-out 'R'", "whole steps"})}
+    assert not found.clashes[0].proved
+    steps = relaxations(found)["whole steps"]
+    assert (steps.by, steps.failing) == (2.0, 1.0)
+    assert steps.solution is not None
+    assert steps.solution.parameters["TX"] == 0.3125
+
+
+def test_where_the_motion_alone_cannot_do_it_other_motions_and_goals_are_tried():
+    above = box((-1, 5, -1), (1, 6, 1))
+    found = conflicts(Problem(CUBE, above, target=(1, 1), goal="touch", motion=X, limits={"TX": (-5, 5)}))
+    assert sets(found) == {frozenset()}
+    assert found.clashes[0].proved
+    assert found.relaxations == ()
+    tried = {trial.change: trial.solution.usable for trial in found.trials}
+    assert tried == {"motion Free()": True, 'goal "clear"': True}
+    assert "the motion alone cannot" in str(found)
+
+
+def test_a_turn_is_relaxed_in_radians_and_told_in_degrees():
+    """An edge of a square of half-width 1, turned by t, reaches cos t + sin t; the wall stands at 1.3."""
+    wall = box((1.3, -10, -1), (6, 10, 1))
+    asked = Problem(CUBE, wall, target=(1, 1), goal="touch", motion=Rotation("z"), limits={"RZ": (-0.1, 0.2)})
+    t = math.asin(1.3 / math.sqrt(2)) - math.pi / 4
+    found = conflicts(asked)
+    assert sets(found) == {frozenset({"lower limit of RZ", "upper limit of RZ"})}
+    least = relaxations(found)
+    assert least["upper limit of RZ"].by == pytest.approx(t - 0.2, abs=1e-8)
+    assert least["lower limit of RZ"].by == pytest.approx(t - 0.1, abs=1e-8)
+    assert least["upper limit of RZ"].unit == "radian"
+    assert f"to {math.degrees(t):.6f}" in str(least["upper limit of RZ"])
+
+
+# ------------------------------------------------------------------------------------------------------ problem files
+
+
+@cache
+def tight(case: int) -> Conflicts:
+    return conflicts(list(problems("peg_square_tight").values())[case])
+
+
+def test_the_peg_that_is_too_large_needs_all_four_limits_to_be_stuck():
+    found = tight(0)
+    assert sets(found) == {frozenset(names(found.problem))}
+    assert found.clashes[0].proved
+    for own in found.relaxations:  # beside the plate: 20 half widths of it, 9.75 * 1.03 of the peg, 0.25 and -0.125 off
+        assert own.impossible == own.failing
+    reach = {own.name: own.by for own in found.relaxations}
+    corners = found.problem.static.vertices
+    half = 9.75 * 1.03
+    assert reach["upper limit of TX"] == pytest.approx(corners[:, 0].max() + half - 0.25 - 2, abs=1e-7)
+    assert reach["lower limit of TX"] == pytest.approx(-corners[:, 0].min() + half + 0.25 - 2, abs=1e-7)
+    assert reach["upper limit of TY"] == pytest.approx(corners[:, 1].max() + half + 0.125 - 2, abs=1e-7)
+    assert reach["lower limit of TY"] == pytest.approx(-corners[:, 1].min() + half - 0.125 - 2, abs=1e-7)
+    assert found.deviation is not None
+    share = (10 / 9.75 - 1) / 0.03  # up to which the peg goes in
+    assert found.deviation.value == pytest.approx(share, abs=2e-6)
+    assert found.solves <= 60
+
+
+def test_the_bracket_that_is_too_wide_clashes_with_the_clearance_not_with_the_ribs():
+    """The foot of 31.8 leaves (32 - 31.8) / 2 = 0.1 on both sides of the ribs, asked for are 0.5."""
+    asked = next(iter(problems("bracket_stuck").values()))
+    # up is free, and below the plate the bracket touches too, from TZ = -39.32 on
+    sought = {"lower limit of TX", "upper limit of TX", "lower limit of TZ", "keep-out 'ribs': clearance"}
+    search = ClashSearch(asked)
+    (clash,), complete = search.smallest(search.solved(asked))
+    assert set(clash.names) == sought
+    assert clash.proved
+    assert complete
+    assert search.solves <= 20
+    assert_least(search.least_relaxation(named(asked, "keep-out 'ribs': clearance")), 0.4, asked)
+
+
+# --------------------------------------------------------------------------------------------------------- brute force
+
+
+def closed_sets(problem: Problem) -> dict[frozenset[str], tuple[str, ...]]:
+    """All closed sets of constraints, each with the ones that no other in it includes."""
+    own = constraints(problem)
+    found = {}
+    for size in range(len(own) + 1):
+        for chosen in combinations(own, size):
+            kept = frozenset(one.name for one in chosen)
+            if all(not one.includes or one.includes in kept for one in chosen):
+                included = {one.includes for one in chosen}
+                found[kept] = tuple(one.name for one in chosen if one.name not in included)
+    return found
+
+
+def smallest_by_brute_force(problem: Problem) -> set[frozenset[str]]:
+    """The smallest clashes from a solve of every subset."""
+    every = closed_sets(problem)
+    feasible = {kept: solve(without(problem, set(names(problem)) - kept)).usable for kept in every}
+    minimal = [
+        kept for kept, does in feasible.items() if not does and all(feasible[less] for less in every if less < kept)
+    ]
+    fewest = min(len(every[kept]) for kept in minimal)
+    return {frozenset(every[kept]) for kept in minimal if len(every[kept]) == fewest}
+
+
+def test_smallest_clashes_are_those_of_all_subsets():
+    looked_at = 0
+    sizes = set()
+    for seed in range(40):
+        asked = random_scene(np.random.default_rng(seed), (0, 2))
+        if solve(asked).usable:
+            continue
+        looked_at += 1
+        found = conflicts(asked, deviation=False)
+        assert found.complete
+        assert sets(found) == smallest_by_brute_force(asked)
+        sizes |= {len(clash.names) for clash in found.clashes}
+        assert found.solves <= 80
+        for own in found.relaxations:
+            assert own.cures == solve(without(asked, [own.name])).usable
+            if own.cures and math.isfinite(own.by):
+                assert solve(relaxed(asked, own.name, own.by)).usable
+                assert not solve(relaxed(asked, own.name, own.by * (1 - 1e-6))).usable
+        if looked_at == 3:
+            break
+    assert looked_at == 3
+    assert len(sizes) >= 2
+
+
+def test_smallest_clashes_with_clearances_are_those_of_all_subsets():
+    asked = Problem(
+        CUBE, box((2, -1, -1), (4, 1, 1)), target=(1, 1), goal="clear", clearance=0.5, motion=X,
+        keep_out=[KeepOut(box((-9, -1, -1), (-1.2, 1, 1), "L"), clearance=1.0)],
+        limits={"TX": (-5, 3)},
+    )  # fmt: skip
+    # TX - -0.2 >= 1 and 1 - TX >= 0.5 exclude each other; further left than L is -10.2
+    found = conflicts(asked, relax=False)
+    assert sets(found) == smallest_by_brute_force(asked)
+    for name in ("keep-out 'L': clearance", "clearance"):
+        assert solve(relaxed(asked, name, 0.3)).usable
+        assert solve(relaxed(asked, name, 0.3 - 1e-5)).status is Status.INFEASIBLE
+
+
+# ---------------------------------------------------------------------------------------------------------- interface
+
+
+def test_a_problem_with_a_motion_is_refused_and_points_to_drop():
+    with pytest.raises(InputError, match="drop"):
+        conflicts(touching_wall())
+    with pytest.raises(InputError, match="Problem"):
+        conflicts("bracket.toml")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="certify: not a truth value"):
+        conflicts(touching_wall(), certify=np.ones(2))  # type: ignore[arg-type]
+
+
+def test_a_solution_without_a_motion_stands_for_its_problem():
+    solution = solve(touching_wall(motion=X, limits={"TX": (-1, 3)}))
+    one, two = conflicts(solution), conflicts(solution.problem)
+    assert sets(one) == sets(two)
+    assert one.solves == two.solves - 1
+
+
+def test_relaxations_had_lengths_without_their_unit():
+    found = conflicts(touching_wall(motion=X, limits={"TX": (-1, 3)}, unit="mm"))
+    assert "relax upper limit of TX: by 1 mm to 4 mm, amount 4 mm" in str(found)
+
+
+def test_results_are_plain_data():
+    found = tight(0)
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert data["clashes"][0]["names"] == list(found.clashes[0].names)
+    assert data["relaxations"][0]["by"] == found.relaxations[0].by
+    assert data["constraints"] == names(found.problem)
+    assert "clash: " in str(found)
+    assert named(found.problem, "upper limit of TX").value == 2.0
+
+
+def test_parts_that_do_not_fit_were_said_to_clash_with_nothing():
+    """Three teeth, .005 too wide together: `solve` says that they do not fit, and no constraint is in the way."""
+    comb, slots = (Body.from_file(CASES / f"{name}.off", unit="mm") for name in ("comb", "comb_slots"))
+    asked = Problem(comb, slots, target=(1, 1), goal="clear", motion=Translation("z"))
+    assert solve(asked).status is Status.OUTSIDE_FIT
+    found = conflicts(asked)
+    assert [(clash.names, clash.status) for clash in found.clashes] == [((), Status.OUTSIDE_FIT)]

@@ -1,0 +1,475 @@
+"""One pose for all pairs: ranges of the gap and best poses against closed forms, the collision library, brute force."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solids import box
+from strategies import random_pose
+
+import fcdm_opt as fo
+from fcdm_opt.curve.games import game
+from fcdm_opt.design.distributions import Measured, Normal, Uniform
+from fcdm_opt.design.fixed_pose import gaps as kernels
+from fcdm_opt.design.fixed_pose.best_pose import best_pose
+from fcdm_opt.design.fixed_pose.clearances import clearances
+from fcdm_opt.design.fixed_pose.local_search import Found, least_moved
+from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
+from fcdm_opt.design.fixed_pose.scene import Scales
+from fcdm_opt.design.fixed_pose.worst import Worst
+from fcdm_opt.design.sizes import worst_sizes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.collision import ScaledPair
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+ACCURACY = 1e-4
+XYZ = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+
+
+def problem(name: str, case: int = 0) -> fo.Problem:
+    return fo.load_problems(PROBLEMS / f"{name}.toml")[case]
+
+
+def two(movable: fo.Body, static: fo.Body, motion: fo.Motion, **more) -> fo.Problem:
+    return fo.Problem(movable, static, target=(1.0, 1.0), motion=motion, goal="touch", **more)
+
+
+def play(box_of_sizes) -> tuple[float, float]:
+    """The least and largest S = 10 rho_2 - 9.75 rho_1 of peg_square.toml: its gaps are S - |x|, S - |y|."""
+    (a, b), (c, d) = box_of_sizes
+    return 10 * c - 9.75 * b, 10 * d - 9.75 * a
+
+
+def judged(asked: fo.Problem, sizes: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Gaps by the collision library, (poses, sizes)."""
+    pair = ScaledPair(asked.movable, asked.static)
+    poses = np.array([asked.motion.transform(x, asked.movable.seed, asked.static.seed) for x in q])
+    count = len(sizes)
+    found = pair.signed_distances(np.tile(sizes, (len(q), 1)), np.repeat(poses, count, axis=0))
+    return found.reshape(len(q), count)
+
+
+# ---------------------------------------------------------------------------------------------------------- clearances
+
+
+@pytest.mark.parametrize("name", ["example1", "example2", "gears"])
+def test_gaps_are_the_signed_distances_of_the_collision_library(name):
+    asked, rng, states = problem(name), np.random.default_rng(5), set()
+    about = asked.nominal_pair[:, None] * [[0.8, 1.2], [0.8, 1.2]]
+    for reach in (0.0, 0.05, 0.3):
+        pose = random_pose(rng, reach * asked.size) if reach else np.eye(4)
+        found = clearances(asked, box=about, pose=pose, count=40, seed=3)
+        pair = ScaledPair(asked.movable, asked.static)
+        truth = pair.signed_distances(found.sizes, np.tile(pose, (40, 1, 1)))
+        assert np.abs(found.gaps - truth).max() <= 1e-11 * asked.size
+        assert found.least.gap <= truth.min() + 1e-11 * asked.size
+        assert found.most.gap + found.doubt >= truth.max() - 1e-11 * asked.size
+        ends = pair.signed_distances([found.least.rho, found.most.rho], np.tile(pose, (2, 1, 1)))
+        assert np.abs(ends - found.range).max() <= 1e-11 * asked.size
+        states |= set(np.sign(truth))
+    assert states == {-1.0, 1.0}
+
+
+def test_the_peg_has_the_range_that_its_formula_gives():
+    asked = problem("peg_square")
+    found = clearances(asked)
+    low, high = play(((0.99, 1.01), (0.99, 1.01)))
+    assert found.range == pytest.approx((low - 0.25, high - 0.25), abs=1e-12)
+    assert found.least.rho.tolist() == [1.01, 0.99]
+    assert found.most.rho.tolist() == [0.99, 1.01]
+    assert found.doubt == 0.0
+    assert found.least.feature.startswith("F1F2(P1V3,V4,V7,V8;")
+    assert found.least.direction == pytest.approx([1.0, 0.0, 0.0])
+    # uniform sizes: the gap is symmetric about its middle, which is 0 here
+    start, end = found.interference_interval
+    assert start < 0.5 < end
+    assert end - start < 0.01
+    moved = clearances(asked, pose={"TX": -0.25, "TY": 0.125})
+    assert moved.range == pytest.approx((low, high), abs=1e-12)
+    assert moved.interference == 0.0
+    assert clearances(asked, pose=[-0.25, 0.125]).range == moved.range
+    assert clearances(asked, pose=moved.transform).range == moved.range
+
+
+def test_measured_pairs_are_counted_as_they_are():
+    asked = problem("peg_square")
+    pairs = np.array([[1.0, 1.0], [1.0, 1.001], [1.001, 1.0], [1.002, 1.0], [1.0, 0.999]])
+    found = clearances(asked, sizes=pairs)
+    gaps = 10 * pairs[:, 1] - 9.75 * pairs[:, 0] - 0.25
+    assert found.gaps == pytest.approx(gaps, abs=1e-12)
+    assert found.interference == 3 / 5  # 0 is a contact
+    assert found.counts.sum() == 5
+    assert found.quantiles[[0, 5, -1], 1] == pytest.approx([gaps.min(), np.sort(gaps)[2], gaps.max()], abs=1e-12)
+    assert "% of 5 measured pairs interfere" in str(found)
+    assert json.loads(json.dumps(found.to_dict()))["count"] == 5
+
+
+def test_distributions_give_the_shares_that_they_should():
+    asked = problem("peg_square").changed(requirement=None, tolerance=None, target=(1.0, 1.0), goal="touch")
+    fixed = Measured([1.0])
+    found = clearances(asked, sizes=(fixed, Uniform(0.99, 1.03)), count=40_000, seed=7)
+    assert found.range == pytest.approx((-0.1, 0.3), abs=1e-12)
+    assert found.interference == pytest.approx(0.25, abs=0.01)
+    normal = clearances(asked, sizes=(Normal(1.0, 1e-3, 0.9, 1.1), fixed), count=40_000, seed=7)
+    assert normal.interference == pytest.approx(0.5, abs=0.01)
+    assert normal.quantiles[5, 1] == pytest.approx(0.0, abs=3e-4)
+    again = clearances(asked, sizes=(Normal(1.0, 1e-3, 0.9, 1.1), fixed), count=40_000, seed=7)
+    assert (again.gaps == normal.gaps).all()
+
+
+def test_the_least_gap_may_lie_inside_the_box():
+    # body 1 grows away from a seed far off, past body 2
+    diamond = np.vstack([np.eye(3), -np.eye(3)]) / 10
+    movable = fo.Body.convex(np.add(diamond, [2.0, 0.0, 0.0]), seed=(0.0, 0.0, 0.0))
+    static = fo.Body.convex(np.add(diamond, [2.03, 0.41, 0.02]))
+    asked = two(movable, static, fo.Translation("x"))
+    found = clearances(asked, box=((0.8, 1.2), (0.95, 1.05)), count=10)
+    grid = np.array(list(product(np.linspace(0.8, 1.2, 4001), (1.05,))))
+    gaps = clearances(asked, sizes=grid, box=((0.8, 1.2), (0.95, 1.05))).gaps
+    assert 0.9 < found.least.rho[0] < 1.1
+    assert gaps.min() - 1e-6 <= found.least.gap <= gaps.min() + 1e-12
+
+
+def test_the_largest_gap_of_a_union_may_lie_inside_the_box():
+    # between two walls: the gap is the lesser of 1.9 rho - 1.5 and 2.6 - 2.1 rho
+    movable = fo.Body.convex(box((1.9, -0.2, -0.2), (2.1, 0.2, 0.2)), seed=(0.0, 0.0, 0.0))
+    static = fo.Body.from_parts([box((1.0, -1, -1), (1.5, 1, 1)), box((2.6, -1, -1), (3.0, 1, 1))])
+    found = clearances(two(movable, static, fo.Translation("x")), box=((0.9, 1.1), (1.0, 1.0)), count=10)
+    assert found.most.rho[0] == pytest.approx(1.025, abs=1e-9)
+    assert found.most.gap == pytest.approx(0.4475, abs=1e-9)
+    assert found.doubt <= 1e-9
+    assert found.least.gap == pytest.approx(0.21, abs=1e-12)
+
+
+def test_ranges_do_not_depend_on_frame_and_unit():
+    asked, T = problem("example2"), random_pose(np.random.default_rng(2))
+    sizes = np.array([(x, y) for x in (2.3, 2.4) for y in (2.1, 2.2)])
+    plain = clearances(asked, sizes=sizes)
+    for length, moved in ((1.0, T), (1000.0, np.eye(4))):
+        one, other = (
+            fo.Body.from_parts(
+                [length * part.vertices @ moved[:3, :3].T + moved[:3, 3] for part in body.parts],
+                seed=length * body.seed @ moved[:3, :3].T + moved[:3, 3],
+            )
+            for body in (asked.movable, asked.static)
+        )
+        found = clearances(two(one, other, fo.Translation("x")), sizes=sizes)
+        assert found.gaps / length == pytest.approx(plain.gaps, abs=1e-12)
+
+
+def test_games_have_the_value_of_linear_programming():
+    from scipy.optimize import linprog
+
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        m, n = rng.integers(1, 7, 2)
+        W = rng.normal(size=(m, n)) * 10.0 ** rng.integers(-3, 4)
+        shares = game(W)
+        best = linprog(
+            np.append(np.zeros(m), -1.0),
+            A_ub=np.column_stack([-W.T, np.ones(n)]),
+            b_ub=np.zeros(n),
+            A_eq=[np.append(np.ones(m), 0.0)],
+            b_eq=[1.0],
+            bounds=[(0, None)] * m + [(None, None)],
+        )
+        assert shares.min() >= 0
+        assert shares.sum() == pytest.approx(1.0)
+        assert (shares @ W).min() == pytest.approx(-best.fun, abs=1e-9 * np.abs(W).max())
+
+
+# ----------------------------------------------------------------------------------------------------------- best pose
+
+
+def proved(asked: fo.Problem, found) -> None:
+    """The result is certified, and both judges agree."""
+    assert found.certified
+    assert found.passed, found.checks
+    assert found.lower_bound <= found.value + 1e-12
+    if found.evidence is not None:
+        checks = found.check(asked)
+        assert [check.name for check in checks] == ["proof: limits", "proof: cells", "proof: bounds"]
+        assert all(check.passed for check in checks), checks
+
+
+@pytest.mark.parametrize(
+    "sizes", [((0.99, 1.01), (0.99, 1.01)), ((0.99, 1.01), (0.95, 0.99)), ((0.99, 1.01), (0.99, 1.05))]
+)
+def test_the_peg_takes_the_middle_of_its_range(sizes):
+    # gaps S - m with m = max(|x|, |y|): the worst is least at half the sum of the ends of S, or at 0
+    asked = problem("peg_square")
+    found = best_pose(asked, box=sizes)
+    low, high = play(sizes)
+    assert found.worst_gap == pytest.approx(max((high - low) / 2, -low), rel=1e-9)
+    m = max(abs(0.25 + found.parameters["TX"]), abs(-0.125 + found.parameters["TY"]))
+    best = max((high + low) / 2, 0.0)
+    assert m == pytest.approx(best, abs=1e-9)
+    least = best - 0.25 if best > 0.25 else np.hypot(0.25 - best, max(0.125 - best, 0.0))
+    assert found.amount == pytest.approx(least, abs=1e-8)
+    proved(asked, found)
+    assert found.gap <= ACCURACY * found.value
+
+
+@pytest.mark.parametrize(
+    ("window", "status", "value"),
+    [
+        ((0.01, 1.0), "inside the window", np.hypot(0.25 - 0.0425, 0.125 - 0.0425)),  # S - m >= .01 at the least S
+        ((-1.0, 0.1), "inside the window", 0.4475 - 0.1 - 0.25),  # S - m <= .1 at the largest S, nearest by x
+        ((-0.3, 0.3), "inside the window", 0.0),
+        ((0.1, 0.2), "no pose", (0.395 - 0.1) / 2),  # narrower than the range of the sizes
+        ((0.06, np.inf), "no pose", 0.06 - 0.0525),  # no more play than S
+        ((-np.inf, -0.5), "inside the window", 0.4475 + 0.5 - 0.25),
+    ],
+)
+def test_windows_for_the_peg(window, status, value):
+    asked = problem("peg_square").changed(limits={"TX": (-2.0, 2.0), "TY": (-2.0, 2.0)})
+    found = best_pose(asked, clearance=window)
+    assert found.status == status
+    assert found.value == pytest.approx(value, rel=1e-6, abs=1e-9)
+    if status == "inside the window":
+        assert window[0] - 1e-7 <= found.least.gap <= found.most.gap <= window[1] + 1e-7
+        assert found.amount == found.value
+    else:
+        assert found.lower_bound > 0
+        assert found.violation == found.value
+    proved(asked, found)
+
+
+def test_a_probe_on_a_slab_stands_at_the_middle_of_its_range():
+    # gap z + 3 - rho_1 - 2 rho_2 over [.9, 1.2] x [.8, 1.1]: its range is .9 wide
+    probe = fo.Body.convex([[0, 0, -1], [0.3, 0, 1], [-0.2, 0.3, 1], [-0.2, -0.3, 1]], seed=(0, 0, 0))
+    slab = fo.Body.convex(box((-9, -9, -5), (9, 9, -1)), seed=(0, 0, -3))
+    asked = two(probe, slab, fo.Translation("z"))
+    found = best_pose(asked, box=((0.9, 1.2), (0.8, 1.1)))
+    assert found.worst_gap == pytest.approx(0.45, rel=1e-12)
+    assert found.parameters["TZ"] == pytest.approx(-3 + (0.9 + 1.2) / 2 + 0.8 + 1.1, abs=1e-12)
+    proved(asked, found)
+    listed = best_pose(asked, sizes=[(0.9, 0.8), (1.0, 1.0), (1.2, 1.1)])
+    assert listed.worst_gap == pytest.approx(0.45, rel=1e-12)
+    proved(asked, listed)
+    drawn = best_pose(asked, sizes=(Uniform(0.9, 1.2), Normal(1.0, 0.1, 0.8, 1.1)))
+    assert drawn.parameters == found.parameters
+    one = best_pose(asked, sizes=[(1.1, 1.0)])
+    assert one.worst_gap <= asked.contact_slack
+    assert one.certified
+    quick = best_pose(asked, box=((0.9, 1.2), (0.8, 1.1)), certify=False)
+    assert quick.worst_gap == pytest.approx(0.45, rel=1e-12)
+    assert (quick.lower_bound, quick.cells, quick.check(asked)) == (0.0, 0, ())
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "sizes", "counts"),
+    [
+        ("nut", 0, ((0.98, 1.02), (0.98, 1.02)), (201,)),
+        ("example2", 0, None, (19, 37)),
+    ],
+)
+def test_no_pose_of_a_dense_grid_is_better(name, case, sizes, counts):
+    asked = problem(name, case)
+    found = best_pose(asked, box=sizes)
+    proved(asked, found)
+    assert found.gap <= ACCURACY * found.value
+    limits = found.evidence.limits
+    about = np.array(list(found.parameters.values()))
+    grids = []
+    for low, high in (limits.T, np.clip(np.add(about, [[-0.02], [0.02]]), *limits.T)):
+        axes = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
+        grids.append(np.array(list(product(*axes))))
+    corners = found.sizes.corners
+    worst = np.abs(judged(asked, corners, np.vstack(grids))).max(axis=1)
+    assert np.isfinite(worst).all()
+    assert worst.min() >= found.lower_bound - 1e-12
+    assert worst.min() <= 2.0 * found.value  # the grid comes near: it would have found something much better
+    assert np.abs(judged(asked, corners, about[None])).max() == pytest.approx(found.value, rel=1e-9)
+
+
+def test_three_parameters_tell_what_is_left():
+    asked = problem("peg_square_tight", 1)
+    found = best_pose(asked, box=((1.0, 1.03), (0.99, 1.01)), effort=1500)
+    low, high = play(((1.0, 1.03), (0.99, 1.01)))
+    assert found.worst_gap == pytest.approx((high - low) / 2, rel=1e-6)
+    assert 0.9 * found.value < found.lower_bound < found.value
+    assert not found.certified
+    assert all(check.passed for check in found.check(asked))
+
+
+# A wedge above a groove of 90 degrees along y: its gap is (0.05 + z - |x| + 10 (1 - rho_1) + 10 (1 - rho_2)) / sqrt(2).
+
+
+def wedge_in_a_groove(motion: fo.Motion, **more) -> fo.Problem:
+    def prism(outline, half: float):
+        return [[x, y, z] for y in (-half, half) for x, z in outline]
+
+    wall = np.array([(30, 0), (0, 0), (0, 10), (20, 30), (30, 30)])
+    block = fo.Body.from_parts([prism(wall * (side, 1), 20) for side in (-1, 1)], seed=(0, 0, 0))
+    wedge = fo.Body.convex(prism([(0, 10.05), (-10, 20.05), (10, 20.05)], 15), seed=(0, 0, 20.05))
+    return fo.Problem(
+        wedge, block, requirement="A", tolerance=0.01, nominal=(1, 1), motion=motion, goal="touch", **more
+    )
+
+
+@pytest.mark.parametrize("weight", [1.0, 10.0])
+def test_a_wedge_does_not_slide_along_its_groove(weight):
+    near = {"TX": (-1.0, 1.0), "TY": (-10.0, 10.0), "TZ": (-1.0, 1.0)}  # else it does better below the block
+    asked = wedge_in_a_groove(XYZ, weights={"TX": weight}, limits=near)
+    found = best_pose(asked, effort=300)
+    aside = 0.05 / (1.0 + weight**2)  # the least of (weight x)^2 + z^2 where z - |x| = -0.05
+    assert found.worst_gap == pytest.approx(0.2 / np.sqrt(2), rel=1e-9)
+    assert abs(found.parameters["TX"]) == pytest.approx(aside, abs=1e-7)
+    assert found.parameters["TY"] == 0.0
+    assert found.parameters["TZ"] == pytest.approx(aside - 0.05, abs=1e-7)
+    proved(asked, found)
+
+
+def test_a_pose_far_along_the_groove_is_brought_back():
+    asked = wedge_in_a_groove(XYZ >> fo.Rotation("z"), limits={"RZ": (-0.1, 0.1)})
+    worst = Worst(asked, Scales(asked.movable, asked.static, worst_sizes(asked, None, None)))
+    far, start = (Found(q, worst.off(q), worst.amount(q)) for q in np.array([(0, -4, -0.05, 0), (0, 0, 0, 0)]))
+    found = least_moved(worst, far, start)
+    assert found.off.value <= far.off.value + 2e-11 * asked.size
+    assert np.abs(found.q) == pytest.approx([0.025, 0, 0.025, 0], abs=1e-7)
+    assert found.amount == pytest.approx(0.05 / np.sqrt(2), abs=1e-8)
+
+
+def test_a_block_on_a_table_is_lifted_and_nothing_else():
+    # gap 0.3 + z + 1 (1 - rho_1) + 2 (1 - rho_2) over [.9, 1.1] x [.95, 1.05]
+    block = fo.Body.convex(box((-1, -2, 0.3), (1, 2, 2.3)), seed=(0, 0, 1.3))
+    table = fo.Body.convex(box((-9, -9, -2.5), (9, 9, 0)), seed=(0, 0, -2))
+    asked = two(block, table, XYZ >> fo.Rotation("z"), limits={"RZ": (-0.5, 0.5)})
+    for certify in (False, True):
+        found = best_pose(asked, box=((0.9, 1.1), (0.95, 1.05)), effort=300, certify=certify)
+        assert found.worst_gap == pytest.approx(0.2, rel=1e-9)
+        assert list(found.parameters.values()) == pytest.approx([0, 0, -0.3, 0], abs=1e-9)
+        assert found.passed
+
+
+# A cube on a table, beside a post that it touches as drawn: its gaps are z - .5 d - .5 e, and -x - .5 d to the post.
+
+
+def beside_a_post(**more) -> fo.Problem:
+    cube, table = fo.Body.convex(box((0, 0, 0), (1, 1, 1))), fo.Body.convex(box((-3, -3, -1), (3, 3, 0)))
+    post = fo.Body.convex(box((1, 0, -0.5), (2, 1, 1)), name="post")
+    given = {"tolerance": 0.01, "requirement": "A", "goal": "touch", **more}
+    motion, how = given.pop("motion", fo.Translation("x") >> fo.Translation("z")), given.pop("post", {})
+    return fo.Problem(cube, table, keep_out=(fo.KeepOut(post, **how),), motion=motion, **given)
+
+
+def sized_beside_a_post() -> fo.Problem:
+    sides = (("side", "+x", 0.02), ("foot", "-z", 0.01))
+    sizes = [fo.Size(name, "movable", faces=face, tolerance=own) for name, face, own in sides]
+    near = {"TX": (-1.0, 1.0), "TZ": (-0.5, 0.5)}  # else it does better beside the table
+    return beside_a_post(sizes=sizes, tolerance=None, requirement=None, limits=near)
+
+
+@pytest.mark.parametrize(
+    ("asked", "window", "status", "least", "x", "z"),
+    [
+        (beside_a_post(), None, "least worst gap", 0.01, -0.005, 0.0),
+        (beside_a_post(post={"clearance": 0.1}), None, "least worst gap", 0.01, -0.105, 0.0),
+        (beside_a_post(post={"scale": (0.9, 1.1)}), None, "least worst gap", 0.01, -0.055, 0.0),
+        (beside_a_post(), (0.02, 1.0), "inside the window", 0.04, -0.005, 0.03),
+        (beside_a_post(limits={"TX": (-0.004, 0.0), "TZ": (-0.5, 0.5)}), (0.02, 1.0), "no pose", None, -0.004, None),
+        (sized_beside_a_post(), None, "least worst gap", 0.01, -0.02, 0.0),
+        (sized_beside_a_post(), (0.0, 1.0), "inside the window", 0.02, -0.02, 0.01),
+    ],
+)
+def test_keep_outs_are_kept_clear_of_at_all_sizes(asked, window, status, least, x, z):
+    found = best_pose(asked, clearance=window)
+    assert found.status == status
+    assert found.certified
+    assert found.parameters["TX"] == pytest.approx(x, abs=1e-7)
+    assert found.passed, [check for check in found.checks if not check.passed]
+    if status != "no pose":
+        assert found.worst_gap == pytest.approx(least, abs=1e-7)
+        assert found.parameters["TZ"] == pytest.approx(z, abs=1e-7)
+        moved = {**found.parameters, "TX": x + 0.01}
+        pose = asked.motion.transform([*moved.values()], (0, 0, 0), (0, 0, 0))
+        forged = replace(found, parameters=moved, transform=pose)
+        assert "keep-out 'post'" in {check.name for check in forged.claims().checks() if not check.passed}
+
+
+def test_a_proof_that_was_tampered_with_is_rejected():
+    asked = problem("peg_square")
+    found = best_pose(asked)
+    own, sizes, window = found.evidence, found.sizes, found.window
+
+    def failed(evidence: PoseEvidence, bound: float = found.lower_bound) -> set[str]:
+        checks = check_proof(asked, sizes, window, evidence, bound, amounts=False)
+        return {check.name for check in checks if not check.passed}
+
+    assert failed(own) == set()
+    assert failed(own, found.value * 1.001) >= {"proof: bounds"}
+    narrow = own.limits.copy()
+    narrow[0, 1] = 0.0
+    assert "proof: limits" in failed(replace(own, limits=narrow))
+    leaf = int(np.flatnonzero(own.axes < 0)[-1])
+    assert failed(replace(own, axes=np.delete(own.axes, leaf))) == {"proof: cells"}
+    assert failed(replace(own, sizes=own.sizes + 0.02)) == {"proof: cells"}
+    assert failed(replace(own, shares=-own.shares)) == {"proof: cells"}
+    assert failed(replace(own, ways=2.0 * own.ways)) == {"proof: bounds"}
+    assert failed(replace(own, ways=-own.ways)) == {"proof: bounds"}
+    assert failed(replace(own, kinds=np.full_like(own.kinds, kernels.SHIFTED), parts=own.parts)) == {"proof: bounds"}
+    rebuilt = PoseEvidence(**{key: np.array(value) for key, value in own.to_dict().items()})
+    assert failed(rebuilt) == set()
+
+
+def test_results_are_plain_data():
+    found = best_pose(problem("example1"))
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["status"] == "least worst gap"
+    assert data["parameters"] == found.parameters
+    assert data["motion"] == found.motion
+    turned = np.degrees(found.parameters["screw_angle"])
+    assert str(found).startswith(f"least worst gap: {found.motion}; gaps from {-found.least.gap:.6g} interference to ")
+    assert found.motion.endswith(f"{turned:.6g} deg")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        ({"sizes": []}, "sizes"),
+        ({"sizes": [(1.0, np.nan)]}, "sizes[1]"),
+        ({"sizes": [(1.0, 1.0), (-1.0, 1.0)]}, "sizes[2]"),
+        ({"sizes": [1.0, 2.0, 3.0]}, "sizes"),
+        ({"box": ((0.0, 1.0), (1.0, 1.1))}, "box"),
+        ({"box": ((1.1, 1.0), (1.0, 1.1))}, "box"),
+        ({"box": ((1.0, np.nan), (1.0, 1.1))}, "box"),
+        ({"box": (1.0, 1.1)}, "box"),
+    ],
+)
+def test_sizes_that_are_none_are_refused(arguments, key):
+    for asked in (clearances, best_pose):
+        with pytest.raises(InputError) as caught:
+            asked(problem("peg_square"), **arguments)
+        assert caught.value.key == key
+
+
+def test_questions_without_an_answer_are_refused():
+    asked = problem("peg_square")
+    for bad, key in (
+        (lambda: clearances(asked, pose=[1.0]), "pose"),
+        (lambda: clearances(asked, pose={"TZ": 1.0}), "pose.TZ"),
+        (lambda: clearances(asked, pose=2.0 * np.eye(4)), "pose"),
+        (lambda: clearances(asked, count=0), "count"),
+        (lambda: clearances(asked, count=10**12), "count"),
+        (lambda: clearances("peg"), "problem"),
+        (lambda: best_pose(None), "problem"),
+        (lambda: best_pose(asked, effort="much"), "effort"),
+        (lambda: best_pose(asked, effort=-1), "effort"),
+        (lambda: best_pose(asked, certify=np.ones(2)), "certify"),
+        (lambda: clearances(asked, seed=-1), "seed"),
+        (lambda: clearances(asked.changed(requirement=None, tolerance=None, target=(1, 1), goal="touch")), "box"),
+        (lambda: best_pose(asked, box=((1, 1.1), (1, 1.1)), sizes=[(1.0, 1.0)]), "sizes"),
+        (lambda: best_pose(asked, clearance=(0.2, 0.1)), "clearance"),
+        (lambda: best_pose(asked, clearance=(-np.inf, np.inf)), "clearance"),
+        (lambda: best_pose(asked, accuracy=0.0), "accuracy"),
+        (lambda: best_pose(asked, clearance=(0.06, np.inf)), "limits.TX"),
+    ):
+        with pytest.raises(InputError) as caught:
+            bad()
+        assert caught.value.key == key

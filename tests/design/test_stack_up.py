@@ -1,0 +1,563 @@
+"""Stack-ups against closed forms: worst cases, root-sum-square, yield, contributions, cheapest tolerances."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import product
+from math import comb
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.special import ndtr, ndtri
+from scipy.stats import norm, truncnorm
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+from fcdm_opt.design.stack.spread import spreads
+from fcdm_opt.problem.entries import SizeEntry
+from fcdm_opt.problem.schema import checked
+from fcdm_opt.show.printing import console
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def box(low: Any, high: Any) -> fo.Body:
+    """An aligned box."""
+    return fo.Body.convex(list(product(*zip(low, high, strict=True))))
+
+
+def stacked(movable: fo.Body, static: fo.Body, *sizes: fo.Size, **more: Any) -> Any:
+    """The stack-up of two bodies as drawn."""
+    return fo.stack_up(fo.Problem(movable, static, sizes=sizes, motion=fo.Translation("x"), goal="touch"), **more)
+
+
+def channel(width: float, name: str = "channel") -> fo.Body:
+    """Two walls with a gap of a width between them, about x = 0."""
+    half = width / 2
+    walls = [list(product(ends, (-5.0, 5.0), (-5.0, 5.0))) for ends in ((-half - 3, -half), (half, half + 3))]
+    return fo.Body.from_parts(walls, seed=(0, 0, 0), name=name)
+
+
+def inner(tolerance: Any, name: str = "gap", along: str | None = None) -> fo.Size:
+    """The two walls that face each other, further apart; or moved together along x."""
+    faces = [{"through": (-10.0, 0, 0)}, {"through": (10.0, 0, 0)}]
+    more = {"along": along} if along else {"each": -0.5}
+    return fo.Size(name, "static", faces=faces, tolerance=tolerance, **more)
+
+
+BLOCK = fo.Size("block", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.05)
+
+
+def test_a_collar_on_its_walls_hid_the_play_between_them() -> None:
+    """The collar touches at all sizes, so that the gap was 0 whatever the block and the channel measure."""
+    stem, collar = ([*product(x, (-2.0, 2.0), z)] for x, z in (((-9.9, 9.9), (0.0, 6.0)), ((-13.0, 13.0), (5.0, 6.0))))
+    body = fo.Body.from_parts([stem, collar], seed=(0, 0, 0), name="collared")
+    sides = fo.Size("block", "movable", faces=[{"through": (x, 0, 2)} for x in (-9.9, 9.9)], each=0.5, tolerance=0.05)
+    stack = stacked(body, channel(20.0), sides, inner((-0.02, 0.08)))
+    assert len(stack.standing) == 2  # on the top of each wall
+    assert stack.worst().least == pytest.approx(0.1 - 0.025 - 0.01, abs=1e-14)
+    assert stack.worst().largest == pytest.approx(0.1 + 0.025 + 0.04, abs=1e-9)
+    assert stack.gap({"block": 0.2}) == pytest.approx(0.0, abs=1e-14)  # beyond the tolerances too
+    assert len(stack.to_dict()["standing"]) == 2
+
+
+def test_a_block_between_walls() -> None:
+    """At the middle each side's gap is (channel - block) / 2 -+ position."""
+    stack = stacked(
+        box((-9.9, -1, -1), (9.9, 1, 1)), channel(20.0), BLOCK, inner((-0.02, 0.08)), inner(0.03, "at", "x")
+    )
+    worst = stack.worst()
+    assert worst.least == pytest.approx(0.1 - 0.025 - 0.01 - 0.03, abs=1e-14)
+    assert worst.largest == pytest.approx(0.1 + 0.025 + 0.04, abs=1e-9)
+    assert worst.at_least["block"] == 0.05
+    assert worst.at_least["gap"] == -0.02
+    assert worst.at_largest["at"] == pytest.approx(0.0, abs=1e-9)
+    assert stack.gap(worst.at_least) == pytest.approx(worst.least, abs=1e-14)
+    assert len(stack.rows) == 2
+    mean, spread = 0.1 + 0.015, np.array([0.025, 0.025, 0.03]) / 3
+    told = stack.root_sum_square()
+    assert told.mean == pytest.approx(mean, abs=1e-14)
+    assert told.deviation == pytest.approx(np.sqrt((spread**2).sum()), rel=1e-13)
+    for own in ("worst", "variance"):
+        assert abs(sum(getattr(row, own) for row in stack.contributions) - 1.0) < 1e-12
+    assert stack.contributions[0].size == "at"
+
+
+def test_yield_of_one_row_is_the_normal_distribution_s() -> None:
+    """A chain of five widths: published practice, gap = bore - sum of widths."""
+    halves = [0.01, 0.02, 0.015, 0.03, 0.005]
+    sizes = [fo.Size(f"w{k}", "movable", faces="+x", tolerance=t) for k, t in enumerate(halves)]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1)), *sizes, limits=(0.015, 0.05))
+    sigma = np.sqrt(sum(t * t for t in halves)) / 3
+    share = ndtr((0.05 - 0.03) / sigma) - ndtr((0.015 - 0.03) / sigma)
+    assert stack.worst().least == pytest.approx(0.03 - sum(halves), abs=1e-13)
+    assert stack.worst().largest == pytest.approx(0.03 + sum(halves), abs=1e-13)
+    assert stack.root_sum_square().share == pytest.approx(share, abs=5e-11)
+    drawn = stack.yield_(2_000_000, confidence=0.999)
+    assert drawn.interval[0] <= share <= drawn.interval[1]
+    assert drawn.mean == pytest.approx(0.03, abs=4 * sigma / np.sqrt(2e6))
+    assert drawn.deviation == pytest.approx(sigma, rel=3e-3)
+
+
+# Published results: dimstack (github.com/phcreery/dimstack, docs/examples.md and tests), which has them from the
+# demonstration of MITCalc, from the Dimensioning and Tolerancing Handbook (McGraw-Hill), chapters 9 and 12, and from a
+# tutorial of New Concepts Design. Of the pulley dimstack tells two ranges: its closed analysis, which is that of the
+# handbook, and a worst case narrower by 0.004; what is here are the handbook's numbers, which its tests quote.
+# A link: how it enters the gap, drawn size, least and largest deviation, Cp.
+MOTOR = [
+    (1, 208.0, -0.036, 0.036, 1.0), (-1, 1.75, -0.06, 0.0, 1.0), (-1, 23.0, -0.12, 0.0, 1.0),
+    (1, 20.0, -0.026, 0.026, 1.0), (-1, 200.0, -0.145, 0.145, 1.0), (1, 20.0, -0.026, 0.026, 1.0),
+    (-1, 23.0, -0.12, 0.0, 1.0),
+]  # fmt: skip
+PULLEY = [
+    (-1, 0.375, -0.031, 0.0, 1.0), (1, 0.032, -0.002, 0.002, 1.0), (1, 0.06, -0.003, 0.003, 1.0),
+    (1, 0.438, -0.015, 0.0, 1.0), (1, 0.12, -0.005, 0.005, 1.0), (1, 1.5, -0.004, 0.01, 1.0),
+    (1, 0.12, -0.005, 0.005, 1.0), (1, 0.438, -0.015, 0.0, 1.0), (1, 0.45, -0.007, 0.007, 1.0),
+    (-1, 3.019, 0.0, 0.012, 1.0), (1, 0.3, -0.03, 0.03, 1.0),
+]  # fmt: skip
+WEIGHTED = [
+    (a, drawn, -t, t, 1.0)
+    for a, drawn, t in (
+        (-0.5146, 0.875, 0.01), (0.1567, 1.625, 0.02), (0.4180, 1.7, 0.012), (-1.0, 0.875, 0.01),
+        (-0.0540, 2.625, 0.02), (0.4372, 7.875, 0.03), (1.0, 4.125, 0.01), (-0.9956, 1.125, 0.02),
+        (-0.7530, 3.625, 0.015), (-0.4006, 5.125, 0.02), (-1.0914, 1.0, 0.01),
+    )
+]  # fmt: skip
+COVER = [(-1, 0.319, -0.005, 0.005, 2.0), (1, 10.486, -0.01, 0.01, 2.0), (-1, 0.319, -0.005, 0.005, 2.0)]
+PUBLISHED = {  # name: links, gap as drawn, worst case, mean and deviation by root sum square (None: not published)
+    "motor": (MOTOR, 0.25, (0.017, 0.783), 0.4, 0.17825 / 3),
+    "motor, shaft with Cpk 1.5": ([(*MOTOR[0][:4], 1.5), *MOTOR[1:]], 0.25, (0.017, 0.783), 0.4, 0.05874),
+    "pulley": (PULLEY, 0.064, (-0.034, 0.157), 0.0615, 0.0381 / 3),
+    "weighted": (WEIGHTED, 0.07201, (-0.02561, 0.07201 + 0.09763), 0.07201, None),
+    "cover": (COVER, 9.848, (9.828, 9.868), 9.848, 0.0122 / 6),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_stack_ups_come_out_as_published(name: str) -> None:
+    links, drawn, worst, mean, deviation = PUBLISHED[name]
+    sizes = [
+        fo.Size(f"link {k}", "movable", faces="+x", each=-a, tolerance=(low, high), distribution={"normal": {"cp": cp}})
+        for k, (a, _, low, high, cp) in enumerate(links)
+    ]
+    gap = sum(a * length for a, length, *_ in links)
+    stack = stacked(box((0, 0, 0), (300, 1, 1)), box((300 + gap, 0, 0), (320 + gap, 1, 1)), *sizes)
+    rounded = 6e-6  # five digits after the point are told
+    assert stack.gap({}) == pytest.approx(drawn, abs=rounded)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx(worst, abs=2 * rounded)
+    spread = stack.root_sum_square()
+    assert spread.mean == pytest.approx(mean, abs=rounded)
+    if deviation is not None:
+        assert spread.deviation == pytest.approx(deviation, abs=2 * rounded)
+        assert (spread.low, spread.high) == pytest.approx((mean - 3 * deviation, mean + 3 * deviation), abs=4e-5)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "deviation", "mean"),
+    [
+        ({"normal": {"cp": 2.0, "shift": 0.5}}, 0.03 / 6, 0.015),
+        ({"uniform": {}}, 0.03 / np.sqrt(3.0), 0.0),
+        ({"measured": [0.0, 0.01, 0.03, 0.0]}, np.std([0.0, 0.01, 0.03, 0.0]), 0.01),
+        (fo.Uniform(0.0, 0.03), 0.03 / np.sqrt(12.0), 0.015),
+    ],
+)
+def test_distributions_have_their_moments(distribution: Any, deviation: float, mean: float) -> None:
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.03, distribution=distribution)
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1)), size)
+    told, drawn = stack.root_sum_square(), stack.yield_(300_000)
+    assert (told.mean, told.deviation) == (pytest.approx(0.03 - mean), pytest.approx(deviation))
+    assert drawn.mean == pytest.approx(0.03 - mean, abs=5 * deviation / np.sqrt(3e5))
+    assert drawn.deviation == pytest.approx(deviation, rel=0.01)
+
+
+def test_correlated_sizes_add_or_cancel() -> None:
+    sizes = [fo.Size(name, "movable", faces="+x", tolerance=0.03) for name in "ab"]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *sizes)
+    for r in (-1.0, 0.0, 0.5, 1.0):
+        drawn = stack.yield_(200_000, correlation=[[1.0, r], [r, 1.0]])
+        assert drawn.deviation == pytest.approx(0.01 * np.sqrt(2 + 2 * r), rel=0.01, abs=1e-12)
+
+
+def test_two_pins_in_two_holes_keep_the_fixed_fastener_rule() -> None:
+    """Worst clearance, as a diameter: hole - pin - both position zones."""
+    pin, hole, pitch, height = 5.0, 5.6, 20.0, 6.0
+
+    def square(x: float, side: float) -> list[tuple[float, ...]]:
+        return list(product((x - side / 2, x + side / 2), (-side / 2, side / 2), (0.0, height)))
+
+    pins = fo.Body.from_parts([square(x, pin) for x in (-pitch / 2, pitch / 2)], seed=(0, 0, 3), name="pins")
+    cuts = [-pitch, -pitch / 2 - hole / 2, -pitch / 2 + hole / 2, pitch / 2 - hole / 2, pitch / 2 + hole / 2, pitch]
+    bars = [(cuts[k], cuts[k + 1], side) for k in (1, 3) for side in (-1, 1)]
+    walls = [list(product((cuts[k], cuts[k + 1]), (-9.0, 9.0), (0.0, height))) for k in (0, 2, 4)]
+    walls += [list(product((a, b), sorted((side * hole / 2, side * 9.0)), (0.0, height))) for a, b, side in bars]
+    plate = fo.Body.from_parts(walls, seed=(0, 0, 3), name="plate")
+    sizes = []
+    for k, x in enumerate((-pitch / 2, pitch / 2)):
+        for body, side, sign, tolerance in (("movable", pin, 1, (-0.1, 0.0)), ("static", hole, -1, (0.0, 0.1))):
+            ends = [{"through": (x + s * side / 2, 0.0, 3.0)} for s in (-1, 1)]
+            more = {"tolerance": tolerance, "each": 0.5 * sign}
+            sizes.append(fo.Size(f"{body} width {k}", body, faces=ends, **more))
+            sizes.append(fo.Size(f"{body} at {k}", body, faces=ends, along="x", tolerance=0.2 / 2))
+    stack = stacked(pins, plate, *sizes)
+    assert 2 * stack.worst().least == pytest.approx(hole - pin - 0.2 - 0.2, abs=1e-12)
+    assert {row.coefficients[f"static at {k}"] for row in stack.rows for k in (0, 1)} == {-1.0, 0.0, 1.0}
+
+
+def test_shrinkage_by_axis_of_a_lid() -> None:
+    """Rim of half length 10 about the seed in a well of half length 10.2: the gap at its ends shrinks with x alone."""
+    sizes = [fo.Size(axis, "static", scale=axis, tolerance=(-0.006, 0.0)) for axis in "xyz"]
+    well = channel(20.4)
+    stack = stacked(box((-10, -1, -1), (10, 1, 1)), well, *sizes)
+    assert stack.worst().least == pytest.approx(0.2 - 0.006 * 10.2, abs=1e-13)
+    assert stack.gap({"x": -0.004, "y": -0.006}) == pytest.approx(0.2 - 0.004 * 10.2, abs=1e-13)
+    sloped = fo.Body.convex([(0, 0, 0), (3, 0, 0), (0, 3, 0), (0, 0, 3)])
+    with pytest.raises(fo.InputError, match="size 'x' turns face F"):
+        stacked(box((5, 5, 5), (6, 6, 6)), sloped, *sizes)
+
+
+def test_a_peg_with_a_tolerance_on_each_side() -> None:
+    sides = {"+x": (-0.1, 0.02), "-x": (-0.03, 0.04), "+y": (0.0, 0.05), "-y": (-0.01, 0.01)}
+    sizes = [fo.Size(f"side {face}", "movable", faces=face, tolerance=t) for face, t in sides.items()]
+    stack = stacked(box((-9.9, -1, -1), (9.95, 1, 1)), channel(20.0), *sizes)
+    assert stack.worst().least == pytest.approx(min(0.05 - 0.02, 0.1 - 0.04), abs=1e-13)
+    assert stack.worst().largest == pytest.approx(min(0.05 + 0.1, 0.1 + 0.03), abs=1e-9)
+
+
+# ----------------------------------------------------------------------------------------------------------- allocation
+
+
+def least_gap(stack: Any, t: Any) -> float:
+    """The least gap of half tolerances t: a linear program for each part pair, in another formulation."""
+    middle = np.array([size.middle for size in stack.sizes])
+    found = []
+    for pair in {row.parts for row in stack.rows}:
+        rows = np.array([[row.gap, *row.coefficients.values()] for row in stack.rows if row.parts == pair])
+        heights = rows[:, 0] + rows[:, 1:] @ middle
+        left = np.column_stack([rows[:, 1:] * t, -np.ones(len(rows))])
+        cost = [0.0] * len(t) + [1.0]
+        found.append(linprog(cost, left, -heights, bounds=[(-1, 1)] * len(t) + [(None, None)]).fun)
+    return min(found)
+
+
+def brute(stack: Any, cost: dict[str, Any], halves: list[float], low: float, steps: int = 6) -> float:
+    """The least cost on ever finer grids of half tolerances."""
+    best, place, span = np.inf, np.array([1.0] * len(halves)), np.array([2.0] * len(halves))
+    for _ in range(6):
+        grid = [np.linspace(max(x - s, 0.02), min(x + s, 4.0), steps) for x, s in zip(place, span, strict=True)]
+        for shares in product(*grid):
+            t = np.array(shares) * halves
+            price = sum(own(x) for own, x in zip(cost.values(), t, strict=True))
+            if price < best and least_gap(stack, t) >= low:
+                best, place = price, np.array(shares)
+        span = span / 2.5
+    return best
+
+
+def wide(stack: Any, *bodies: fo.Body) -> Any:
+    """The same with rows that are complete for four times the tolerances."""
+    sizes = [replace(s, tolerance=(s.middle - 4 * s.half, s.middle + 4 * s.half)) for s in stack.sizes]
+    return stacked(*bodies, *sizes)
+
+
+SCENES = {
+    "chain": (box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), ("+x", "+x", "+x")),
+    "corner": (
+        fo.Body.convex([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)]),
+        box((0.9, 0.9, 0.9), (3, 3, 3)),
+        ("F1", "F2", "+x"),
+    ),
+    "walls": (box((-9.9, -1, -1), (9.9, 1, 1)), channel(20.0), ("+x", "-x", "+x")),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_cheapest_tolerances_are_those_of_brute_force(name: str) -> None:
+    one, two, faces = SCENES[name]
+    sizes = [fo.Size(f"s{k}", "movable", faces=face, tolerance=0.02) for k, face in enumerate(faces)]
+    stack = stacked(one, two, *sizes)
+    low = stack.gap({}) - 0.05
+    found = stack.allocate({"s0": 1.0, "s1": ("1/t^2", 0.02), "s2": 0.5}, limits=(low, np.inf))
+    cost = {"s0": lambda t: 1.0 / t, "s1": lambda t: 0.02 / t**2, "s2": lambda t: 0.5 / t}
+    least = brute(wide(stack, one, two), cost, [0.02] * 3, low)
+    assert found.least >= low - 1e-14
+    assert found.cost <= least * (1 + 1e-9)  # no grid is cheaper
+    assert found.cost >= 0.98 * least  # and it comes near
+
+
+def test_cheapest_tolerances_have_their_closed_form() -> None:
+    """c_k / t_k subject to sum t_k = m: t_k = m sqrt(c_k) / sum sqrt(c)."""
+    sizes = [fo.Size(name, "movable", faces="+x", tolerance=0.05) for name in "abc"]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *sizes)
+    cost = {"a": 1.0, "b": 4.0, "c": 9.0}
+    found = stack.allocate(cost, limits=(0.04, np.inf))
+    assert [high for _, high in found.tolerances.values()] == pytest.approx([0.01, 0.02, 0.03], rel=1e-4)
+    assert found.cost == pytest.approx(600.0, rel=1e-6)
+    table = stack.allocate({"a": [(0.01, 5.0), (0.02, 2.0), (0.05, 1.0)]}, limits=(-0.02, np.inf))
+    assert table.tolerances["a"][1] == pytest.approx(0.02, rel=1e-5)
+    assert table.cost == pytest.approx(2.0, rel=1e-5)
+    share = stack.allocate(cost, share=0.9973, limits=(0.04, np.inf))
+    assert np.linalg.norm([high for _, high in share.tolerances.values()]) == pytest.approx(
+        3 * 0.06 / ndtri(0.9973), rel=1e-5
+    )
+    assert share.cost < found.cost
+    for limits in ((0.04, 0.16), (0.04, 0.13), (0.07, 0.2), (-1.0, 0.15)):  # both limits together, not each
+        told = stack.allocate(cost, share=0.9973, limits=limits).tolerances
+        made = [replace(size, tolerance=told[size.name]) for size in sizes]
+        again = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *made, limits=limits)
+        assert again.root_sum_square().share == pytest.approx(0.9973, abs=1e-9)
+    with pytest.raises(fo.InputError, match="no tolerances keep the gap"):
+        stack.allocate(cost, limits=(0.2, np.inf))
+    for table in ([("a", 1.0), (0.05, 2.0)], [(0.1, 1.0), (0.05,)], [(0.01, np.nan), (0.05, 2.0)], [(1, 2, 3)] * 2):
+        with pytest.raises(fo.InputError, match="cost"):
+            stack.allocate({"a": table})
+    with pytest.raises(fo.InputError, match="unusable table of costs"):
+        stack.allocate({"a": [(0.01, 1.0), (0.02, 2.0)]})
+
+
+# --------------------------------------------------------------------------------------------------------- command line
+
+
+def run(*arguments: Any) -> tuple[int, str]:
+    """Run a command."""
+    result = CliRunner().invoke(app, [*map(str, arguments)])
+    return result.exit_code, result.stdout
+
+
+def test_faces_are_listed_by_name() -> None:
+    code, text = run("faces", PROBLEMS / "slot_and_key.toml", "--json")
+    assert code == 0
+    faces = json.loads(text)["files"][0]["faces"]["static"]
+    bottom = next(face for face in faces if face["plane"] == "y = 12")
+    assert (bottom["face"], bottom["normal"], bottom["area"]) == ("F7", "+y", pytest.approx(10.125 * 30))
+    code, text = run("faces", PROBLEMS / "slot_and_key.toml")
+    assert code == 0
+    assert "x = 5.0625" in text
+
+
+def test_beyond_the_tolerances_gaps_are_found_anew() -> None:
+    """A peg that grows through a wall of 1 x 2 x 1 leaves it along z sooner than along x."""
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.1)
+    stack = stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), size)
+    assert stack.gap({"w": 3.0}) == pytest.approx(-1.0)
+    assert stack.gap([[0.05], [3.0]]) == pytest.approx([0.95, -1.0])
+    only_smaller = stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), replace(size, tolerance=(-0.3, -0.1)))
+    assert only_smaller.gap({}) == pytest.approx(1.0)
+    with pytest.raises(fo.InputError, match="nothing may be left"):
+        stack.gap({"w": -5.0})
+    for wrong in ({"w": float("nan")}, {"w": "x"}, [1.0, 2.0], 1.0, {"v": 1.0}):
+        with pytest.raises(fo.InputError, match="sizes"):
+            stack.gap(wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"seed": -1}, {"confidence": 2.0}, {"confidence": "x"}, {"correlation": "x"}, {"n": 1e6}, {"n": 0}]
+)
+def test_draws_of_no_such_kind_are_refused(wrong: dict[str, Any]) -> None:
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.1)
+    with pytest.raises(fo.InputError, match=next(iter(wrong))):
+        stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), size).yield_(**{"n": 10, **wrong})
+
+
+def test_sizes_that_do_not_matter_are_as_drawn_in_the_worst_case() -> None:
+    """And no size is -0; faces across the gap do not matter."""
+    sizes = [fo.Size(f"s{k}", "movable", faces=face, tolerance=0.1) for k, face in enumerate(("+x", "-x", "+y"))]
+    sizes.append(fo.Size("thinner", "movable", faces="+z", tolerance=(-0.3, -0.1)))
+    worst = stacked(box((0, 0, 0), (4, 1, 1)), box((5, 0, 0), (6, 1, 1)), *sizes).worst()
+    for at, first in ((worst.at_least, 0.1), (worst.at_largest, -0.1)):
+        assert list(at.values()) == [first, 0.0, 0.0, -0.1]
+        assert not np.signbit(list(at.values())[1:3]).any()
+    _, text = run("stack", PROBLEMS / "slot_and_key.toml", "--case", "as drawn", "--draws", 100)
+    assert "-0," not in text
+    assert " -0 " not in text
+
+
+def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
+    file = PROBLEMS / "slot_and_key.toml"
+    line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 5000, "--cost", "key_width=1")
+    code, text = run(*line, "--json", "--out", tmp_path)
+    assert code == 0
+    case = json.loads(text)["files"][0]["cases"][0]
+    assert case["stack"]["worst"]["least"] == pytest.approx(0.0325, abs=1e-12)
+    assert case["stack"]["worst"]["largest"] == pytest.approx(0.0955, abs=1e-9)
+    assert case["yield"]["count"] == 5000
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert [name.rsplit(".")[-1] for name in names].count("csv") == 1
+    assert sum(name.endswith("slice.png") for name in names) == 1
+    rows = next(tmp_path.glob("*.csv")).read_text().splitlines()
+    assert rows[0] == "row,gap as drawn,key_width,key_foot,slot_width,slot_position,slot_depth"
+    code, text = run(*line)
+    assert "of the worst case" in text
+
+
+def test_a_stack_without_sizes_says_what_to_write(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["stack", str(PROBLEMS / "boxes.toml")])
+    assert result.exit_code == 2
+    assert "[[size]]" in result.stderr
+    assert result.stderr.count("error: ") == 1  # once, not once a case
+    path = tmp_path / "own.toml"
+    text = (PROBLEMS / "boxes.toml").read_text(encoding="utf-8")
+    path.write_text(f"{text}\n#[[size]]\n#name = \"a\"\n# [[size]]  # as init leaves it\n", encoding="utf-8")
+    assert "2 are there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
+
+
+# ----------------------------------------------------------------------------------------------- who contributes what
+
+
+def flanks(*names: str, tolerance: Any = 0.05, width: float = 20.0, **more: Any) -> Any:
+    """A block of 19.8 between walls, each of the four flanks a size of its own, in the order of the names."""
+    own = {
+        "block left": fo.Size("block left", "movable", faces="-x", tolerance=tolerance, **more),
+        "block right": fo.Size("block right", "movable", faces="+x", tolerance=tolerance, **more),
+        "wall left": fo.Size("wall left", "static", faces=[{"through": (-width / 2, 0, 0)}], tolerance=tolerance),
+        "wall right": fo.Size("wall right", "static", faces=[{"through": (width / 2, 0, 0)}], tolerance=tolerance),
+    }
+    block = box((-9.9, -1, -1), (19.8 - 9.9, 1, 1))
+    return stacked(block, channel(width), *(own[name] for name in names), limits=(0.05, np.inf))
+
+
+def test_of_two_flanks_alike_one_had_all_the_contributions() -> None:
+    """The right flanks were told 50 % each, the left ones 0 %, or the other way round by the order of the parts."""
+    names = "block left", "block right", "wall left", "wall right"
+    stack = flanks(*names)
+    for own in stack.contributions:
+        assert own.worst == pytest.approx(0.25, abs=1e-12)
+        assert own.variance == pytest.approx(0.25, abs=2e-3)
+        assert own.coefficient == pytest.approx(-0.5, abs=2e-3)
+    assert sum(own.variance for own in stack.contributions) == pytest.approx(1.0, abs=1e-12)
+    for other in (names[::-1], ("wall left", "block right", "block left", "wall right")):
+        assert [vars(own) for own in flanks(*other).contributions] == [vars(own) for own in stack.contributions]
+    # one gap is the least of two alike: root sum square has one of them
+    told, drawn = stack.root_sum_square(), stack.yield_(400_000, confidence=0.999)
+    assert told.elsewhere == pytest.approx(0.5, abs=2e-3)
+    alone = ndtr((0.1 - 0.05) / told.deviation)
+    assert told.share == pytest.approx(alone, abs=1e-12)
+    assert drawn.interval[0] <= alone**2 <= drawn.interval[1]
+
+
+def test_contributions_of_a_wall_cut_into_parts_are_those_of_the_whole_wall() -> None:
+    """Two part pairs with the same row counted twice, or first."""
+    walls = [
+        list(product((-13.0, -10.0), ends, (-5.0, 5.0))) for ends in ((-5.0, 0.0), (0.0, 5.0))
+    ] + [list(product((10.0, 13.0), (-5.0, 5.0), (-5.0, 5.0)))]  # fmt: skip
+    block = box((-9.9, -1, -1), (9.9, 1, 1))
+    sizes = [fo.Size(f"block {side}", "movable", faces=side, tolerance=0.05) for side in ("-x", "+x")]
+    for parts in (walls, walls[::-1]):
+        stack = stacked(block, fo.Body.from_parts(parts, seed=(0, 0, 0)), *sizes)
+        assert [own.worst for own in stack.contributions] == pytest.approx([0.5, 0.5], abs=1e-12)
+        assert [own.variance for own in stack.contributions] == pytest.approx([0.5, 0.5], abs=2e-3)
+
+
+def shapley(gap: Any, values: Any) -> Any:
+    """Return the Shapley effects of independent sizes of a few values each, over all subsets of them."""
+    grid = np.array(list(product(*values)))
+    gaps, count = gap(grid).reshape([len(own) for own in values]), len(values)
+    explained = {}
+    for kept in product((False, True), repeat=count):
+        mean = gaps.mean(axis=tuple(k for k in range(count) if not kept[k]), keepdims=True)
+        explained[kept] = float(((mean - gaps.mean()) ** 2).mean())
+    effects = np.zeros(count)
+    for k in range(count):
+        for kept, value in explained.items():
+            if not kept[k]:
+                more = tuple(own or j == k for j, own in enumerate(kept))
+                effects[k] += (explained[more] - value) / (count * comb(count - 1, sum(kept)))
+    return effects
+
+
+def test_contributions_are_shapley_effects_of_the_whole_distribution() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        values = [np.sort(rng.uniform(-0.1, 0.1, 4)) for _ in range(3)]
+        names = ("block left", "block right", "wall left")
+        sizes = [
+            fo.Size(name, body, faces=faces, tolerance=0.1, distribution={"measured": own.tolist()})
+            for name, body, faces, own in zip(
+                names, ("movable", "movable", "static"), ("-x", "+x", [{"through": (-10.0, 0, 0)}]), values, strict=True
+            )
+        ]
+        stack = stacked(box((-9.95, -1, -1), (9.9, 1, 1)), channel(20.0), *sizes)
+        truth = shapley(lambda p: np.minimum(0.05 - p[:, 0] - p[:, 2], 0.1 - p[:, 1]), values)
+        found = {own.size: own.variance for own in stack.contributions}
+        assert [found[name] for name in names] == pytest.approx(truth / truth.sum(), abs=5e-3)
+
+
+def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
+    """87.2 and 98.4 % stood side by side without a word."""
+    from fcdm_opt.show.stacks import print_stack
+
+    for stack, differ in ((flanks("block left", "block right"), True), (flanks("block left"), False)):
+        drawn = stack.yield_(200_000)
+        with console().capture() as said:
+            print_stack(stack, drawn)
+        assert ("another one decides" in said.get().replace("\n", " ")) == differ
+
+
+def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """A channel of 20 + d about a block of 19 + e: the gap is (1 + d - e) / 2."""
+    stack = stacked(box((-9.5, -5, -5), (9.5, 5, 5)), channel(20.0), inner(0.2), replace(BLOCK, tolerance=0.1))
+    wider, larger = np.linspace(-0.2, 0.2, 5), np.linspace(-0.1, 0.1, 3)[:, None]
+    found = stack.gap({"gap": wider, "block": larger})
+    assert found.shape == (3, 5)
+    np.testing.assert_allclose(found, (1.0 + wider - larger) / 2.0, atol=1e-12)
+    assert isinstance(stack.gap({"gap": 0.1}), float)
+    with pytest.raises(fo.InputError, match="do not broadcast"):
+        stack.gap({"gap": wider, "block": np.zeros(2)})
+    lines = str(stack).splitlines()
+    assert capsys.readouterr().out == ""
+    assert lines[0].split() == ["gap", "at"]
+    assert sum(line.startswith(("gap ", "block ")) for line in lines) == 2  # one row a size
+    assert repr(stack).startswith("StackUp(gap ")
+    assert "\n" not in repr(stack)
+
+
+SIGMAS: list[tuple[dict[str, float], Any]] = [
+    ({"sigma": 0.004}, norm(0.015, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01}, norm(0.01, 0.004)),
+    ({"sigma": 0.004, "mean": 0.01, "low": 0.008}, truncnorm(-0.5, np.inf, 0.01, 0.004)),
+    ({"sigma": 0.02, "mean": 0.0, "low": -0.02, "high": 0.03}, truncnorm(-1.0, 1.5, 0.0, 0.02)),
+]
+
+
+@pytest.mark.parametrize(("normal", "truth"), SIGMAS)
+def test_a_size_is_distributed_by_its_standard_deviation(normal: dict[str, float], truth: Any) -> None:
+    """The gap is 0.03 - w; of w with tolerance [0, 0.03], limits leave P(0.012 <= w <= 0.02) by scipy."""
+    size = fo.Size("w", "movable", faces="+x", tolerance=(0.0, 0.03), distribution={"normal": normal})
+    bodies = box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1))
+    stack = stacked(*bodies, size, limits=(0.01, 0.018))
+    told, drawn = stack.root_sum_square(), stack.yield_(200_000)
+    assert told.mean == pytest.approx(0.03 - truth.mean(), abs=1e-12)
+    assert told.deviation == pytest.approx(truth.std(), rel=1e-9)
+    share = truth.cdf(0.02) - truth.cdf(0.012)
+    assert drawn.share == pytest.approx(share, abs=5.0 * np.sqrt(share * (1.0 - share) / 2e5))
+
+
+def test_pairs_drawn_beyond_the_tolerances_meet_the_contacts_that_are_there() -> None:
+    """A step that no size within the tolerance brings into contact first, but most of those drawn: a block of 10 + w
+    ends 1 before a wall, its step, which does not move, 1.05: beyond w = -0.05 the gap stays 1.05."""
+    long, step = [*product((0.0, 10.0), (0.0, 1.0), (0.0, 1.0))], [*product((0.0, 9.95), (2.0, 3.0), (0.0, 1.0))]
+    body = fo.Body.from_parts([long, step], seed=(0, 0, 0), name="stepped")
+    spread = {"normal": {"sigma": 0.05, "mean": -0.1, "low": -0.2, "high": 0.0}}
+    face = {"through": (10.0, 0.5, 0.5)}
+    size = fo.Size("w", "movable", faces=[face], tolerance=0.01, distribution=spread)
+    stack = stacked(body, box((11.0, 0, 0), (12.0, 3.0, 1)), size)
+    assert len(stack.rows) == 1
+    assert stack.yield_(20_000).largest == pytest.approx(1.05, abs=1e-12)
+    stack.yield_(2_000).claims()
+
+
+def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
+    for wrong, named in (({"sigma": 0.01, "cp": 1.0}, "cp"), ({"sigma": -1.0}, "sigma"), ({"mean": 0.0}, "normal")):
+        told = {"normal": wrong}
+        size = fo.Size("w", "movable", faces="+x", tolerance=0.1, distribution=told)
+        with pytest.raises(fo.InputError, match=named):
+            spreads([size])
+        entry = {"name": "w", "body": "movable", "faces": "+x", "tolerance": 0.1, "distribution": told}
+        with pytest.raises(fo.InputError, match=next(iter(wrong)) if named == "normal" else named):
+            checked(SizeEntry, entry)
+    known = checked(SizeEntry, {**entry, "distribution": {"normal": {"sigma": 0.004}}}).size()
+    assert spreads([known]) == [fo.Normal(0.0, 0.004)]

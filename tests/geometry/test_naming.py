@@ -1,0 +1,164 @@
+"""Short names of round and large faces, by prisms whose radii are known."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise, product
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from fcdm_opt import Body, Problem, Size, Translation, decision_curve
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
+
+
+def ring(radius: float, count: int, z: float) -> np.ndarray:
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(count, z)])
+
+
+def prism(radius: float, count: int, z: tuple[float, float] = (0.0, 5.0)) -> np.ndarray:
+    return np.vstack([ring(radius, count, end) for end in z])
+
+
+def tube(inner: float, outer: float, count: int) -> Body:
+    rings = [ring(radius, count, z) for z in (0.0, 5.0) for radius in (inner, outer)]
+    sectors = [np.vstack([own[[k, (k + 1) % count]] for own in rings]) for k in range(count)]
+    return Body.from_parts(sectors, seed=np.zeros(3))
+
+
+def turned(body: Body, axis: np.ndarray) -> Body:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_rotvec(axis).as_matrix()
+    T[:3, 3] = 3.0, -1.0, 7.0
+    return body.moved(T)
+
+
+@pytest.mark.parametrize(
+    ("count", "axis"), [(12, np.array([0.3, -0.7, 0.2])), (24, np.zeros(3)), (60, np.array([0.3, -0.7, 0.2]))]
+)
+def test_facets_around_an_axis_are_a_cylinder_outside_and_a_bore_inside(count: int, axis: np.ndarray) -> None:
+    shaft = names_of_faces(turned(Body.convex(prism(9.9, count)), axis))
+    assert Counter(shaft.values())["cylinder radius 9.9"] == count
+    bored = Counter(names_of_faces(turned(tube(10.0, 30.0, count), axis)).values())
+    assert (bored["cylinder radius 30"], bored["bore radius 10"]) == (count, count)
+
+
+def test_a_face_of_many_corners_is_named_after_where_it_is() -> None:
+    shaft = Body.convex(prism(9.9, 24))
+    names = names_of_faces(shaft)
+    large = {names[face]: {shaft.vertices[v - 1][2] for v in face} for face in shaft.faces if len(face) == 24}
+    assert large == {"bottom": {0.0}, "top": {5.0}}
+
+
+@pytest.mark.parametrize("count", [3, 4, 5])
+def test_a_prism_of_few_sides_is_no_cylinder(count: int) -> None:
+    assert names_of_faces(Body.convex(prism(1.0, count))) == {}
+
+
+@pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])
+def test_facets_around_a_point_are_a_sphere(axis: np.ndarray) -> None:
+    ball = turned(Body.convex(trimesh.creation.icosphere(2, radius=4.0).vertices), axis)
+    assert set(names_of_faces(ball).values()) == {"sphere radius 4"}
+    edge = tuple(sorted(ball.faces[0][:2]))
+    for element in (Element("F", ball.faces[0]), Element("E", edge), Element("V", (7,))):
+        assert told_element(ball, element) == "sphere of radius 4"
+
+
+def test_a_cone_is_no_sphere() -> None:
+    """Both rings of a frustum lie on one sphere."""
+    frustum = Body.convex(np.vstack([ring(3.0, 32, 0.0), ring(2.0, 32, 2.0)]))
+    assert set(names_of_faces(frustum).values()) == {"cone radius 2 to 3", "top", "bottom"}
+
+
+def test_an_oval_is_no_cylinder() -> None:
+    corners = prism(1.0, 24) * [2.0, 1.0, 1.0]
+    assert set(names_of_faces(Body.convex(corners)).values()) == {"top", "bottom"}
+
+
+def test_what_is_told_of_a_contact_is_short_and_its_label_is_as_before() -> None:
+    lid, plate = Body.convex(prism(9.9, 24, (5.0, 9.0)), name="lid"), Body.convex(prism(30.0, 48), name="plate")
+    curve = decision_curve(lid, plate, box=((0.9, 1.1), (0.9, 1.1)))
+    features = {segment.feature for segment in curve.segments}
+    assert "F1F2(P1 bottom; P2 top)" in {feature.told(lid, plate) for feature in features}
+    assert all(Feature.from_label(feature.label) == feature for feature in features)
+    side = next(face for face in lid.faces if len(face) == 4)
+    corners = ",".join(f"V{v}" for v in side)
+    told = Feature.from_label(f"F1V2(P1{corners}; P2V3)").told(lid, plate)
+    assert told == f"F1V2(P1{corners} of cylinder radius 9.9; P2V3)"
+
+
+def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
+    plate = Body.convex(prism(9.9, 24), name="plate")
+    cube = 3.0 * (np.array(list(product([0.0, 1.0], repeat=3))) - 0.5)
+    lid = Body.convex(np.array([8.0, 1.0, 7.2]) + Rotation.from_rotvec([0.3, 0.5, 0.1]).apply(cube), name="lid")
+    box = ((0.3, 3.0), (0.3, 3.0))
+    first = decision_curve(lid, plate, box=box).switching_points[0]
+    labels = [feature.label for feature in first.features]
+    names = [feature.told(lid, plate) for feature in first.features]
+    assert names[0] == "V1F2(P1V5; P2 top)" != labels[0]
+
+    def tracked(given: list[str]) -> tuple[Feature, ...]:
+        shifts = Translation("x") >> Translation("z")
+        asked = Problem(lid, plate, nominal=1, requirement="A", tolerance=0.01, features=given, motion=shifts, box=box)
+        return asked.tracked_features
+
+    assert tracked(names) == tracked(labels)
+    with pytest.raises(InputError, match="not a feature label"):
+        tracked(["V1F2(P1V5; P2 bottom)", labels[1]])
+
+
+def lathe(*profile: tuple[float, float], count: int = 24) -> list[np.ndarray]:
+    """Slices of a solid turned about z, a convex part between two rings each."""
+    rings = [ring(radius, count, z) for radius, z in profile]
+    return [np.vstack(two) for two in pairwise(rings)]
+
+
+@pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])
+def test_facets_about_an_apex_are_a_cone_outside_and_a_countersink_inside(axis: np.ndarray) -> None:
+    plug = Body.from_parts(lathe((4.0, 0.0), (4.0, 10.0), (8.0, 14.0), (8.0, 15.0)), seed=np.zeros(3))
+    assert Counter(names_of_faces(turned(plug, axis)).values()) >= Counter(
+        {"cone radius 4 to 8": 24, "cylinder radius 4": 24, "cylinder radius 8": 24}
+    )
+    lower, upper, count = (ring(4.0, 24, 0.0), ring(9.0, 24, 0.0)), (ring(6.0, 24, 3.0), ring(9.0, 24, 3.0)), 24
+    sectors = [np.vstack([own[[k, (k + 1) % count]] for own in (*lower, *upper)]) for k in range(count)]
+    assert Counter(names_of_faces(turned(Body.from_parts(sectors), axis)).values())["countersink radius 4 to 6"] == 24
+
+
+def test_rings_of_a_rounding_are_no_cones() -> None:
+    angles = np.linspace(0.0, np.pi / 2.0, 9)
+    bullet = Body.from_parts(lathe(*((5.0 + np.cos(a), np.sin(a)) for a in angles)), seed=np.zeros(3))
+    assert not any("cone" in name for name in names_of_faces(bullet).values())
+
+
+def test_a_sphere_that_is_cut_off_is_one() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=6.0)
+    ends = ball.vertices[ball.edges_unique]
+    share = (1.7 - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2] + 1e-300)
+    cut = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+    kept = [ball.vertices[ball.vertices[:, 2] < 1.7], cut[(share > 0.0) & (share < 1.0)]]
+    assert Counter(names_of_faces(Body.convex(np.vstack(kept))).values())["sphere radius 6"] >= 300
+
+
+def test_of_several_faces_in_one_plane_one_was_named_for_all() -> None:
+    """The tips of a comb's three teeth are its left end: numbered, and "left" as the faces of a size means all."""
+    comb = Body.from_file(Path(__file__).parents[1] / "cases" / "comb.off", unit="mm")
+    names = names_of_rows(comb)
+    tips = [
+        row
+        for row, face in enumerate(comb.faces)
+        if np.ptp(comb.vertices[np.array(face) - 1], axis=0)[0] == 0.0
+        and comb.vertices[face[0] - 1][0] == comb.vertices[:, 0].min()
+    ]
+    assert [names[row] for row in tips] == ["left no. 1", "left no. 2", "left no. 3"]
+    assert len(set(names)) == len(names)
+    told = [told_element(comb, Element("F", tuple(sorted(comb.faces[row])))) for row in tips]
+    assert told[1] == "left face no. 2 (facing -x)"
+    for faces, meant in (("left", tips), ("left no. 2", tips[1:2]), (f"F{tips[2] + 1}", tips[2:])):
+        assert np.flatnonzero(Size("tips", "movable", faces=faces).offsets(comb)).tolist() == meant

@@ -1,0 +1,420 @@
+"""Motions that leave the fit: told from those of open contacts, with the widths that do not go together."""
+
+from __future__ import annotations
+
+import json
+import re
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+from fcdm_opt.design.whatif.fitting import fits_up_to
+from fcdm_opt.judge.engagement import passage
+from fcdm_opt.problem import fit
+from fcdm_opt.problem.fit import misfit, verdict
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.show.remarks import remarks
+
+UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
+NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds
+TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])  # orthogonal
+
+WALLS = "between its face 7 (facing +x) and face 11 (facing -x)"
+
+
+def block(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> np.ndarray:
+    return np.array([*product(x, y, z)])
+
+
+def t_nut(slices: int = 1) -> fo.Body:
+    """A head 19.4 wide and 6 high at z = 6, a neck 9.6 wide up to z = 19; cut along y into slices."""
+    cuts = np.linspace(-15.0, 15.0, slices + 1)
+    parts = []
+    for low, high in pairwise(cuts):
+        parts.append(block((-9.7, 9.7), (low, high), (6.0, 12.0)))
+        parts.append(block((-4.8, 4.8), (low, high), (12.0, 19.0)))
+    return fo.Body.from_parts(parts, seed=NUT, name="nut")
+
+
+def t_rail(roof: bool = False) -> fo.Body:
+    """A slot 20 wide from z = 4 to 12, lips that leave 10 up to z = 20; far above it a roof, where asked for."""
+    along = (-50.0, 50.0)
+    parts = [block((-20.0, 20.0), along, (0.0, 4.0))]
+    for sign in (-1.0, 1.0):
+        parts.append(block(tuple(sorted((10.0 * sign, 20.0 * sign))), along, (4.0, 12.0)))
+        parts.append(block(tuple(sorted((5.0 * sign, 20.0 * sign))), along, (12.0, 20.0)))
+    if roof:
+        parts.append(block((-20.0, 20.0), along, (80.0, 84.0)))
+        parts.append(block((20.0, 24.0), along, (0.0, 84.0)))
+    return fo.Body.from_parts(parts, seed=RAIL, name="slot")
+
+
+def nut_in_rail(tolerance: float = 0.02, requirement: str = "B", **more: Any) -> fo.Problem:
+    asked = {"motion": UP, "goal": "touch", "unit": "mm", **more}
+    movable, static = asked.pop("movable", t_nut()), asked.pop("static", t_rail())
+    return fo.Problem(movable, static, tolerance=tolerance, requirement=requirement, **asked)
+
+
+def lifted(tau: float) -> float:
+    """How far the nut goes up until its head, by tau larger, stands on the lips of a rail smaller by tau."""
+    return float((RAIL[2] + (1 - tau) * (20.0 - RAIL[2])) - (NUT[2] + (1 + tau) * (6.0 - NUT[2])))
+
+
+# ------------------------------------------------------------------------------------------------- what leaves its fit
+
+
+@pytest.mark.parametrize(
+    ("goal", "motion", "tau"),
+    [("touch", UP, 0.016), ("clear", ACROSS, 0.016), ("touch", ACROSS, 0.02), ("clear", UP, 0.1)],
+)
+def test_a_nut_wider_than_its_slot_was_lifted_out_of_the_rail_as_a_success(goal: str, motion: Any, tau: float) -> None:
+    solution = fo.solve(nut_in_rail(tau, motion=motion, goal=goal))
+    assert solution.status is Status.OUTSIDE_FIT
+    assert not solution.usable
+    assert solution.parameters["TZ"] == pytest.approx(lifted(tau), abs=1e-9)  # it is reported all the same
+    assert solution.certificate is not None
+    assert solution.certificate.passed
+
+
+def test_the_widths_that_do_not_go_together_are_named() -> None:
+    solution = fo.solve(nut_in_rail())
+    assert solution.advice.startswith(f"Does not fit: nut 19.79 mm in slot 19.60 mm, {WALLS}.")
+    found = misfit(solution.problem)
+    assert found is not None
+    assert (found.inside, found.inner, found.outer) == (0, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
+
+
+def test_the_part_inside_may_be_the_one_that_stands_still() -> None:
+    """A ring is moved over its key: growing the ring opens its hole."""
+    problem = nut_in_rail(0.02, "C", movable=t_rail(), static=t_nut())
+    found = misfit(problem)
+    assert found is not None
+    assert (found.inside, found.inner, found.outer) == (1, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
+    assert verdict(problem).startswith("does not fit: nut 19.79 mm in slot 19.60 mm, between its face ")
+    assert fo.solve(problem).status is Status.OUTSIDE_FIT
+
+
+@pytest.mark.parametrize("movable", [t_nut, t_rail])
+def test_walls_further_apart_than_sizes_change_tell_nothing(movable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Part pairs that bounds leave too far apart to close are left out: with all of them the same is found."""
+    static = t_rail if movable is t_nut else t_nut
+    asked = [nut_in_rail(tau, letter, movable=movable(), static=static()) for tau in (0.015, 0.02) for letter in "ABCD"]
+    near = [len(fit._walls(problem, 2.0 * fit._change(problem))[0]) for problem in asked]
+    assert max(near) < len(fit._walls(asked[0], np.inf)[0])
+    found = [misfit(problem) for problem in asked]
+    assert 0 < sum(each is not None for each in found) < len(asked)
+    misfit.cache_clear()
+    monkeypatch.setattr(fit, "_change", lambda problem: np.inf)
+    assert [misfit(problem) for problem in asked] == found
+
+
+def test_sizes_that_go_together_have_no_misfit() -> None:
+    for requirement in "ACD":
+        assert misfit(nut_in_rail(0.02, requirement)) is None
+        assert fo.solve(nut_in_rail(0.02, requirement)).status is Status.SOLVED
+    assert misfit(nut_in_rail(0.015)) is None
+
+
+@pytest.mark.parametrize("goal", ["touch", "seat"])
+def test_up_to_which_tolerance_the_nut_fits_is_told(goal: str) -> None:
+    """Until 19.4 (1 + tau) = 20 (1 - tau)."""
+    least = 0.6 / 39.4
+    found = fits_up_to(nut_in_rail(goal=goal))
+    assert found == pytest.approx(least, rel=1e-4)
+    assert found < least
+    assert fo.solve(nut_in_rail(found, goal=goal)).usable
+    assert not fo.solve(nut_in_rail(least * 1.0001, goal=goal)).usable
+
+
+def test_budget_ends_where_the_motion_leaves_the_fit() -> None:
+    problem = nut_in_rail(motion=UP, goal="clear")
+    found = fo.budget(problem, None, requirements="B", largest=0.05, accuracy=1e-6)["B"]
+    assert found.tolerance == pytest.approx(0.6 / 39.4, rel=1e-5)
+    assert found.end.name == "OUTSIDE_FIT"
+
+
+def test_a_target_has_no_tolerance_up_to_which_it_fits() -> None:
+    problem = fo.Problem(t_nut(), t_rail(), target=(1.02, 0.98), motion=UP, goal="touch")
+    assert fo.solve(problem).status is Status.OUTSIDE_FIT
+    assert fits_up_to(problem) is None
+
+
+@pytest.mark.parametrize("slices", [2, 7])
+def test_how_a_body_is_cut_makes_no_difference(slices: int) -> None:
+    assert fo.solve(nut_in_rail(movable=t_nut(slices))).status is Status.OUTSIDE_FIT
+    assert fo.solve(nut_in_rail(0.015, movable=t_nut(slices))).status is Status.SOLVED
+
+
+def test_a_common_motion_of_both_parts_makes_no_difference() -> None:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = TURN, (70.0, -30.0, 11.0)
+    along = fo.Translation(tuple(TURN[:, 2]))
+    for tau, status in ((0.02, Status.OUTSIDE_FIT), (0.015, Status.SOLVED)):
+        moved = nut_in_rail(tau, movable=t_nut().moved(pose), static=t_rail().moved(pose), motion=along)
+        assert fo.solve(moved).status is status
+        assert (misfit(moved) is None) == (status is Status.SOLVED)
+
+
+def test_a_nut_lifted_under_a_roof_is_out_of_its_slot_too() -> None:
+    """It cannot be pulled away to infinity there, and has gone through the lips all the same."""
+    assert fo.solve(nut_in_rail(static=t_rail(roof=True), goal="clear")).status is Status.OUTSIDE_FIT
+
+
+def peg_and_plate() -> tuple[fo.Body, fo.Body]:
+    """A peg 10 wide, z from 0 to 30, that stands on the bottom of a hole 10.2 wide and 20 deep."""
+    parts, middle = [block((-5.1, 5.1), (-5.1, 5.1), (-10.0, 0.0))], (-5.1, 5.1)
+    for side in ((-20.0, -5.1), (5.1, 20.0)):
+        parts += [block(side, (-20.0, 20.0), (-10.0, 20.0)), block(middle, side, (-10.0, 20.0))]
+    plate = fo.Body.from_parts(parts, seed=(0.0, 0.0, 0.0), name="plate")
+    peg = fo.Body.convex(block((-5.0, 5.0), (-5.0, 5.0), (0.0, 30.0)), seed=(0.0, 0.0, 0.0), name="peg")
+    return peg, plate
+
+
+def test_a_peg_too_large_for_its_hole_is_not_put_on_top_of_it() -> None:
+    """Its way out is open, so that nothing is gone through; the contact sought is not that of a peg in a hole."""
+    problem = fo.Problem(*peg_and_plate(), tolerance=0.05, requirement="B", motion=UP, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.parameters["TZ"] == pytest.approx(0.95 * 20.0, abs=1e-9)
+    assert solution.status is Status.OUTSIDE_FIT
+    assert verdict(problem).startswith("does not fit: peg 10.50 in plate 9.69, between its face ")
+    assert fits_up_to(problem) == pytest.approx(0.2 / 20.2, rel=1e-4)
+
+
+def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -> None:
+    problem = fo.Problem(*peg_and_plate(), tolerance=0.05, requirement="B", motion=UP, goal="clear", clearance=1.0)
+    solution = fo.solve(problem)
+    assert solution.parameters["TZ"] == pytest.approx(0.95 * 20.0 + 1.0, abs=1e-9)
+    assert solution.status is Status.OUTSIDE_FIT
+    assert not solution.usable
+    assert "peg 10.50 in plate 9.69" in solution.advice
+
+
+# ---------------------------------------------------------------------------------------------------- what is no fit
+
+
+def test_a_box_on_a_slab_may_be_lifted_as_far_as_it_takes() -> None:
+    box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)), block((-5.0, 5.0), (-5.0, 5.0), (-1.0, 0.0))
+    one, two = fo.Body.convex(box), fo.Body.convex(slab)
+    for more in ({"goal": "clear", "clearance": 40.0}, {"goal": "touch"}, {"goal": "seat"}):
+        for requirement in "ABCD":
+            problem = fo.Problem(one, two, tolerance=0.05, requirement=requirement, motion=UP, **more)
+            assert fo.solve(problem).usable, (requirement, more)
+
+
+@pytest.mark.parametrize("requirement", "ABCD")
+@pytest.mark.parametrize("goal", ["touch", "clear"])
+def test_a_box_in_a_corner_is_not_held_by_it(requirement: str, goal: str) -> None:
+    corner = [block((-6.0, 6.0), (-6.0, 6.0), (-1.0, 0.0)), block((-6.0, -1.0), (-6.0, 6.0), (0.0, 6.0))]
+    static = fo.Body.from_parts(corner, seed=(0.0, 0.0, -0.5))
+    box = fo.Body.convex(block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)))
+    problem = fo.Problem(box, static, tolerance=0.05, requirement=requirement, motion=ACROSS, goal=goal)
+    assert fo.solve(problem).usable
+
+
+def test_a_box_sent_through_a_thin_slab_was_never_held_by_it() -> None:
+    """That it ends on the other side is remarked on: a contact, but no fit."""
+    box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)), block((-5.0, 5.0), (-5.0, 5.0), (-0.5, 0.0))
+    asked: dict[str, Any] = {"goal": "touch", "motion": UP, "limits": {"TZ": (-9.0, -0.2)}}
+    solution = fo.solve(fo.Problem(fo.Body.convex(box), fo.Body.convex(slab), target=(1.0, 1.0), **asked))
+    assert solution.parameters["TZ"] == pytest.approx(-2.5, abs=1e-9)
+    assert solution.usable
+    assert remarks(solution)[0].startswith("a large motion")
+
+
+def test_what_excludes_what_does_not_ask_for_a_fit() -> None:
+    """Limits that keep the nut in its slot exclude its motion; without them there is one, out of it."""
+    found = fo.conflicts(nut_in_rail(limits={"TZ": (-1.0, 1.0)}))
+    assert found.clashes[0].proved
+    assert [own.name for own in found.relaxations if own.name == "upper limit of TZ"]
+    (least,) = (own for own in found.relaxations if own.name == "upper limit of TZ")
+    assert least.by == pytest.approx(lifted(0.02) - 1.0, abs=1e-6)
+
+
+def test_contacts_were_blamed_together_where_each_alone_cannot_be_closed() -> None:
+    """Lifted through the lips until its head stands on them, the nut touches it, but not by the contacts meant."""
+    contacts = [f"F1F2(P1V2,V4,V6,V8; P2{face})" for face in ("V9,V10,V17,V19", "V25,V26,V27,V29")]
+    asked = nut_in_rail(goal="seat", contacts=contacts, path="free")
+    found = fo.conflicts(asked, deviation=False)
+    names = ("contact 1, face 2 of nut, face 8 of slot", "contact 2, face 2 of nut, face 12 of slot")
+    assert [(clash.names, clash.proved) for clash in found.clashes] == [((name,), True) for name in names]
+    assert found.complete
+    assert str(found).startswith(verdict(asked))
+
+
+def test_facets_of_a_boss_raised_doubt_about_flat_walls() -> None:
+    """A round boss above the rail has nothing to do with head and slot, whose walls are plane."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    boss = [[3.0 * np.cos(turn), 3.0 * np.sin(turn), z] for z in (19.0, 30.0) for turn in turns]
+    nut = fo.Body.from_parts([*(part.vertices for part in t_nut().parts), np.array(boss)], seed=NUT, name="nut")
+    for tau in (0.02, 0.01):
+        solution = fo.solve(nut_in_rail(tau, movable=nut, goal="seat"))
+        assert solution.usable == (tau == 0.01)
+        assert "mesh" not in f"{solution}{solution.advice}{remarks(solution)}"
+        assert "tessellation" not in str(remarks(solution))
+
+
+def test_boxes_drawn_into_each_other_may_be_taken_apart() -> None:
+    """What overlaps as drawn is no fit; the shorter way out does not go through."""
+    one, two = (block((x, x + 4.0), (-1.0, 1.0), (-1.0, 1.0)) for x in (0.0, 3.0))
+    problem = fo.Problem(
+        fo.Body.convex(one), fo.Body.convex(two), target=(1.0, 1.0), motion=fo.Translation("x"), goal="touch"
+    )
+    solution = fo.solve(problem)
+    assert solution.parameters["TX"] == pytest.approx(-1.0, abs=1e-9)
+    assert solution.status is Status.SOLVED
+
+
+def test_a_box_behind_a_low_sill_may_be_lifted_over_it_by_what_its_size_changes() -> None:
+    """A sill of .05 holds it no more than its own growth of .1 does: a shallow hold is none."""
+    sills = [block((x, x + 1.0), (-2.0, 2.0), (0.0, 0.05)) for x in (-2.001, 1.001)]
+    floor = fo.Body.from_parts([block((-5.0, 5.0), (-5.0, 5.0), (-1.0, 0.0)), *sills], seed=(0.0, 0.0, -0.5))
+    box = fo.Body.convex(block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)))
+    problem = fo.Problem(box, floor, tolerance=((0.0, 0.1), (0.0, 0.0)), requirement="A", motion=UP, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.parameters["TZ"] == pytest.approx(0.05 + 0.1, abs=1e-9)
+    assert solution.usable
+
+
+def test_a_ring_that_is_turned_on_its_key_stays_on_it() -> None:
+    """Its parts move along chords; none of them goes past the key."""
+    problem = {one.name: one for one in fo.load_problems(Path(__file__).parents[2] / "problems" / "nut.toml")}
+    assert fo.solve(problem["turned until it holds"]).status is Status.SOLVED
+
+
+# ------------------------------------------------------------------------------------------------------ what is shown
+
+
+def test_no_limits_are_to_be_widened_where_none_are_set() -> None:
+    free, held = (fo.solve(nut_in_rail(goal="seat", limits=limits)) for limits in (None, {"TZ": (-1.0, 1.0)}))
+    assert [own.status for own in (free, held)] == [Status.INFEASIBLE] * 2
+    assert "limits" not in free.advice
+    assert "widen the limits" in held.advice
+    assert all(own.advice.startswith(f"Does not fit: nut 19.79 mm in slot 19.60 mm, {WALLS}.") for own in (free, held))
+
+
+def test_a_solution_outside_the_fit_survives_its_plain_data() -> None:
+    solution = fo.solve(nut_in_rail())
+    data = json.loads(json.dumps(solution.to_dict()))
+    assert (data["status"], data["usable"], data["advice"]) == ("OUTSIDE_FIT", False, solution.advice)
+    again = Solution.from_dict(data)
+    assert (again.status, again.usable) == (Status.OUTSIDE_FIT, False)
+    judged = again.with_certificate(fo.verify(again), {})
+    assert (judged.status, judged.usable) == (Status.OUTSIDE_FIT, False)
+    with pytest.raises(fo.errors.UnsolvedError, match="Does not fit: nut 19"):
+        fo.solve(nut_in_rail(), throw=True)
+
+
+@pytest.fixture(scope="module")
+def problem_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cases = [{"name": letter, "requirement": letter, "goal": "touch"} for letter in "AB"]
+    cases.append({"name": "flush", "requirement": "B", "goal": "seat"})
+    path = tmp_path_factory.mktemp("nut") / "nut.toml"
+
+    def written(body: fo.Body) -> str:
+        listed = [list(range(8 * k + 1, 8 * k + 9)) for k in range(len(body.parts))]  # all parts are boxes
+        corners = np.concatenate([part.vertices for part in body.parts]).tolist()
+        return f"name = {json.dumps(body.name)}\nvertices = {corners}\nparts = {listed}\nseed = {body.seed.tolist()}\n"
+
+    text = 'title = "T-nut in its rail"\n'
+    for role, body in (("movable", t_nut()), ("static", t_rail())):
+        text += f"[bodies.{role}]\n{written(body)}\n"
+    text += '[defaults]\nnominal = "drawn"\ntolerance = 0.02\nmotion = [{ translation = "z" }]\n'
+    for case in cases:
+        text += "[[case]]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in case.items())
+    path.write_text(text)
+    return path
+
+
+def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> None:
+    found = CliRunner().invoke(app, ["solve", str(problem_file), "--case", "B"])
+    assert found.exit_code == 1
+    words = re.sub(r"\s+", " ", found.stdout)
+    assert "does not fit: nut 19.79 in slot 19.60" in words
+    assert "The parts fit up to ±1.52 %." in words
+    assert "outside" in found.stdout
+    assert " yes" not in found.stdout
+    data = json.loads(CliRunner().invoke(app, ["solve", str(problem_file), "--json"]).stdout)
+    cases = {case["name"]: case for file in data["files"] for case in file["cases"]}
+    assert {name: case["usable"] for name, case in cases.items()} == {"A": True, "B": False, "flush": False}
+    assert [cases[name]["fits_up_to"] for name in ("B", "flush")] == [pytest.approx(0.6 / 39.4, rel=1e-4)] * 2
+    assert cases["A"]["fits_up_to"] is None
+
+
+def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) -> None:
+    found = CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B"])
+    assert found.exit_code == 1
+    assert f"Does not fit: nut 19.79 in slot 19.60, {WALLS}." in re.sub(r"\s+", " ", found.stdout)
+    data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
+    assert data["files"][0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
+
+
+def test_the_report_shows_nothing_green_of_a_motion_outside_the_fit(problem_file: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    made = CliRunner().invoke(app, ["report", str(problem_file), "--out", str(page)], catch_exceptions=False)
+    assert made.exit_code == 1
+    text = page.read_text() if page.is_file() else next(tmp_path.rglob("*.html")).read_text()
+    answers = dict(re.findall(r'<article class="answer" data-case="(\d)">(.*?)</article>', text, re.DOTALL))
+    assert "mark good" in answers["0"]
+    for number in "12":
+        assert "mark good" not in answers[number]
+        assert f"Does not fit: nut 19.79 in slot 19.60, {WALLS}" in re.sub("<.*?>", "", answers[number])
+        assert "fit up to \u00b11.52 %" in answers[number]
+    assert "mark bad" not in answers["2"]  # nothing was judged: it is no answer that was refused
+    cells = re.findall(r'<td><a href="#case-1".*?</td>', text, re.DOTALL)
+    assert cells
+    assert all("mark good" not in cell and "outside the fit" in cell for cell in cells)
+
+
+def test_the_cards_show_nothing_green_of_a_motion_outside_the_fit() -> None:
+    card = fo.solve(nut_in_rail())._repr_html_()
+    good = fo.solve(nut_in_rail(0.01))._repr_html_()
+    assert "no: outside the fit" in card
+    assert "OUTSIDE_FIT" in card
+    assert "Does not fit: nut 19.79 mm in slot 19.60 mm" in card
+    assert "outside" not in good
+
+
+def test_how_far_a_peg_may_be_shifted_hung_on_how_its_walls_were_cut() -> None:
+    """A peg 9 wide between walls 10 apart and 6 thick, until its middle is at a wall's: 8, however thin its slices."""
+    peg = fo.Body.convex(block((-4.5, 4.5), (-4.5, 4.5), (0.0, 8.0)))
+    for slices in (1, 3):
+        cuts = np.linspace(5.0, 11.0, slices + 1)
+        walls = [block(tuple(sorted((sign * a, sign * b))), (-20.0, 20.0), (0.0, 9.0)) for sign in (1.0, -1.0)
+                 for a, b in pairwise(cuts)]  # fmt: skip
+        plate = fo.Body.from_parts([*walls, block((-20.0, 20.0), (-20.0, 20.0), (-3.0, 0.0))], seed=[0.0, 0.0, 1.0])
+        problem = fo.Problem(peg, plate, tolerance=0.01, requirement="A", motion=ACROSS, goal="clear")
+        assert passage(problem, np.array([1.0, 0.0, 0.0])) == pytest.approx((-8.0, 8.0), abs=1e-3)
+
+
+def test_a_key_stays_in_its_slot_until_a_wall_s_middle_or_a_tenth_of_its_depth() -> None:
+    problem = fo.load_problems(Path(__file__).parents[2] / "problems" / "slot_and_key.toml")[0]
+    across, along = (passage(problem, np.array(way)) for way in ((2.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    middle = (0.0625 + 20.0) / 2.0
+    assert across == pytest.approx((-middle / 2.0, middle / 2.0), abs=1e-3)  # in steps of 2
+    assert along == pytest.approx((-(0.125 + 20.125) / 2.0, 0.9 * 7.875), abs=1e-3)
+    beside = problem.changed(movable=problem.movable.moved(np.eye(4) + 90.0 * np.eye(4, k=3)))
+    assert passage(beside, np.array([1.0, 0.0, 0.0])) == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("finer", [0, 1])
+def test_a_bar_had_a_tie_with_a_motion_into_a_post_and_was_refused_where_finely_meshed(finer: int) -> None:
+    """It turns off a post that it lies across, by the same either way; a second one, out of its reach, bars one."""
+    posts = [((2.5, -0.3, -2), (4.5, 0.3, 1)), ((2.5, -2.2, -2), (4.5, -1.35, 1)), ((-6, -4, -2), (6, 4, -1))]
+    mesh = trimesh.boolean.union([trimesh.creation.box(bounds=ends) for ends in posts])
+    for _ in range(finer):
+        mesh = mesh.subdivide()
+    static = fo.Body.from_mesh(mesh, decomposition="surface", seed=(0, 0, 0))
+    bar = fo.Body.convex([4.0, 0.5, 0.5] * (2.0 * np.indices((2, 2, 2)).reshape(3, 8).T - 1.0))
+    asked = {"target": (1, 1), "goal": "clear", "motion": fo.Rotation("z"), "limits": {"RZ": (-1, 1)}, "length": 1.0}
+    found = fo.solve(fo.Problem(bar, static, **asked))
+    # the post's corner (2.5, .3) comes to lie on the bar's lower side: 2.5 sin t - .3 cos t = .5
+    assert found.usable
+    assert found.parameters["RZ"] == pytest.approx(np.arcsin(0.5 / np.hypot(2.5, 0.3)) + np.arctan2(0.3, 2.5))
+    assert found.sensitivity.reasons == ()

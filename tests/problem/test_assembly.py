@@ -1,0 +1,838 @@
+"""Several parts: closed forms, invariances, what is refused, and a judge that is not taken in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from itertools import pairwise, product
+from math import atan, atan2, cos, hypot, sin, sqrt
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation as Turn
+from scripts import loaded
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt import pacing
+from fcdm_opt.cli import app
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.show.assemblies import assembly_verdict
+from fcdm_opt.show.report.gather import head
+from fcdm_opt.show.report.page import assembly_page
+
+X, Y, Z = (fo.Translation(axis) for axis in "xyz")
+
+
+def block(low: tuple[float, ...], high: tuple[float, ...]) -> Array:
+    """The corners of a box."""
+    return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
+
+
+def drawn(outline: list[tuple[float, float]], low: float, high: float) -> Array:
+    """The corners of a prism along y over an outline in x and z."""
+    return np.array([[x, y, z] for y in (low, high) for x, z in outline], dtype=float)
+
+
+def found(solution: fo.AssemblySolution) -> dict[str, list[float]]:
+    return {part: list(own.values()) for part, own in solution.parameters.items()}
+
+
+def flat(solution: fo.AssemblySolution) -> list[float]:
+    return [x for own in found(solution).values() for x in own]
+
+
+# ------------------------------------------------------------------------------------------------------------- chains
+
+
+def stack(count: int, scales: list[float], **more) -> fo.Assembly:
+    """Plates on one another, each 1 high, on a base; seeds .3 above their lower face, of the base .3 below its top."""
+    parts = {"base": fo.Body.convex(block((-5, -5, -1), (5, 5, 0)), seed=(0, 0, -0.3))}
+    for k in range(count):
+        corners = block((0.1 * k - 4, -4, k), (4 - 0.1 * k, 4, k + 1))
+        parts[f"plate {k + 1}"] = fo.Body.convex(corners, seed=(0, 0, k + 0.3))
+    names = list(parts)
+    asked = {
+        "contacts": [(two, one) for one, two in pairwise(names)],
+        "motions": dict.fromkeys(names[1:], Z),
+        "scales": dict(zip(names, scales, strict=False)),
+    }
+    return fo.Assembly(parts, **{**asked, **more})
+
+
+def lifts(count: int, scales: list[float]) -> list[float]:
+    """How far each plate rises on the one below, both as made."""
+    tops = [-0.3 + 0.3 * scales[0], *(k + 0.3 + 0.7 * scales[k + 1] for k in range(count))]
+    bottoms = [k + 0.3 - 0.3 * scales[k + 1] for k in range(count)]
+    return [top - bottom for top, bottom in zip(tops, bottoms, strict=False)]
+
+
+SCALES = [1.02, 0.99, 1.01, 1.03, 0.98, 1.0, 0.97]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_a_stack_of_plates_in_closed_form(count) -> None:
+    solution = fo.solve_assembly(stack(count, SCALES))
+    expected = lifts(count, SCALES)
+    assert solution.usable
+    assert [own[0] for own in found(solution).values()] == pytest.approx(expected, abs=1e-12)
+    assert solution.amount == pytest.approx(hypot(*expected), rel=1e-12)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+    heights = np.cumsum(expected)
+    assert [solution.transforms[part][2, 3] for part in solution.parameters] == pytest.approx(heights, abs=1e-12)
+
+
+def test_motions_in_the_world_are_one_program_with_the_same_poses() -> None:
+    """Then the lowest plate's lift is paid by each above it, and the poses, which have no choice here, stay."""
+    names = {f"plate {k + 1}": "base" for k in range(3)}
+    one, other = fo.solve_assembly(stack(3, SCALES)), fo.solve_assembly(stack(3, SCALES, follows=names))
+    expected = np.cumsum(lifts(3, SCALES))
+    assert other.usable
+    assert [own[0] for own in found(other).values()] == pytest.approx(expected, abs=1e-12)
+    assert other.amount == pytest.approx(hypot(*expected), rel=1e-12)
+    assert other.lower_bound == pytest.approx(other.amount, rel=1e-12)
+    for part, pose in one.transforms.items():
+        assert other.transforms[part] == pytest.approx(pose, abs=1e-12)
+
+
+def test_weights_and_order_of_parts_change_the_total_and_nothing_else() -> None:
+    assembly = stack(3, SCALES)
+    heavy = stack(3, SCALES, weights={"plate 2": 5.0}, contacts=[pair[1::-1] for pair in reversed(assembly.contacts)])
+    one, other = fo.solve_assembly(assembly), fo.solve_assembly(heavy)
+    assert found(one) == found(other)
+    a, b, c = lifts(3, SCALES)
+    assert other.amount == pytest.approx(hypot(a, 5.0 * b, c), rel=1e-12)
+    assert list(other.amounts.values()) == pytest.approx([abs(a), abs(b), abs(c)], rel=1e-12)
+
+
+def test_an_arm_on_stops_turns_about_its_joints() -> None:
+    """Each link rests with a pointed nose on the one before, and turns about a joint of it: one angle in closed form.
+
+    The nose is at (4, 1) from the joint and meets the plane z = 1 of the link before: seeds are the joints, so that
+    what is made is larger round its joint. Turned by t the nose is at height s (4 sin t + cos t) where it must be 1.
+    """
+    parts = {"base": fo.Body.convex(block((-1, -2, -1), (6, 2, 1)), seed=(0, 0, 0))}
+    motions, scale = {}, 0.97
+    for k in range(3):
+        joint = np.array([6.0 * k, 0.0, 2.0 * k])
+        bar = joint + block((0, -1, 2), (11, 1, 3))
+        nose = joint + np.array([[4, 0, 1], [3.5, -0.5, 2.5], [4.5, -0.5, 2.5], [4, 0.5, 2.5]])
+        parts[f"link {k + 1}"] = fo.Body.from_parts([bar, nose], seed=joint)
+        motions[f"link {k + 1}"] = fo.Rotation("-y", centre=tuple(joint))
+    names = list(parts)
+    contacts = [(two, one) for one, two in pairwise(names)]
+    # of link 2 and 3 what they rest on is the upper face of the bar before, 3 above its joint, which is 1 below theirs
+    solution = fo.solve_assembly(fo.Assembly(parts, contacts, motions=motions, scales=dict.fromkeys(names[1:], scale)))
+    assert solution.usable
+    first = solution.parameters["link 1"]["R-Y"]
+    assert scale * (4.0 * sin(first) + cos(first)) == pytest.approx(1.0, abs=1e-12)
+    for name in names[2:]:  # the face before is lower by what its link is smaller: 3 (1 - s)
+        angle = solution.parameters[name]["R-Y"]
+        assert scale * (4.0 * sin(angle) + cos(angle)) == pytest.approx(3.0 * scale - 2.0, abs=1e-12)
+    assert solution.lower_bound >= solution.amount * (1.0 - 1e-2)
+    proved = fo.solve_assembly(solution.assembly, certify=True)
+    assert proved.lower_bound >= proved.amount * (1.0 - 1e-4)
+
+
+# -------------------------------------------------------------------------------------------------------------- loops
+
+
+def wedges(post: fo.Motion, roof: fo.Motion, **more) -> fo.Assembly:
+    """A key between the slopes z = -x - 1 and z = x - 1 of two wedges on a base: a loop of four parts."""
+    base = fo.Body.convex(block((-10, -4, -1), (10, 4, 0)), seed=(0, 0, -0.5), name="base")
+    left = fo.Body.convex(drawn([(-8, 0), (-3, 0), (-3, 2), (-8, 7)], -2, 2), seed=(-6, 0, 2), name="left")
+    right = fo.Body.convex(drawn([(8, 0), (3, 0), (3, 2), (8, 7)], -2, 2), seed=(6, 0, 2), name="right")
+    key = fo.Body.convex(drawn([(-6, 5), (6, 5), (-4, 3), (4, 3), (0, 9)], -1, 1), seed=(0, 0, 5), name="key")
+    contacts = [("left", "base"), ("right", "base"), ("key", "left"), ("key", "right")]
+    motions = {"left": post, "right": post, "key": roof}
+    return fo.Assembly([base, left, right, key], contacts, motions=motions, **more)
+
+
+MADE = {"base": 1.03, "left": 1.02, "right": 1.01, "key": 0.99}
+
+
+def levels() -> tuple[Array, Array]:
+    """The four contacts as equations A q = b in (left x, z; right x, z; key x, z), the key relative to the left wedge.
+
+    b are the gaps as made and not moved. Distances of planes from seeds: base .5; wedges 2 below, 3 / sqrt(2) on the
+    slopes; key 6 / sqrt(2) on both sides.
+    """
+    s, r = MADE, sqrt(2.0)
+    top = -0.5 + 0.5 * s["base"]
+    floors = [2.0 - 2.0 * s["left"] - top, 2.0 - 2.0 * s["right"] - top]
+    key = (5.0 + 1.0) / r - 6.0 / r * s["key"]  # from the plane as drawn to the key's, along (1, 1) or (-1, 1)
+    left = (-6.0 + 2.0 + 1.0) / r + 3.0 / r * s["left"]  # to the wedge's
+    right = (-6.0 + 2.0 + 1.0) / r + 3.0 / r * s["right"]
+    rows = [
+        [0, -1, 0, 0, 0, 0],
+        [0, 0, 0, -1, 0, 0],
+        [0, 0, 0, 0, -1 / r, -1 / r],
+        [1 / r, -1 / r, -1 / r, 1 / r, 1 / r, -1 / r],  # the left wedge takes the key along
+    ]
+    return np.array(rows), np.array([*floors, key - left, key - right])
+
+
+def test_a_loop_of_four_parts_in_closed_form() -> None:
+    solution = fo.solve_assembly(wedges(Z, X >> Z, scales=MADE))
+    rows, gaps = levels()
+    kept = [1, 3, 4, 5]
+    assert solution.usable
+    assert flat(solution) == pytest.approx(np.linalg.solve(rows[:, kept], gaps), abs=1e-12)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+    assert len(solution.stages) == 1
+
+
+def test_a_loop_with_freedom_left_takes_the_least_total() -> None:
+    rows, gaps = levels()
+    for weights in ({}, {"left": 4.0, "key": 0.5}):
+        w = np.repeat([weights.get(part, 1.0) for part in ("left", "right", "key")], 2)
+        solution = fo.solve_assembly(wedges(X >> Z, X >> Z, scales=MADE, weights=weights))
+        least = np.linalg.pinv(rows / w) @ gaps / w
+        assert solution.usable
+        assert flat(solution) == pytest.approx(least, abs=1e-12)
+        assert solution.amount == pytest.approx(np.linalg.norm(w * least), rel=1e-12)
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+
+
+def test_a_loop_that_may_turn_is_bounded() -> None:
+    turn = fo.Rotation("y")
+    solution = fo.solve_assembly(wedges(X >> Z >> turn, X >> Z >> turn, scales=MADE))
+    rows, gaps = levels()
+    assert solution.usable
+    assert solution.amount <= np.linalg.norm(np.linalg.pinv(rows) @ gaps) * (1.0 + 1e-9)  # which needs no turn
+    assert solution.lower_bound >= 0.9 * solution.amount
+
+
+def test_a_loop_of_parts_that_may_all_turn_was_bounded_by_half() -> None:
+    """Six parameters a part: the bound was that of the beam on one of its posts alone."""
+    free = {"left": fo.Free(), "right": fo.Free()}
+    solution = fo.solve(bridge({"left": 1.02, "right": 0.98}, fo.Free(), motions=free))
+    assert solution.usable
+    assert solution.lower_bound >= 0.9 * solution.amount
+
+
+def tip(x: float, high: float) -> Array:
+    return np.array([[x, 0, high], [x - 1, -1, 0], [x + 1, -1, 0], [x + 1, 1, 0], [x - 1, 1, 0]], dtype=float)
+
+
+def bridge(
+    scales: dict[str, float], motion: fo.Motion, goal: str = "at", T: Array | None = None, **more
+) -> fo.Assembly:
+    """A beam on two points of unequal height that stand on a base."""
+    parts = [
+        fo.Body.convex(block((-10, -4, -1), (10, 4, 0)), seed=(0, 0, -0.5), name="base"),
+        fo.Body.convex(tip(-5, 3), seed=(-5, 0, 0), name="left"),
+        fo.Body.convex(tip(5, 4), seed=(5, 0, 0), name="right"),
+        fo.Body.convex(drawn([(-7, 2.8), (7, 4.2), (7, 6), (-7, 6)], -2, 2), seed=(0, 0, 3.5), name="beam"),
+    ]
+    parts = parts if T is None else [replace(body.moved(T), name=body.name) for body in parts]
+    contacts = [
+        ("left", "base"),
+        ("right", "base"),
+        *({"parts": ("beam", side), "goal": goal} for side in ("left", "right")),
+    ]
+    motions = {"left": Z, "right": Z, "beam": motion, **more.pop("motions", {})}
+    return fo.Assembly(parts, contacts, scales=scales, motions=motions, **more)
+
+
+def test_a_loop_that_turns_in_closed_form() -> None:
+    """The beam's seed is in its lower plane, which the points as made tilt and lift."""
+    solution = fo.solve_assembly(bridge({"left": 1.02, "right": 0.98}, Z >> fo.Rotation("y")))
+    low, high = 3.0 * 1.02, 4.0 * 0.98
+    tilt = atan(0.1) - atan2(high - low, 10.0)
+    assert solution.usable
+    assert found(solution)["beam"] == pytest.approx([(low + high) / 2.0 - 3.5, tilt], abs=1e-12)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)  # by interval Newton
+
+
+def test_what_touches_and_what_is_clear_in_a_loop() -> None:
+    """Along z alone the beam cannot rest on both points: one carries, the other is clear; and both cannot be asked."""
+    asked = bridge({"left": 1.02, "right": 0.98}, Z)
+    pairs = [{"parts": pair[:2], **pair.asked} for pair in asked.contacts]
+    one = [*pairs[:2], {"parts": ("beam", "left"), "goal": "touch"}, {"parts": ("beam", "right"), "goal": "clear"}]
+    more = {"motions": asked.motions, "scales": asked.scales}
+    solution = fo.solve_assembly(fo.Assembly(asked.parts, one, **more))
+    assert solution.usable
+    assert found(solution)["beam"] == pytest.approx([0.06], abs=1e-12)
+    assert solution.lower_bound == pytest.approx(0.06, rel=1e-9)
+    kept = [*one[:3], {"parts": ("beam", "right"), "goal": "clear", "clearance": 0.25}]
+    assert fo.solve_assembly(fo.Assembly(asked.parts, kept, **more)).status is Status.NOT_FOUND  # told, not proved
+    assert fo.solve_assembly(asked).status is Status.INFEASIBLE
+    assert not fo.solve_assembly(asked).usable
+
+
+def test_a_common_rigid_motion_changes_nothing() -> None:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Turn.from_rotvec([0.3, -0.5, 0.2]).as_matrix(), (4.0, -2.0, 1.0)
+    scales, lengths = {"left": 1.02, "right": 0.98}, {"beam": 8.0, "left": 2.0, "right": 2.0}
+    free = {"left": fo.Free(), "right": fo.Free()}
+    here = fo.solve_assembly(bridge(scales, fo.Free(), lengths=lengths, motions=free), effort="quick")
+    there = fo.solve_assembly(bridge(scales, fo.Free(), T=T, lengths=lengths, motions=free), effort="quick")
+    assert there.usable
+    assert there.amount == pytest.approx(here.amount, rel=1e-9)
+    for part, own in found(here).items():
+        turned = np.array(own).reshape(2, 3) @ T[:3, :3].T
+        assert np.array(found(there)[part]) == pytest.approx(turned.ravel(), abs=1e-8)
+
+
+def test_parts_that_would_overlap_make_way_for_each_other() -> None:
+    """Two blocks on a base, .02 apart, 2 % too large: each alone rises; together they share the way aside by weight."""
+    base = fo.Body.convex(block((-9, -4, -1), (9, 4, 0)), seed=(0, 0, -0.5), name="base")
+    one = fo.Body.convex(block((-4, -1, 0), (-0.01, 1, 2)), seed=(-2, 0, 1), name="one")
+    two = fo.Body.convex(block((0.01, -1, 0), (4, 1, 2)), seed=(2, 0, 1), name="two")
+    weights = {"one": 1.0, "two": 3.0}
+    assembly = fo.Assembly(
+        [base, one, two], [("one", "base"), ("two", "base")], motions={"one": X >> Z, "two": X >> Z},
+        scales={"one": 1.02, "two": 1.02}, weights=weights,
+    )  # fmt: skip
+    solution = fo.solve_assembly(assembly)
+    overlap = 2 * (1.99 * 0.02) - 0.02
+    assert solution.usable
+    assert found(solution)["one"] == pytest.approx([-overlap * 0.9, 0.02], abs=1e-9)
+    assert found(solution)["two"] == pytest.approx([overlap * 0.1, 0.02], abs=1e-9)
+    assert solution.gaps["one", "two"] == pytest.approx(0.0, abs=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+@pytest.mark.parametrize("motion", [Z, Z >> fo.Rotation("y"), fo.Free()], ids=["rise", "tilt", "free"])
+def test_contacts_of_a_loop_that_exclude_each_other_are_named(motion) -> None:
+    """A beam flat on two posts, one .04 higher and one .02 lower than drawn: all four contacts clash, any three do."""
+    parts = {
+        "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0))),
+        "left": fo.Body.convex(block((-4, -1, 0), (-3, 1, 2))),
+        "right": fo.Body.convex(block((3, -1, 0), (4, 1, 2))),
+        "beam": fo.Body.convex(block((-4.5, -1, 2), (4.5, 1, 3))),
+    }
+    contacts = [("left", "floor"), ("right", "floor"), ("beam", "left"), ("beam", "right")]
+    motions, made = dict.fromkeys(("left", "right", "beam"), motion), {"left": 1.02, "right": 0.99}
+    solution = fo.solve_assembly(fo.Assembly(parts, contacts, motions=motions, scales=made))
+    clash, *carry = solution.active
+    assert solution.status is (Status.INFEASIBLE if motion.shifts else Status.NOT_FOUND)
+    assert all(" - ".join(pair) in clash for pair in contacts)
+    assert "exclude each other" in clash
+    assert {told.split(" with ")[1] for told in carry} == {
+        "right - floor open by 0.06",
+        "beam - right open by 0.06",
+    }
+
+
+CORNER = {
+    "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0)), seed=(0, 0, -0.5)),
+    "wall": fo.Body.convex(block((4, -5, 0), (5, 5, 3)), seed=(4.5, 0, 1.5)),
+    "back": fo.Body.convex(block((-5, 4, 0), (5, 5, 3)), seed=(0, 4.5, 1.5)),
+    "block": fo.Body.convex(block((-4, -4, 0), (4, 4, 1)), seed=(0, 0, 0.5)),
+}
+
+
+@pytest.mark.parametrize("motion", [X >> Y >> Z, fo.Free()], ids=["shifts", "free"])
+@pytest.mark.parametrize("asked", [("floor", "wall", "back"), ("floor", "wall")], ids=["all", "one in the way"])
+def test_a_block_between_fixed_parts_of_sizes_of_their_own(motion, asked) -> None:
+    """Fixed parts may overlap each other as made; what is not asked for is not run into."""
+    scales = {"block": 1.02, "floor": 0.99, "wall": 1.01, "back": 1.03}
+    assembly = fo.Assembly(
+        CORNER, [("block", part) for part in asked], motions={"block": motion}, scales=scales
+    )  # fmt: skip
+    solution = fo.solve_assembly(assembly)
+    expected = [-0.08 - 0.005, -0.08 - 0.015, 0.01 - 0.005]
+    assert assembly.fixed == ("floor", "wall", "back")
+    assert solution.usable
+    assert flat(solution)[:3] == pytest.approx(expected, abs=1e-9)
+    assert ("floor", "wall") not in solution.gaps
+    if motion.shifts or len(asked) == 3:
+        assert solution.lower_bound == pytest.approx(hypot(*expected), rel=1e-9)
+
+
+def test_sizes_of_parts_are_made_and_their_contacts_restored() -> None:
+    """Plates whose upper or lower face came out elsewhere: each rises by what is thicker between them."""
+    sizes = [
+        fo.Size("floor", body="base", faces="+z", tolerance=0.05),
+        fo.Size("thickness 1", body="plate 1", faces=["+z", "-z"], each=0.5, tolerance=0.05),
+        fo.Size("sole 2", body="plate 2", faces="-z", tolerance=0.02),
+    ]
+    made = {"floor": -0.03, "thickness 1": 0.04, "sole 2": -0.01}
+    solution = fo.solve_assembly(stack(2, [1.0] * 3, sizes=sizes, made=made))
+    assert solution.usable
+    assert [own[0] for own in found(solution).values()] == pytest.approx([-0.03 + 0.02, 0.02 - 0.01], abs=1e-12)
+    high = fo.solve_assembly(stack(2, [1.0] * 3, sizes=sizes, made="high"))
+    assert [own[0] for own in found(high).values()] == pytest.approx([0.05 + 0.025, 0.025 + 0.02], abs=1e-12)
+    both = fo.solve_assembly(stack(2, SCALES, sizes=sizes, made=made))
+    one, two = lifts(2, SCALES)
+    shares = -0.03 * SCALES[0] + 0.02 * SCALES[1], 0.02 * SCALES[1] - 0.01 * SCALES[2]
+    assert [own[0] for own in found(both).values()] == pytest.approx([one + shares[0], two + shares[1]], abs=1e-12)
+
+
+def test_nothing_to_do_is_said() -> None:
+    solution = fo.solve_assembly(stack(2, [1.0] * 3))
+    assert solution.status is Status.ALREADY_SATISFIED
+    assert solution.usable
+    assert solution.amount == 0.0
+
+
+# -------------------------------------------------------------------------------------------------------------- refused
+
+
+PLATES = stack(2, SCALES)
+
+
+@pytest.mark.parametrize(
+    ("changed", "key"),
+    [
+        ({"parts": [PLATES.parts["base"], PLATES.parts["base"]]}, "parts"),
+        ({"parts": {"base": PLATES.parts["base"]}}, "parts"),
+        ({"parts": {"base": 3, "plate 1": 4}}, "parts"),
+        ({"contacts": []}, "contacts"),
+        ({"contacts": [("plate 1", "plate 1")]}, "contacts[1].parts"),
+        ({"contacts": [("plate 1", "bass")]}, "contacts[1].parts"),
+        ({"contacts": [("plate 1", "base"), ("plate 2", "plate 1"), ("base", "plate 1")]}, "contacts[3].parts"),
+        ({"contacts": [("plate 1", "base")]}, "contacts"),
+        ({"contacts": [("plate 1", "base"), {"parts": ("plate 2", "plate 1"), "goal": "fit"}]}, "contacts[2].goal"),
+        ({"contacts": [("plate 1", "base"), ("plate 2", "base")]}, "contacts[2] 'plate 2 - base'.nominal"),
+        ({"contacts": [("plate 1", "base", "plate 2")]}, "contacts[1].parts"),
+        ({"motions": {"plate 2": Z}}, "contacts[1].parts"),
+        ({"motions": {}}, "motions"),
+        ({"motions": {"plate 1": Z, "plate 2": Z, "base": Z}}, "motions"),
+        ({"motions": {"plate 1": Z, "plate 3": Z}}, "motions.plate 3"),
+        ({"motions": {"plate 1": Z, "plate 2": "z"}}, "motions.plate 2"),
+        ({"follows": {"plate 1": "plate 2", "plate 2": "plate 1"}}, "follows"),
+        ({"follows": {"base": "plate 2"}}, "follows.base"),
+        ({"follows": {"plate 1": "plate 9"}}, "follows.plate 1"),
+        ({"scales": {"plate 1": 0.0}}, "scales.plate 1"),
+        ({"scales": {"plate 1": float("nan")}}, "scales.plate 1"),
+        ({"weights": {"base": 1.0}}, "weights.base"),
+        ({"limits": {"plate 1": {"TX": (0, 1)}}}, "limits.plate 1.TX"),
+        ({"limits": {"plate 1": {"TZ": (1, 0)}}}, "limits.plate 1.TZ"),
+        ({"made": "worst"}, "made"),
+        ({"made": {"width": 0.1}}, "made.width"),
+        ({"sizes": [fo.Size("width", body="movable", scale="x")]}, "size 'width'.body"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_asked_is_refused_by_name(changed, key) -> None:
+    asked = {"parts": PLATES.parts, "contacts": [pair[:2] for pair in PLATES.contacts], "motions": PLATES.motions}
+    with pytest.raises(InputError) as refused:
+        fo.Assembly(**{**asked, **changed})
+    assert refused.value.key == key
+
+
+# ---------------------------------------------------------------------------------------------------------------- judge
+
+
+@pytest.mark.parametrize("assembly", [PLATES, wedges(X >> Z, X >> Z, scales=MADE)], ids=["tree", "loop"])
+def test_planted_errors_are_refused(assembly) -> None:
+    solution = fo.solve_assembly(assembly)
+    assert fo.verify_assembly(solution).passed
+    part = list(solution.parameters)[-1]
+    own = dict(solution.parameters[part])
+    nudged = {**own, "TZ": own["TZ"] + 1e-6}
+    shifted = np.array(solution.transforms[part])
+    shifted[0, 3] += 1e-6
+    other = fo.solve_assembly(stack(2, [1.0] * 3))
+    planted = [
+        {"parameters": {**solution.parameters, part: nudged}},
+        {"parameters": {name: own for name, own in solution.parameters.items() if name != part}},
+        {"transforms": {**solution.transforms, part: shifted}},
+        {"amount": solution.amount * (1.0 + 1e-6)},
+        {"lower_bound": solution.amount * (1.0 + 1e-6)},
+        {"amounts": {**solution.amounts, part: 0.0}},
+        {"contacts": solution.contacts[:-1]},
+        {"contacts": solution.contacts[::-1]},
+        {"contacts": (*solution.contacts[:-1], other.contacts[-1])},
+        {"amount": float("nan")},
+    ]
+    for wrong in planted:
+        assert not fo.verify_assembly(replace(solution, **wrong)).passed, wrong
+    nowhere = replace(solution, status=Status.NOT_FOUND)
+    assert not fo.verify_assembly(nowhere).passed
+
+
+def test_parts_that_overlap_elsewhere_are_refused() -> None:
+    """Motions that restore both contacts, and let the two parts run into each other."""
+    base = fo.Body.convex(block((-9, -4, -1), (9, 4, 0)), seed=(0, 0, -0.5), name="base")
+    one = fo.Body.convex(block((-4, -1, 0), (-0.01, 1, 2)), seed=(-2, 0, 1), name="one")
+    two = fo.Body.convex(block((0.01, -1, 0), (4, 1, 2)), seed=(2, 0, 1), name="two")
+    pairs, motions = [("one", "base"), ("two", "base")], {"one": X >> Z, "two": X >> Z}
+    asked = fo.Assembly([base, one, two], pairs, motions=motions, scales={"one": 1.02, "two": 1.02})
+    near = fo.Assembly([base, one, two], pairs, motions=motions, scales={"one": 1.02, "two": 1.02, "base": 1.0})
+    good = fo.solve_assembly(asked)
+    alone = [fo.solve(near.problem(pair)) for pair in near.contacts]
+    q = {pair.one: own.parameters for pair, own in zip(near.contacts, alone, strict=True)}
+    wrong = replace(
+        good, parameters=q, contacts=tuple(alone), amount=hypot(*(own.amount for own in alone)), lower_bound=0.0,
+        amounts={part: own.amount for part, own in zip(q, alone, strict=True)},
+        amount_low=hypot(*(own.amount_low for own in alone)), amount_high=hypot(*(own.amount_high for own in alone)),
+        transforms=near.poses({part: list(own.values()) for part, own in q.items()}),
+    )  # fmt: skip
+    failed = fo.verify_assembly(wrong).failed
+    assert [check.name for check in failed] == ["no overlap: one - two"]
+
+
+def test_a_solution_is_plain_data() -> None:
+    told = fo.solve_assembly(PLATES).to_dict()
+    assert told["status"] == "SOLVED"
+    assert told["usable"] is True
+    assert told["parameters"]["plate 1"]["TZ"] == pytest.approx(lifts(2, SCALES)[0], abs=1e-12)
+    assert told["contacts"][0]["parts"] == ["plate 1", "base"]
+    assert set(told["gaps"]) == {"base - plate 1", "base - plate 2", "plate 1 - plate 2"}
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+FILE = Path(__file__).parents[2] / "problems" / "assemblies" / "loop_of_four.toml"
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def test_the_file_asks_what_python_asks() -> None:
+    assembly = fo.load_assemblies(FILE)[0]
+    names = {"base": "base", "left": "left wedge", "right": "right wedge", "key": "key"}
+    assert assembly.scales == {names[part]: scale for part, scale in MADE.items()}
+    assert assembly.unit == "mm"
+    rows, gaps = levels()
+    assert flat(fo.solve_assembly(assembly)) == pytest.approx(np.linalg.pinv(rows) @ gaps, abs=1e-12)
+
+
+def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path) -> None:
+    told = run("solve", FILE, "--case", "made unlike", "--json", "--out", tmp_path)
+    (document,) = json.loads(told.stdout)["files"]
+    rows, gaps = levels()
+    assert told.exit_code == 0
+    assert document["cases"][0]["amount"] == pytest.approx(np.linalg.norm(np.linalg.pinv(rows) @ gaps), rel=1e-12)
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".png", ".svg"]
+    table = run("solve", FILE, "--case", "made unlike")
+    for words in ("left wedge", "TX -0.0125", "0.06982", "exact", "yes"):
+        assert words in table.stdout
+    said = " ".join(table.stdout.split())
+    assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
+    assert "base - 1.03 fixed -" in said
+    for command in ("curve", "pose"):
+        refused = run(command, FILE)
+        assert refused.exit_code == 2
+        assert "assembly" in refused.output
+
+
+def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
+    out = tmp_path / "loop.html"
+    assert run("report", FILE, "--out", out).exit_code == 0
+    text = out.read_text("utf-8")
+    rows, gaps = levels()
+    amount = np.linalg.norm(np.linalg.pinv(rows) @ gaps)
+    assert "<script" not in text
+    assert text.count("<svg") == 2  # a picture of each case
+    assert f"<dd>{amount:.4g} mm</dd>" in text
+    assert "Move left wedge 0.0125 mm along +x and 0.055 mm along +z" in text
+    assert "then every contact is closed; smallest possible together (proved)" in text
+    assert '<th scope="row">base</th><td>-</td><td class="number">1.03</td><td>fixed</td>' in text
+    assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
+    for parts in ("key - left wedge", "key - right wedge"):
+        assert f'<th scope="row">{parts}</th>' in text
+    two = run("report", FILE, FILE.parent.parent / "nut.toml", "--case", "shifted against a flat", "--out", out)
+    assert "where all files are of them" in two.output
+
+
+def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
+    """The plate's top, half a length above its seed, comes down by 2 % of that; the lid is taken along."""
+    page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
+    path = tmp_path / "stack.toml"
+    path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
+    (assembly,) = fo.load_assemblies(path)
+    assert flat(fo.solve(assembly)) == pytest.approx([-0.01, 0.0], abs=1e-12)
+
+
+def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:
+    path, mesh = tmp_path / "stack.toml", FILE.parent.parent / "meshes" / "square_plate.stl"
+    (tmp_path / "plate.stl").write_bytes(mesh.read_bytes())
+    path.write_text('[[part]]\nname = "plate"\nfile = "plate.stl"\n[[part]]\nname = "pin"\nvertices = []\n', "utf-8")
+    told = head(SimpleNamespace(path=path, title="", note="", error="not read"))
+    digest = hashlib.sha256(mesh.read_bytes()).hexdigest()
+    assert told["meshes"] == [{"file": "plate.stl", "sha256": digest}]
+    text = assembly_page([told], [])
+    assert f"<td>mesh of stack.toml</td><td><code>{digest}</code></td>" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ('parts = ["key", "left wedge"]', 'parts = ["kex", "left wedge"]', "contact[3].parts"),
+        ('name = "key"', 'name = "base"', "part[4] 'base'.name"),
+        ('name = "made unlike"', 'name = "made unlike"\nmade = { width = 0.1 }', "case[1] 'made unlike'.made.width"),
+        ('scales = { key = 1.02 }', 'scales = { kex = 1.02 }', "case[2] 'key 2 % too large'.scales.kex"),
+        ('scales = { key = 1.02 }', 'scales = { key = "2 %" }', "case[2] 'key 2 % too large'.scales.key"),
+        ('motion = [{ translation = "x" }', 'motion = [{ translation = "w" }', "part[2].motion[1].translation"),
+        ('name = "right wedge"', 'name = "right wedge"\nlimits = { RX_deg = [0, 1] }', "part[3].limits.RX_deg"),
+        ('name = "right wedge"', 'name = "right wedge"\nfollows = "kez"', "follows.right wedge"),
+        ('name = "right wedge"\nunit = "mm"', 'name = "right wedge"\nunit = "cm"', "part[3].unit"),
+        ('body = "key"', 'body = "movable"', "size 'key width'.body"),
+        ("[[case]]", "[[cases]]", "cases"),
+    ],
+)  # fmt: skip
+def test_what_a_file_cannot_ask_is_refused_with_its_place(tmp_path, old, new, key) -> None:
+    path, text = tmp_path / "loop.toml", FILE.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), "utf-8")
+    with pytest.raises(InputError) as refused:
+        fo.load_assemblies(path)
+    assert refused.value.key == key
+    assert refused.value.file == path
+    assert run("solve", path).exit_code == 2
+
+
+def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
+    """The quick form of the comparison, whose full form is benchmarks/compare_assemblies.py."""
+    rival = loaded(Path(__file__).parents[2] / "benchmarks" / "compare_assemblies.py")
+    assert rival.main(["1", "--quick"]) == 0
+    summary = capsys.readouterr().out.splitlines()[-1]
+    assert "beaten 0, missed 0; equal to 1e-6 in 6" in summary
+    case = rival.scene(1, 4)
+    real = rival.Rival(case)
+    ours = fo.solve_assembly(case.assembly)
+    q = np.array([x for own in ours.parameters.values() for x in own.values()])
+    assert real.feasible(q)  # by formulas of its own
+    assert not real.feasible(q + 1e-4)
+
+
+def test_a_part_that_must_go_round_another_keeps_on_its_face_by_more_than_a_border() -> None:
+    """It was not found: the least motion leaves a foot and its beam no more than an edge, which is no face on face."""
+    boxes = {
+        "tray": ((-8, -4, -1), (8, 4, 0)), "left": ((-4, -1, 0), (-2, 1, 1.25)),
+        "right": ((2, -1, 0), (4, 1, 1.25)), "beam": ((-5, -1, 1.25), (5, 1, 2.25)),
+    }  # fmt: skip
+    parts = {name: fo.Body.convex(block(low, high), seed="box", name=name) for name, (low, high) in boxes.items()}
+    asked = [
+        {"parts": ["left", "tray"], "goal": "touch"}, {"parts": ["beam", "left"], "goal": "at"},
+        {"parts": ["right", "beam"], "goal": "at"}, {"parts": ["right", "tray"], "goal": "clear", "clearance": 0.05},
+    ]  # fmt: skip
+    motions = {"left": X >> Z, "right": X >> Y >> Z, "beam": X >> Z}
+    assembly = fo.Assembly(
+        parts, asked, motions=motions, follows={"beam": "left"}, scales={"tray": 1.01, "right": 1.0168}
+    )
+    solution = fo.solve_assembly(assembly)
+    assert solution.usable
+    # the right foot, too high to be above the tray, goes beyond its end; the beam follows, half of it on the left foot
+    beyond = 8.08 + 0.05 - (3.0 - 1.0168)
+    along = (8.08 + 0.05 - 5.0) / 2.0
+    least = sqrt(beyond**2 + 2.0 * along**2 + 0.005**2 + 0.0055**2)
+    assert solution.amount == pytest.approx(least, rel=1e-6)
+    assert least <= solution.amount
+    assert solution.lower_bound <= least
+    lap = 5.0 + solution.parameters["left"]["TX"] + solution.parameters["beam"]["TX"] - 8.13
+    assert lap > 1e-6
+
+
+# ------------------------------------------------------------------------------------------------------------ one entry
+
+
+@pytest.mark.parametrize(
+    ("how", "key"),
+    [
+        ({"effort": "fast"}, "effort"),
+        ({"certify": 1}, "certify"),
+        ({"certify": True, "effort": "quick"}, "effort"),
+        ({"seconds": -1.0}, "seconds"),
+        ({"time": 0.0}, "time"),
+        ({"model": "best"}, "model"),
+    ],
+)
+def test_assemblies_took_arguments_of_their_own(how, key) -> None:
+    """Seconds below 0 were taken, and there was no time and no model."""
+    with pytest.raises(InputError) as refused:
+        fo.solve(PLATES, **how)
+    assert refused.value.key == key
+    assert fo.solve_assembly is fo.solve
+    assert fo.verify_assembly is fo.verify
+
+
+def test_a_forced_model_answers_a_chain_and_is_refused_of_a_loop() -> None:
+    assert fo.solve(PLATES, model="together").amount == pytest.approx(hypot(*lifts(2, SCALES)), rel=1e-12)
+    with pytest.raises(InputError, match="one program"):
+        fo.solve(wedges(Z, X >> Z, scales=MADE), model="together")
+
+
+def test_an_assembly_is_answered_in_the_time_given() -> None:
+    turning = wedges(X >> Z >> fo.Rotation("y"), X >> Z >> fo.Rotation("y"), scales=MADE)
+    late = fo.solve(turning, time=1e-9)
+    assert late.stopped.startswith("the time limit of 1e-09 s was met")
+    assert not late.usable
+    assert "allow more time" in late.advice
+    with pytest.raises(fo.FcdmError, match="time limit"), pacing.within(1e-9):
+        fo.solve(turning)
+
+
+ASKED = {
+    "tree": PLATES,
+    "loop": wedges(X >> Z, X >> Z, scales=MADE, weights={"left": 4.0}),
+    "turning loop": wedges(X >> Z >> fo.Rotation("y"), X >> Z >> fo.Rotation("y"), scales=MADE),
+    "only motion": bridge({"left": 1.02, "right": 0.98}, Z >> fo.Rotation("y"), unit="mm"),
+}
+
+
+@pytest.fixture(scope="module", params=ASKED)
+def certified(request) -> fo.AssemblySolution:
+    return fo.solve(ASKED[request.param], certify=True)
+
+
+def test_the_bound_of_an_assembly_is_proved_anew(certified) -> None:
+    assert certified.lower_bound == pytest.approx(certified.amount, rel=1e-4)
+    assert fo.verify(certified, proof=True).passed
+    more = replace(certified, amount=1.01 * certified.amount, lower_bound=1.01 * certified.lower_bound)
+    assert "proof: lower bound" in [check.name for check in fo.verify(more, proof=True).failed]
+    if certified.evidence:
+        (claim,) = certified.evidence
+        for wrong in ((), (claim, claim), (replace(claim, bound=1.001 * claim.bound),), (replace(claim, contacts=()),)):
+            claimed = replace(certified, evidence=wrong)
+            assert not fo.verify(claimed, proof=True).passed, wrong
+            assert fo.verify(claimed).passed
+
+
+def test_a_solution_of_an_assembly_is_read_again_as_it_was_told(certified) -> None:
+    told = json.loads(json.dumps(certified.to_dict()))
+    read = fo.AssemblySolution.from_dict(told)
+    assert json.loads(json.dumps(read.to_dict())) == told
+    assert fo.verify(read, proof=True).passed
+    assert flat(fo.solve(read.assembly)) == pytest.approx(flat(certified), abs=1e-12)
+    part = next(iter(told["transforms"]))
+    for key, wrong in (
+        ("gap", 0.5), ("transforms", {part: [[1.0]]}), ("parameters", {"lid": {"TZ": 1.0}}), ("status", "FOUND"),
+        ("contacts", told["contacts"][1:]), ("assembly", {}),
+    ):  # fmt: skip
+        with pytest.raises(InputError):
+            fo.AssemblySolution.from_dict({**told, key: wrong})
+    nudged = {**told, "amount": 1.1 * told["amount"], "gap": None}
+    del nudged["gap"]
+    assert not fo.verify(fo.AssemblySolution.from_dict(nudged)).passed
+
+
+def test_notebooks_show_an_assembly(certified) -> None:
+    shown = certified._repr_html_()
+    assert f"{certified.amount:.4f}"[:-1] in shown
+    assert all(part in shown for part in certified.parameters)
+    assert "<img" in shown
+
+
+def test_several_answers_may_be_of_assemblies() -> None:
+    found = fo.solve_all([PLATES, stack(1, [1.0] * 2)])
+    assert [row["usable"] for row in found.rows()] == [True, True]
+    assert "plate 1.TZ" in found.rows()[0]
+
+
+def test_parts_that_see_each_other_move_are_seen_from_elsewhere_alike() -> None:
+    """Only the first part's step knew of another origin: seen from there it was another motion."""
+    assembly, origin = ASKED["turning loop"], np.array([3.0, -2.0, 5.0])
+    pair = assembly.contacts[3]
+    problem = assembly.problem(pair, [*assembly.motions])
+    q = np.linspace(-0.3, 0.4, len(problem.motion.names))
+    seeds = problem.movable.seed, problem.static.seed
+    here = problem.motion.transform(q, *seeds)
+    there = problem.motion.seen_from(origin).transform(q, *(seed - origin for seed in seeds))
+    moved = here.copy()
+    moved[:3, 3] += here[:3, :3] @ origin - origin
+    assert there == pytest.approx(moved, abs=1e-12)
+
+
+# ------------------------------------------------------------------------------------------------- keep-outs, and steps
+
+
+def posts(**more) -> fo.Assembly:
+    """Plates of half widths 4 and 3.9 on one another, each on its shift along x and z, and posts beside them."""
+    motions = {"plate 1": X >> Z, "plate 2": X >> Z}
+    return stack(2, [1.0, 1.01, 1.01], motions=motions, **more)
+
+
+LOW = fo.KeepOut(fo.Body.convex(block((4.01, -4, 0.1), (6, 4, 0.9)), name="low"), clearance=0.02)
+HIGH = fo.KeepOut(fo.Body.convex(block((3.839, -4, 1.1), (6, 4, 1.9)), seed=(6, 0, 1.5), name="high"))
+
+
+@pytest.mark.parametrize(
+    ("keep_out", "beside", "questions"),
+    [
+        ((LOW,), {"plate 1": -0.05, "plate 2": 0.0}, 2),
+        ((HIGH,), {"plate 1": -0.05, "plate 2": -0.05}, 1),  # what carries it may go, too
+        ((fo.KeepOut(HIGH.body, (0.9, 1.0)),), {"plate 1": -0.05, "plate 2": -0.05}, 1),
+        ((fo.KeepOut(HIGH.body, 1.0, clearance=0.04), LOW), {"plate 1": -0.07, "plate 2": -0.07}, 1),
+    ],
+    ids=["the first", "the second", "a range", "clearance"],
+)
+def test_an_assembly_took_no_keep_outs(keep_out, beside, questions) -> None:
+    assembly = posts(keep_out=keep_out)
+    solution = fo.solve(assembly)
+    rises = dict(zip(beside, lifts(2, [1.0, 1.01, 1.01]), strict=True))
+    assert solution.usable
+    assert len(solution.stages) == questions
+    for part, own in solution.parameters.items():
+        assert [*own.values()] == pytest.approx([beside[part], rises[part]], abs=1e-9)
+    if not any(own.clearance for own in keep_out):  # corners may pass one another nearer than along facets
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+    assert solution.keep_out_gaps["plate 1", keep_out[0].name] >= keep_out[0].clearance - 1e-9
+    read = fo.AssemblySolution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert fo.verify(read).passed
+    unasked = fo.solve(posts())
+    forged = fo.verify(replace(unasked, assembly=assembly)).failed
+    assert any(check.name.endswith(f"keep-out '{keep_out[0].name}': clearance") for check in forged)
+
+
+@pytest.mark.parametrize("kept", ["exact", "surface"])
+def test_a_part_went_through_a_third_one_without_a_word(kept: str) -> None:
+    """A slider is to reach a stop 4.5 away, through a bar: that is said. Through a ring about it, it leaves the fit."""
+    ends = (("it", 0.0), ("stop", 6.5))
+    slider, stop = (fo.Body.convex(block((x - 1, -1, -1), (x + 1, 1, 1)), name=name) for name, x in ends)
+    asked = {"contacts": [{"parts": ("it", "stop"), "goal": "touch"}], "motions": {"it": X}}
+    plate, bore, bar = (
+        trimesh.creation.box(bounds=ends)
+        for ends in (((-3, -3, -1), (3, 3, 1)), ((-1.2, -1.2, -2), (1.2, 1.2, 2)), ((2.5, -3, -3), (3, 3, 3)))
+    )
+    third = fo.Body.from_mesh(bar, decomposition=kept, name="bar")
+    for more in ({"parts": [slider, stop, third]}, {"parts": [slider, stop], "keep_out": [third]}):
+        solution = fo.solve(fo.Assembly(**asked, **more))
+        assert solution.parameters == {"it": {"TX": pytest.approx(4.5)}}
+        assert "straight there it goes through bar, and no other way is looked for" in assembly_verdict(solution)
+    ring = fo.Body.from_mesh(trimesh.boolean.difference([plate, bore]), decomposition=kept, name="ring")
+    assert fo.solve(fo.Assembly([slider, stop, ring], **asked)).status is Status.OUTSIDE_FIT
+
+
+def test_a_part_goes_in_steps_of_the_machine_and_one_in_a_loop_is_refused() -> None:
+    apart = {"parts": ("plate 1", "base"), "goal": "clear", "clearance": 0.05}
+    both = [{**apart, "goal": "touch", "clearance": 0.0}, {"parts": ("plate 2", "plate 1"), "goal": "touch"}]
+    asked = stack(1, [1.0, 1.0], contacts=[apart], resolution={"plate 1": 0.02})
+    solution = fo.solve(fo.Assembly.from_dict(json.loads(json.dumps(asked.to_dict()))))
+    assert solution.usable
+    assert found(solution)["plate 1"] == pytest.approx([0.06], abs=1e-12)
+    sharing = [*both, {**apart, "parts": ("plate 2", "base")}]
+    with pytest.raises(InputError) as refused:
+        fo.solve(stack(2, SCALES, contacts=sharing, resolution={"plate 2": 0.02}))
+    assert refused.value.key == "resolution.plate 2"
+    rounded = fo.solve(stack(1, [1.0, 1.01], resolution={"plate 1": 0.01}))  # .003 up: a step, as it would overlap
+    assert rounded.usable
+    assert found(rounded)["plate 1"] == pytest.approx([0.01], abs=1e-12)
+
+
+def test_a_file_names_keep_outs_and_steps(tmp_path) -> None:
+    wall = "[[keep_out]]\nname = 'wall'\nclearance = 0.5\nscale = [0.9, 1.1]\n" + (
+        "vertices = [[20, 0, 0], [21, 0, 0], [20, 1, 0], [20, 0, 1]]\n"
+    )
+    path, text = tmp_path / "loop.toml", FILE.read_text("utf-8")
+    path.write_text(f"{text}\n{wall}", "utf-8")
+    (keep_out,) = fo.load_assemblies(path)[0].keep_out
+    assert (keep_out.name, keep_out.clearance, keep_out.scale) == ("wall", 0.5, (0.9, 1.1))
+    path.write_text(f"{text}\n{wall.replace('wall', 'key')}", "utf-8")
+    with pytest.raises(InputError) as refused:
+        fo.load_assemblies(path)
+    assert refused.value.key == "keep_out[1]"
+
+
+def test_a_motion_that_two_proofs_are_about_counts_once() -> None:
+    """The wedges rise on the base in what is proved of the loop: what is proved of each alone adds nothing."""
+    loop = fo.solve(ASKED["loop"], certify=True)
+    alone = {pair.one: fo.solve(loop.assembly.problem(pair), certify=True) for pair in loop.assembly.contacts[:2]}
+    (claim,) = loop.evidence
+    fewer = replace(claim, contacts=(("key", "right"),), bound=0.01)
+    contacts = tuple(alone.get(pair.one, own) for pair, own in zip(loop.assembly.contacts, loop.contacts, strict=True))
+    most = hypot(0.01, *(own.amount for own in alone.values()))
+    forged = replace(loop, contacts=contacts, evidence=(fewer,), lower_bound=most)
+    checks = {check.name: check for check in fo.verify(forged, proof=True).checks}
+    assert checks["proof: lower bound"].value <= 0.01

@@ -1,0 +1,140 @@
+"""All cases in one table, all requirements at once, and maps as grids for the shop floor."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+from fcdm_opt.show.cards import Card
+from fcdm_opt.show.grids import grids, write_grids
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def peg() -> fo.Problem:
+    """A face at 1 from a centre, on a wall at 1 of a block at (2, 0, 0): the gap is 1 - r1 + 1 - r2."""
+    cube = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    one, two = fo.Body.convex(cube, name="peg"), fo.Body.convex(cube + np.array([2.0, 0.0, 0.0]), name="wall")
+    motion = fo.Translation("x")
+    return fo.Problem(one, two, tolerance=0.01, requirement="A", goal="touch", motion=motion, unit="mm", name="peg")
+
+
+def test_all_requirements_are_answered_at_once(tmp_path: Path) -> None:
+    answers = fo.solve_all(peg(), requirement="all")
+    shifts = {"A": -0.02, "B": 0.0, "C": 0.0, "D": 0.02}
+    assert list(answers) == list(shifts)
+    assert {name: answers[name].parameters["TX"] for name in answers} == pytest.approx(shifts, abs=1e-12)
+    assert (
+        str(answers).splitlines()[3].startswith("D: move peg 0.02 mm along +x: then its right face (facing +x) lies on")
+    )
+    assert repr(answers) == "SolvedCases(A, B, C, D: 4 of 4 usable)"
+    answers.to_csv(tmp_path / "cases.csv")
+    with (tmp_path / "cases.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["case"] for row in rows] == list(shifts)
+    assert [float(row["TX"]) for row in rows] == pytest.approx(list(shifts.values()), abs=1e-12)
+    assert rows[0]["verdict"] == "move peg 0.02 mm along -x: " + rows[3]["verdict"].partition("+x: ")[2]
+
+
+def test_requirements_that_are_none_are_refused() -> None:
+    for wrong in ("", "E", 3, "all of them"):
+        with pytest.raises(fo.InputError, match="requirement"):
+            fo.solve_all(peg(), requirement=wrong)
+    with pytest.raises(fo.InputError, match="problem"):
+        fo.solve_all(3)
+
+
+def test_solve_writes_one_table_for_all_files(tmp_path: Path) -> None:
+    path = tmp_path / "all.csv"
+    files = [str(PROBLEMS / f"{stem}.toml") for stem in ("boxes", "nut")]
+    result = CliRunner().invoke(app, ["solve", "--effort", "quick", "--table", str(path), *files])
+    assert result.stderr.splitlines()[-1] == f"wrote {path}"
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    asked = [f"{stem}: {p.name}" for stem in ("boxes", "nut") for p in fo.load_problems(PROBLEMS / f"{stem}.toml")]
+    assert [row["case"] for row in rows] == asked
+    shifted = next(row for row in rows if row["case"] == "nut: shifted against a flat")
+    assert float(shifted["TX"]) == pytest.approx(0.25)
+    assert shifted["RZ_deg"] == ""
+
+
+def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
+    """The shift is 2 - r1 - r2: at (+1 %, -0.4 %) it is -0.006."""
+    problem = peg()
+    found = fo.compensation_map(problem)
+    (grid,) = grids(found, problem)
+    assert (grid.name, grid.unit) == ("TX", "mm")
+    assert grid.rows[-1] == "2.02 mm"  # what is measured; the cube is 2 long
+    assert grid.columns[3] == "1.992 mm"
+    cells = np.array(grid.cells, dtype=float)
+    off = np.linspace(-0.01, 0.01, 11)
+    np.testing.assert_allclose(cells, -off[:, None] - off, atol=1e-6)
+    table, page = write_grids(found, problem, tmp_path / "peg", title="a title")
+    rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
+    assert rows[0][0] == "TX, mm: peg, length along x down, wall, length along x across"
+    assert rows[11][0] == "2.02 mm"
+    assert float(rows[11][4]) == pytest.approx(-0.006)
+    assert "Measure both parts" in page.read_text(encoding="utf-8")
+
+
+def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
+    """The peg is 2 wide as drawn, the wall's face one of a place: the first is a measure, the other a deviation."""
+    width = fo.Size("width", "movable", faces=("+x", "-x"), each=0.5, tolerance=0.02)
+    place = fo.Size("place", "static", faces="-x", tolerance=0.01)
+    problem = fo.Problem(*peg().bodies, motion=fo.Translation("x"), sizes=(width, place), goal="touch", unit="mm")
+    (grid,) = grids(fo.compensation_map(problem), problem, lines=3)
+    assert grid.rows == ["1.98 mm (-0.02)", "2 mm (as drawn)", "2.02 mm (+0.02)"]
+    assert grid.columns == ["-0.01 mm", "as drawn", "+0.01 mm"]
+
+
+def test_what_sizes_measure_as_drawn() -> None:
+    turns = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = np.column_stack([3.0 * np.cos(turns), 3.0 * np.sin(turns)])
+    pin = fo.Body.convex([[*point, z] for z in (0.0, 7.0) for point in ring])
+    for asked, measure in (
+        ({"faces": "cylinder radius 3", "each": 0.5}, 6.0),
+        ({"faces": "cylinder radius 3"}, 3.0),
+        ({"faces": ("+z", "-z"), "each": (0.25, 0.75)}, 7.0),
+        ({"faces": ("+z", "-z"), "each": (0.25, 0.25)}, np.nan),  # half of what it grows by
+        ({"faces": ("+z", "-z"), "along": "z"}, np.nan),  # a place
+        ({"scale": "z"}, 7.0),
+    ):
+        assert fo.Size("own", "movable", **asked).drawn(pin) == pytest.approx(measure, nan_ok=True)
+
+
+def test_cases_are_a_frame_and_a_card() -> None:
+    answers = fo.solve_all(peg(), requirement="AB", effort="quick")
+    frame = answers.to_frame()
+    assert list(frame["case"]) == list(answers) == ["A", "B"]
+    assert frame["amount"].tolist() == [solution.amount for solution in answers.values()]
+    assert list(frame.columns) == list(answers.rows()[0])
+    card = answers._repr_html_()
+    assert all(f">{name}</td>" in card for name in answers)
+    assert "2 cases" in card
+
+
+def test_the_card_of_cases_tells_whole_motions_and_no_bound_above_its_amount() -> None:
+    """Chamfers at 45 deg that lie on each other, 1.5 / sqrt(2) from both centres: 1.5 % of a shift in x and in y."""
+    chamfered = np.array([(x, y, z) for x, y in ((-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)) for z in (-1, 1)])
+    name = "a peg whose name is rather long"
+    one = fo.Body.convex(chamfered, seed=(0, 0, 0), name=name)
+    two = fo.Body.convex(np.array([1.5, 1.5, 0.0]) - chamfered, seed=(1.5, 1.5, 0), name="wall")
+    motion = fo.Translation("x") >> fo.Translation("y")
+    asked = fo.Problem(one, two, tolerance=0.01, requirement="A", goal="touch", motion=motion, unit="mm", name="peg")
+    card = fo.solve_all(asked, requirement="AD", effort="proved")._repr_html_()
+    cells = [line.split(">")[-1] for line in card.split("</td>")]
+    for sign in "-+":
+        assert f"move {name} 0.015 mm along {sign}x and 0.015 mm along {sign}y" in cells
+    assert 0.02 * 1.5 / 2**0.5 > 0.02121
+    assert cells.count("0.02121") == 4  # both amounts and both bounds
+
+
+def test_a_motion_longer_than_a_cell_stands_whole_in_its_card() -> None:
+    told = "; ".join(f"move part {k} 0.1 mm along -x and 0.1 mm along +z" for k in range(3))
+    assert f">{told}</td>" in Card("cases", tables=[(("case", "motion"), [("A", told)])]).html

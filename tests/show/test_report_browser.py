@@ -1,0 +1,529 @@
+"""The report in a real browser: figures follow sliders, keys and colour scheme; legible on a phone and on paper."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from study_results import TAUS, result
+
+from fcdm_opt.design.study.point import row
+from fcdm_opt.problem.keys import ProblemFile
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.show.report.page import study_page
+
+CHROMIUM = shutil.which("chromium")
+PROBLEMS = Path(__file__).parents[2] / "problems"
+CASES = ("A", "B")
+HOSTILE = "</script><b>bold"
+PATIENCE, AGAIN = 180.0, 0.05  # seconds: for what nothing announces, and until it is looked for again
+DRAWN = 1e-6  # of what plotly hands back: WebGL keeps single precision
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# Text lines of different elements that share pixels, by the rectangles of what is drawn.
+OVERLAPS = """() => {
+  const boxes = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const node = walk.currentNode, parent = node.parentElement;
+    if (!node.data.trim() || parent.closest("script, style, noscript, select, .skip, #bodies")) continue;
+    if (parent.closest("details:not([open])") && !parent.closest("summary")) continue;
+    const clip = parent.closest(".scroll")?.getBoundingClientRect();
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    for (const r of range.getClientRects()) {
+      if (r.width < 2 || r.height < 2 || (clip && (r.right > clip.right || r.left < clip.left))) continue;
+      boxes.push([r.left, r.top, r.right, r.bottom, node.data.trim().slice(0, 30)]);
+    }
+  }
+  boxes.sort((a, b) => a[1] - b[1]);
+  const found = [];
+  for (let i = 0; i < boxes.length; i++) {
+    for (let j = i + 1; j < boxes.length && boxes[j][1] < boxes[i][3]; j++) {
+      const [a, b] = [boxes[i], boxes[j]];
+      const wide = Math.min(a[2], b[2]) - Math.max(a[0], b[0]), high = Math.min(a[3], b[3]) - Math.max(a[1], b[1]);
+      if (wide > 2 && high > 0.25 * Math.min(a[3] - a[1], b[3] - b[1])) found.push(`${a[4]} | ${b[4]}`);
+    }
+  }
+  return found;
+}"""
+# Elements that reach beyond the page's right edge, but for those in a box that scrolls.
+CUT_OFF = """() => [...document.querySelectorAll("main *, header *")]
+  .filter(e => !e.closest(".scroll, .plot, svg > *, noscript, details:not([open]) > :not(summary)"))
+  .filter(e => e.getClientRects().length)
+  .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
+  .map(e => `${e.tagName}.${e.className}`)"""
+TRACE = """([plot, name]) => {
+  const t = document.getElementById(plot).data.find(t => t.name === name);
+  return t && { x: [...t.x], y: [...t.y], z: t.z ? [...t.z] : [] };
+}"""
+
+pytestmark = [
+    pytest.mark.skipif(
+        CHROMIUM is None, reason="the browser is Debian's package chromium, which is not installed here"
+    ),
+    pytest.mark.skipif(
+        os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"), reason="the report's cases need compiled kernels"
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Read:
+    """A problem file as the command line reads it."""
+
+    path: Path
+    title: str
+    note: str
+    problems: tuple[Problem, ...]
+    error: str | None = None
+
+
+@pytest.fixture(scope="module")
+def payload():
+    from fcdm_opt.show.report.gather import gather
+
+    path = PROBLEMS / "example1.toml"
+    file = ProblemFile.read(path)
+    problems = tuple(problem for problem in file.problems(Problem, path) if problem.name in CASES)
+    data = gather([Read(path, file.title, file.note, problems)], certify=False, frames=0.0)
+    data["cases"][1]["bodies"][0]["name"] = HOSTILE
+    data["cases"][1]["scene"]["objects"][0]["name"] = HOSTILE
+    return data
+
+
+@pytest.fixture(scope="module")
+def address(payload, tmp_path_factory):
+    from fcdm_opt.show.report.page import page
+
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(page(payload), encoding="utf-8")
+    return path.as_uri()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as engine:
+        started = engine.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield started
+        started.close()
+
+
+class Opened:
+    """A page that is open, with all that went wrong in it."""
+
+    def __init__(self, browser, address, **options):
+        self.wrong = []
+        self.context = browser.new_context(offline=True, **options)
+        self.page = self.context.new_page()
+        self.page.set_default_timeout(180_000)
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
+        self.page.on("request", self._asked)
+        self.page.goto(address)
+        self.page.wait_for_selector("html[data-ready]", state="attached")
+
+    def _asked(self, request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            self.wrong.append(request.url)
+
+    def text(self, name):
+        return self.page.text_content(f"#{name}")
+
+    def drawn(self, what):
+        """Wait until the figures show a case, and a pose or a family and place."""
+        self.page.wait_for_selector(f'html[data-drawn="{what}"]', state="attached")
+
+    def until(self, expression, value):
+        """Wait until an expression has a value; the page's own policy forbids playwright to wait inside it."""
+        end = time.monotonic() + PATIENCE
+        while self.page.evaluate(expression) != value and time.monotonic() < end:
+            time.sleep(AGAIN)
+        assert self.page.evaluate(expression) == value
+
+    def trace(self, plot, name):
+        return self.page.evaluate(TRACE, [plot, name])
+
+    def camera(self):
+        return self.page.evaluate("() => document.getElementById('bodies').layout.scene")
+
+    def slide(self, place):
+        self.page.evaluate(
+            "k => { const s = document.getElementById('slider'); s.value = k; s.dispatchEvent(new Event('input')); }",
+            place,
+        )
+
+
+@pytest.fixture(scope="module")
+def desk(browser, address):
+    """One page for all that is tried with a mouse and keys on a wide screen."""
+    opened = Opened(browser, address, viewport={"width": 1280, "height": 900})
+    yield opened
+    opened.context.close()
+
+
+@pytest.fixture
+def wide(desk):
+    """The page on a wide screen as it is after loading: first case, corrected pose."""
+    desk.page.select_option("#choose", "0")
+    desk.drawn("0 corrected")
+    yield desk
+    assert desk.wrong == []
+
+
+def points(trace):
+    columns = [column for column in (trace["x"], trace["y"], trace["z"]) if column]
+    return np.array([[np.nan if x is None else x for x in column] for column in columns], dtype=float).T
+
+
+def placed(case, body, frame):
+    """Where a frame puts the corners of a body, worked out apart from the page's own code."""
+    solid = case["scene"]["objects"][body]
+    seed = np.array(solid["seed"])
+    corners = seed + frame["sizes"][body] * (np.array(solid["points"]) - seed)
+    if body == 0 and frame["transform"]:
+        transform = np.reshape(frame["transform"], (4, 4))
+        corners = corners @ transform[:3, :3].T + transform[:3, 3]
+    return corners
+
+
+def shows(opened, case, frame):
+    """Check scene, curve and numbers against a frame."""
+    for body, role in enumerate(("movable", "static")):
+        corners = placed(case, body, frame)
+        np.testing.assert_allclose(points(opened.trace("bodies", role)), corners, atol=DRAWN * np.abs(corners).max())
+    if frame["transform"]:
+        line = points(opened.trace("curve", "after"))
+        for x1, y1, x2, y2, *_ in frame["curve"]:
+            for end in ((x1, y1), (x2, y2)):
+                assert np.nanmin(np.hypot(*(line - end).T)) <= DRAWN
+        np.testing.assert_allclose(points(opened.trace("curve", "tracked point after"))[0], frame["rho"], rtol=DRAWN)
+    np.testing.assert_allclose(points(opened.trace("curve", "parts made"))[0], frame["target"], rtol=DRAWN)
+    assert opened.text("now-motion") == frame["motion"]
+    assert float(opened.text("now-amount")) == pytest.approx(frame["amount"], rel=1e-3)
+    assert opened.text("now-state") == frame["pair_state"]
+    assert float(opened.text("now-gap")) == pytest.approx(frame["pair_gap"], rel=1e-3)
+
+
+@pytest.mark.parametrize("pose", ["nominal", "rescaled", "corrected", "tracked"])
+def test_poses_change_scene_curve_and_numbers(wide, payload, pose):
+    case = payload["cases"][0]
+    wide.page.check(f"input[name=pose][value={pose}]", force=True)
+    wide.drawn(f"0 {pose}")
+    shows(wide, case, case["poses"][pose])
+
+
+@pytest.mark.parametrize("family", ["tolerance", "motion"])
+def test_sliders_change_scene_curve_and_numbers(wide, payload, family):
+    case = payload["cases"][0]
+    frames = case["families"][family]["frames"]
+    wide.page.check(f"input[name=family][value={family}]", force=True)
+    for place in (0, len(frames) - 1):
+        wide.slide(place)
+        wide.drawn(f"0 {family} {place}")
+        assert wide.text("slider-value") == case["families"][family]["shown"][place]
+        shows(wide, case, frames[place])
+    assert wide.page.locator("input[name=pose]:checked").count() == 0
+    assert len({str(frame["curve"]) for frame in frames}) > 1  # else this shows nothing
+
+
+def test_fast_sliding_ends_where_the_slider_stands(wide, payload):
+    frames = payload["cases"][0]["families"]["tolerance"]["frames"]
+    for place in (*range(len(frames)), 1):
+        wide.slide(place)
+    wide.drawn("0 tolerance 1")
+    shows(wide, payload["cases"][0], frames[1])
+
+
+def test_slider_and_cases_by_keyboard(wide, payload):
+    start = payload["cases"][0]["families"]["tolerance"]["start"]
+    wide.page.focus("#slider")
+    wide.page.keyboard.press("ArrowRight")
+    wide.drawn(f"0 tolerance {start + 1}")
+    assert wide.page.get_attribute("#slider", "aria-valuetext") == wide.text("slider-value") != ""
+    wide.page.focus('a[href="#case-1"]')
+    wide.page.keyboard.press("Enter")
+    wide.drawn("1 corrected")
+    assert wide.page.is_visible('.answer[data-case="1"]')
+    assert not wide.page.is_visible('.answer[data-case="0"]')
+    assert wide.page.evaluate("document.activeElement.getAttribute('href')") == "#case-1"
+    shows(wide, payload["cases"][1], payload["cases"][1]["poses"]["corrected"])
+
+
+def test_skipping_to_the_answer_keeps_the_case(wide):
+    wide.page.select_option("#choose", "1")
+    wide.drawn("1 corrected")
+    wide.page.focus(".skip")
+    wide.page.keyboard.press("Enter")
+    wide.until("location.hash", "#answers")
+    wide.page.evaluate("new Promise(requestAnimationFrame)")
+    assert wide.page.input_value("#choose") == "1"
+
+
+def test_scene_by_keyboard(wide):
+    first = wide.camera()
+    wide.page.focus("#bodies")
+
+    def pressed(key):
+        wide.page.keyboard.press(key)
+        scene = wide.camera()
+        centre, eye = (np.array(list(scene["camera"][k].values())) for k in ("center", "eye"))
+        return eye - centre, scene["aspectratio"]["x"], centre
+
+    arm = np.subtract(*(list(first["camera"][k].values()) for k in ("eye", "center")))
+    for there, back in (("ArrowLeft", "ArrowRight"), ("ArrowUp", "ArrowDown")):
+        turned = pressed(there)[0]
+        assert np.linalg.norm(turned) == pytest.approx(np.linalg.norm(arm))
+        assert np.arccos(turned @ arm / (arm @ arm)) > 0.1
+        np.testing.assert_allclose(pressed(back)[0], arm, atol=1e-9)
+    size = first["aspectratio"]["x"]
+    assert pressed("+")[1] > size
+    assert pressed("-")[1] == pytest.approx(size)
+    assert pressed("c")[1] > size
+    normal = pressed("n")[0]
+    assert abs(normal @ arm) / np.linalg.norm(normal) / np.linalg.norm(arm) < 0.99
+    reset = pressed("0")
+    np.testing.assert_allclose(reset[0], arm, atol=1e-9)
+    assert reset[1] == pytest.approx(size)
+
+
+def test_view_stays_while_the_slider_moves(wide, payload):
+    wide.page.focus("#bodies")
+    wide.page.keyboard.press("ArrowLeft")
+    before = wide.camera()["camera"]
+    wide.slide(0)
+    wide.drawn("0 tolerance 0")
+    assert wide.camera()["camera"] == before
+
+
+def test_zoom_of_the_curve(wide, payload):
+    axes = payload["cases"][0]["axes"]
+    for zoom in ("box", "window"):
+        wide.page.click(f"[data-zoom={zoom}]")
+        wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
+
+
+def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
+    """It was inside, whichever way one turned: no corner is left before the section through it."""
+    case = payload["cases"][0]
+    frame, facing = case["poses"]["corrected"], np.array(case["scene"]["section"])
+    level = (np.array(frame["contacts"] or case["poses"]["tracked"]["contacts"]) @ facing)[0]
+    count = "document.getElementById('bodies').data.find(t => t.name === '{}').x.length"
+    whole = [len(solid["points"]) for solid in case["scene"]["objects"]]
+    wide.page.click("[data-look=cut]")
+    wide.until(f"{count.format('movable')} !== {whole[0]} || {count.format('static')} !== {whole[1]}", True)
+    find = "document.getElementById('bodies').data.find(t => t.name === role)"
+    used = f"role => {{ const {{ i, j, k }} = {find}; return [...i, ...j, ...k]; }}"
+    heights = [
+        points(wide.trace("bodies", role))[wide.page.evaluate(used, role)] @ facing - level
+        for role in ("movable", "static")
+    ]
+    size = case["scene"]["size"]
+    assert min(own.max() for own in heights) < 1e-3 * size  # one that is wholly before it stays
+    wide.page.click("[data-look=clear]")
+    for corners, role in zip(whole, ("movable", "static"), strict=True):
+        wide.until(count.format(role), corners)
+
+
+def test_words_and_picture_of_an_answer_stand_side_by_side(wide):
+    said, drawn = (wide.page.locator(f".answer.chosen .{name}").bounding_box() for name in ("said", "drawn-picture"))
+    assert drawn["x"] >= said["x"] + said["width"]
+    assert abs(drawn["y"] - said["y"]) < 2.0
+    assert drawn["width"] > 0.9 * said["width"]
+
+
+def test_pointer_names_feature_and_line(wide, payload):
+    trace = wide.page.evaluate("() => document.getElementById('curve').data.find(t => t.name === 'before').text")
+    labels = {payload["cases"][0]["labels"][segment[4]] for segment in payload["cases"][0]["poses"]["nominal"]["curve"]}
+    for label in labels:
+        assert any(label in text and "\u03c1<sub>1</sub>" in text and "=" in text for text in trace)
+
+
+def test_hostile_names_are_text(wide):
+    wide.page.select_option("#choose", "1")
+    wide.drawn("1 corrected")
+    assert wide.text("key-movable") == HOSTILE
+    assert HOSTILE in wide.page.inner_text('.answer[data-case="1"]')
+    said = wide.page.evaluate("() => document.getElementById('bodies').data.find(t => t.name === 'movable').text[0]")
+    assert said.startswith("&lt;/script&gt;&lt;b&gt;bold")
+
+
+def test_ids_stay_unique_with_figures(wide):
+    ids = wide.page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)")
+    assert len(ids) == len(set(ids)) > 20
+
+
+def test_wide_screen_is_legible(wide):
+    assert wide.page.evaluate(OVERLAPS) == []
+    assert wide.page.evaluate(CUT_OFF) == []
+
+
+def test_planted_overlap_and_cut_are_seen(wide):
+    move = "margin => { document.querySelector('.answer.chosen .big').style.margin = margin; }"
+    for margin, check in (("-30px 0 0", OVERLAPS), ("0 0 0 4000px", CUT_OFF)):
+        wide.page.evaluate(move, margin)
+        assert wide.page.evaluate(check) != []
+        wide.page.evaluate(move, "")
+
+
+@contextmanager
+def on_paper(opened, wanted, **options):
+    """Show a page as it is printed, with what is wanted chosen at its head."""
+    opened.page.select_option("#print", wanted)
+    opened.page.emulate_media(media="print", **options)
+    opened.page.wait_for_selector("html.printing", state="attached")
+    yield lambda size: len(
+        re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format=size, prefer_css_page_size=True))
+    )
+    opened.page.emulate_media(media="screen", color_scheme="light")
+    opened.page.wait_for_selector("html:not(.printing)", state="attached")
+    opened.page.select_option("#print", "sheets")
+
+
+def test_a_shop_gets_a_sheet_a_case_with_room_to_sign(wide, payload):
+    """Figures were cut, headings stood alone, half of the pages were blank."""
+    with on_paper(wide, "sheets") as pages:
+        assert [pages(size) for size in ("A4", "Letter")] == [len(CASES)] * 2
+        for number, case in enumerate(payload["cases"]):
+            sheet = wide.page.locator(f'.answer[data-case="{number}"]')
+            for told in ("Revision", "Approved", case["motion"], *case["extents"][0][1:3]):
+                assert told in sheet.inner_text()
+            assert sheet.locator(".drawn-picture").bounding_box()["height"] > 200
+        for hidden in ("#slider", "button >> nth=0", "#choose", "#details", "#chooser"):
+            assert not wide.page.is_visible(hidden)
+
+
+def test_paper_shows_the_details_of_the_chosen_case_where_they_are_wanted(wide):
+    with on_paper(wide, "case") as pages:
+        assert [wide.page.is_visible(f"#case-{number}") for number in range(len(CASES))] == [True, False]
+        assert pages("A4") <= 4
+
+
+def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
+    with on_paper(wide, "all", color_scheme="dark"):
+        for number in range(len(payload["cases"])):
+            assert wide.page.is_visible(f'.answer[data-case="{number}"]')
+            assert wide.page.is_visible(f"#case-{number} >> text=Checks of the judge")
+        assert not wide.page.is_visible("text=Relative tolerances and their reasons")  # folded away: no answer
+        assert not wide.page.is_visible("#slider")
+        assert wide.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        wide.until("document.getElementById('curve').layout.font.color", "#16191d")
+        assert wide.page.evaluate(OVERLAPS) == []
+    assert not wide.page.is_visible("text=Relative tolerances and their reasons")
+
+
+def test_figures_follow_the_dark_scheme(wide):
+    for scheme, ink in (("dark", "#e9eaec"), ("light", "#16191d")):
+        wide.page.emulate_media(color_scheme=scheme)
+        wide.until("document.getElementById('curve').layout.font.color", ink)
+        wide.until("document.getElementById('bodies').layout.font.color", ink)
+        ground = "getComputedStyle(document.querySelector('.answer.chosen .drawn-picture')).backgroundColor"
+        assert wide.page.evaluate(ground) == "rgba(0, 0, 0, 0)"  # a white plate stood under it
+        assert wide.page.evaluate(OVERLAPS) == []
+
+
+def test_phone_in_the_dark_without_webgl(browser, address):
+    options = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark", "is_mobile": True}
+    opened = Opened(browser, address, **options)
+    assert opened.page.evaluate("document.documentElement.scrollWidth") == 390
+    all_cases, answer = (opened.page.locator(name).bounding_box() for name in ("#chooser", ".answer.chosen"))
+    assert all_cases["y"] + all_cases["height"] <= answer["y"]  # all cases came last
+    assert opened.page.evaluate(CUT_OFF) == []
+    assert opened.page.evaluate(OVERLAPS) == []
+    opened.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    opened.page.reload()
+    opened.page.wait_for_selector("html[data-ready]", state="attached")
+    assert opened.page.is_visible("#scene-missing")
+    assert opened.trace("curve", "before")
+    assert opened.wrong == []
+    opened.context.close()
+
+
+def test_readable_without_scripts(browser, address):
+    context = browser.new_context(offline=True, java_script_enabled=False)
+    page = context.new_page()
+    page.goto(address)
+    for number in range(len(CASES)):
+        assert page.is_visible(f'.answer[data-case="{number}"]')
+        assert page.is_visible(f"#case-{number}")
+    assert page.is_visible("noscript")
+    context.close()
+
+
+def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
+    made = result(["A", HOSTILE])
+    made.answers.clear()
+    made.answers.update({key: row(key, "INFEASIBLE", "Proved impossible") for key, _ in made.points})
+    path = tmp_path / "study.html"
+    path.write_text(study_page(made), encoding="utf-8")
+    opened = Opened(browser, path.as_uri())
+    try:
+        opened.page.select_option("#x-axis", "case")
+        opened.drawn("case|amount|case|0")
+        opened.slide(5)
+        opened.drawn("case|amount|case|5")
+        chosen = opened.trace("chart", "chosen point")
+        assert chosen["x"] == [HOSTILE.replace("<", "&lt;").replace(">", "&gt;")]
+        assert 0.0 < chosen["y"][0] < 0.1  # of the height: it has no amount
+        assert opened.wrong == []
+    finally:
+        opened.context.close()
+
+
+@pytest.mark.parametrize("options", [{}, {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}])
+def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
+    path = tmp_path / "study.html"
+    path.write_text(study_page(result(["A", HOSTILE], budget=11.5)), encoding="utf-8")
+    opened = Opened(browser, path.as_uri(), **options)
+    try:
+        opened.drawn("tolerance|amount|case|0")
+        for place, case, tau, amount in ((5, HOSTILE, 0.02, "12"), (7, HOSTILE, 0.04, "\u2013"), (2, "A", 0.03, "3")):
+            opened.slide(place)
+            opened.drawn(f"tolerance|amount|case|{place}")
+            told = opened.page.evaluate(
+                "() => [...document.querySelectorAll('#now div')].map(own => [...own.children].map(e => e.textContent))"
+            )
+            assert dict(told) | {"case": case, "tolerance": str(tau), "amount": amount} == dict(told)
+        chosen = opened.trace("chart", "chosen point")
+        assert (chosen["x"], chosen["y"]) == ([0.03], [3.0])
+        drawn = opened.trace("chart", "case = A")
+        assert (drawn["x"], drawn["y"]) == (TAUS, [1.0, 2.0, 3.0, 4.0])
+        opened.page.focus("#slider")
+        opened.page.keyboard.press("ArrowRight")
+        opened.drawn("tolerance|amount|case|3")
+        opened.page.select_option("#y-axis", "TZ")
+        opened.drawn("tolerance|TZ|case|3")
+        assert opened.trace("chart", "case = A")["y"] == [-1.0, -2.0, -3.0, -4.0]
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert opened.page.evaluate(CUT_OFF) == []
+        assert opened.wrong == []
+    finally:
+        opened.context.close()
+
+
+def test_twice_the_tolerance_left_the_picture(wide, payload):
+    """The slider's last place: the box and all marks are inside the part of the curve that is shown."""
+    last = len(payload["cases"][0]["families"]["tolerance"]["values"]) - 1
+    wide.page.check("input[name=family][value=tolerance]", force=True)
+    wide.slide(last)
+    wide.drawn(f"0 tolerance {last}")
+    seen = wide.page.evaluate(
+        """() => {
+          const { layout, data } = document.getElementById("curve");
+          const box = layout.shapes.find(shape => shape.name === "tolerance box");
+          const marks = data.filter(trace => /parts made|tracked point/.test(trace.name));
+          const along = k => [box[`${k}0`], box[`${k}1`], ...marks.flatMap(trace => [...trace[k]])];
+          return ["x", "y"].map(k => [layout[`${k}axis`].range, along(k)]);
+        }"""
+    )
+    for (low, high), values in seen:
+        assert len(values) == 5
+        assert all(low < value < high for value in values)

@@ -1,0 +1,589 @@
+"""What a report shows, against closed forms, the solutions themselves, and rules of geometry."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt import pacing
+from fcdm_opt.problem.keys import ProblemFile
+from fcdm_opt.show import solved as solved_module
+from fcdm_opt.show.remarks import left_out
+from fcdm_opt.show.report.cases import ANSWERED, answered
+from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
+from fcdm_opt.show.report.gather import gather
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+DRAWN = 1e-8  # relative: nine digits are kept of what is drawn
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A problem file as the command line reads it."""
+
+    path: Path
+    title: str = ""
+    note: str = ""
+    problems: tuple[fo.Problem, ...] = ()
+    error: str | None = None
+
+
+@cache
+def opened(name, *names):
+    path = PROBLEMS / f"{name}.toml"
+    file = ProblemFile.read(path)
+    problems = tuple(problem for problem in file.problems(fo.Problem, path) if not names or problem.name in names)
+    return Opened(path, file.title, file.note, problems)
+
+
+@cache
+def gathered(name, *names, certify=False, frames=0.0):
+    """Return the payload of a problem file; by default with the least number of frames."""
+    return gather([opened(name, *names)], certify=certify, frames=frames)
+
+
+def of_problem(problem, frames=0.0):
+    payload = gather([Opened(Path("own.toml"), problems=(problem,))], certify=False, frames=frames)
+    return payload["cases"][0]
+
+
+def all_frames(case):
+    families = (family for family in case["families"].values() if family)
+    return [*filter(None, case["poses"].values()), *(frame for family in families for frame in family["frames"])]
+
+
+def shown(case, frame, k, points):
+    """Return points of body k where the viewer puts them."""
+    seed = np.array(case["scene"]["objects"][k]["seed"])
+    placed = seed + frame["sizes"][k] * (np.array(points) - seed)
+    if k == 0 and frame["transform"] is not None:
+        T = np.array(frame["transform"]).reshape(4, 4)
+        placed = placed @ T[:3, :3].T + T[:3, 3]
+    return placed
+
+
+LID = ("lid", "D flush on the rim", "plug against the wall")
+EVERY = (("example1",), ("example2",), ("boxes",), LID, ("bracket_stuck",))
+
+
+# -------------------------------------------------------------------------------------------------------- as a whole
+
+
+@pytest.mark.parametrize("names", EVERY)
+def test_payload_is_plain_json(names):
+    payload = gathered(*names)
+    assert json.loads(json.dumps(payload, allow_nan=False)) == payload  # no tuples, no nan, texts as keys
+
+
+def test_the_same_file_gives_the_same_data_but_for_times():
+    def timeless(payload):
+        kept = {key: value for key, value in payload.items() if key != "made"}
+        return {**kept, "cases": [{**case, "seconds": None} for case in payload["cases"]]}
+
+    asked = "boxes", "close the gap"
+    assert timeless(gathered(*asked)) == timeless(gather([opened(*asked)], certify=False, frames=0.0))
+
+
+def test_head_of_the_report():
+    payload = gathered("example1")
+    assert payload["title"] == "Example 1 of the FCDM paper (reconstruction)"
+    (file,) = payload["files"]
+    assert file["cases"] == [0, 1, 2, 3]
+    assert file["file"] == "example1.toml"
+    assert len(file["sha256"]) == 64
+    assert {"date", "fcdm_opt", "python", "numpy"} <= set(payload["made"])
+    own = [[item.name, getattr(DEFAULT, item.name)] for item in fields(Tolerances)]
+    assert [row[:2] for row in payload["tolerances"]] == own
+    assert all(meaning.endswith(".") for _, _, meaning in payload["tolerances"])
+
+
+def test_file_that_could_not_be_read_keeps_its_error_and_the_numbers_of_the_others():
+    files = [Opened(Path("broken.toml"), error="no such key"), opened("boxes", "close the gap", "slanted")]
+    payload = gather(files, certify=False, frames=0.0)
+    assert [file["cases"] for file in payload["files"]] == [[], [0, 1]]
+    assert payload["files"][0]["error"] == "no such key"
+    assert "error" not in payload["files"][1]
+    assert [case["file"] for case in payload["cases"]] == [1, 1]
+
+
+def test_case_that_is_refused_is_told_and_the_others_go_on(monkeypatch):
+    def refusing(problem, **arguments):
+        if problem.name == "slanted":
+            raise fo.InputError("no such thing", key="motion", found="x", allowed="y")
+        return fo.solve(problem, **arguments)
+
+    monkeypatch.setattr(solved_module, "solve", refusing)
+    said = []
+    file = opened("boxes", "close the gap", "slanted", "both made larger")
+    payload = gather([file], certify=False, say=said.append, frames=0.0)
+    assert [case["name"] for case in payload["cases"]] == ["close the gap", "both made larger"]
+    assert "slanted" in payload["files"][0]["error"]
+    assert "no such thing" in payload["files"][0]["error"]
+    assert payload["matrices"][0]["cells"]["A"]["case"] == 1
+    assert any(line.startswith("error:") for line in said)
+
+
+# --------------------------------------------------------------------------------------------------------- families
+
+
+def gap_of_boxes(rho, shift=0.0):
+    """Return the gap of the two boxes of boxes.toml, the cube shifted towards the plate."""
+    return 1.25 - rho[0] / 2 - rho[1] / 4 - shift
+
+
+def test_on_a_busy_machine_sliders_had_fewer_frames(monkeypatch):
+    """Where a second is over at each look at the clock there are the same frames."""
+    quiet = gathered("boxes", "both made larger")["cases"][0]["families"]["tolerance"]
+    ticks = itertools.count(0.0, 1.0)
+    monkeypatch.setattr(pacing, "perf_counter", lambda: next(ticks))
+    busy = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"][0]["families"]["tolerance"]
+    assert len(quiet["values"]) == LEAST
+    assert busy == quiet
+
+
+def test_a_search_for_a_frame_without_end_is_given_up_after_so_many_looks(monkeypatch):
+    monkeypatch.setattr("fcdm_opt.show.report.families.LOOKS", 10)
+    monkeypatch.setattr("fcdm_opt.show.report.families.LEAST_LOOKS", 10)
+    (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
+    family = case["families"]["tolerance"]
+    assert family["values"] == [0.0, 1.0]
+    assert family["note"].startswith("from +4 %, +8 % on left out")
+
+
+def test_tolerance_family_of_boxes_is_the_closed_form():
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
+    family = case["families"]["tolerance"]
+    assert family["values"] == list(FACTORS)
+    assert family["values"][family["start"]] == 1.0
+    assert family["shown"][family["start"]] == "+2 %, +4 %"
+    for factor, frame in zip(family["values"], family["frames"], strict=True):
+        target = 1.5 * (1 + 0.02 * factor), 2.0 * (1 + 0.04 * factor)
+        np.testing.assert_allclose(frame["target"], target, rtol=DRAWN)
+        assert frame["sizes"] == frame["target"]
+        assert frame["amount"] == pytest.approx(0.035 * factor, rel=DRAWN, abs=1e-12)
+        assert frame["transform"][3] == pytest.approx(-0.035 * factor, rel=DRAWN, abs=1e-12)
+        assert frame["pair_state"] == "touching"
+        assert frame["usable"] is True
+
+
+def test_target_family_goes_straight_from_the_nominal_pair():
+    (case,) = gathered("boxes", "undo an overlap", frames=1.0)["cases"]
+    family = case["families"]["tolerance"]
+    assert family["values"] == list(FACTORS)
+    for factor, frame in zip(family["values"], family["frames"], strict=True):
+        np.testing.assert_allclose(frame["target"], [1 + factor, 1 + factor], rtol=DRAWN)
+        assert frame["transform"][3] == pytest.approx(gap_of_boxes(frame["target"]), rel=DRAWN, abs=1e-12)
+
+
+def test_motion_family_of_boxes_is_the_closed_form():
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
+    family = case["families"]["motion"]
+    assert family["values"] == list(SHARES)
+    assert family["shown"][family["start"]] == "100 %"
+    for share, frame in zip(family["values"], family["frames"], strict=True):
+        shift = -0.035 * share
+        assert frame["transform"][3] == pytest.approx(shift, rel=DRAWN, abs=1e-12)
+        assert frame["pair_gap"] == pytest.approx(gap_of_boxes(case["pair"], shift), rel=1e-6, abs=1e-12)
+        assert frame["parameters"] == [f"{shift + 0.0:.6g}"]  # 0, not -0
+        for x1, y1, x2, y2, *_ in frame["curve"]:
+            assert gap_of_boxes((x1, y1), shift) == pytest.approx(0.0, abs=1e-7)
+            assert gap_of_boxes((x2, y2), shift) == pytest.approx(0.0, abs=1e-7)
+
+
+def test_tolerance_family_of_the_peg_is_the_closed_form():
+    (case,) = gathered("peg_square", "C at the wall")["cases"]
+    family = case["families"]["tolerance"]
+    assert len(family["values"]) == LEAST
+    for factor, frame in zip(family["values"], family["frames"], strict=True):
+        first, second = 1 - 0.01 * factor, 1 + 0.01 * factor
+        shift = 10 * second - 9.75 * first - 0.25
+        assert frame["transform"][3] == pytest.approx(shift, rel=DRAWN, abs=1e-12)
+        np.testing.assert_allclose([x for x, _, _ in frame["contacts"]], 10 * second, rtol=DRAWN)
+
+
+def test_asymmetrical_tolerances_are_all_multiplied_by_one_factor():
+    (problem,) = opened("boxes", "both made larger").problems
+    case = of_problem(problem.changed(tolerance=((0.01, 0.02), (0.03, 0.04)), requirement="C"))
+    family = case["families"]["tolerance"]
+    targets = [[1.5 * (1 - 0.01 * factor), 2.0 * (1 + 0.04 * factor)] for factor in family["values"]]
+    np.testing.assert_allclose([frame["target"] for frame in family["frames"]], targets, rtol=DRAWN)
+    np.testing.assert_allclose(case["tolerance_box"], [[1.485, 1.53], [1.94, 2.08]], rtol=DRAWN)
+
+
+def test_factors_that_would_leave_no_body_are_left_out():
+    (problem,) = opened("boxes", "both made larger").problems
+    case = of_problem(problem.changed(tolerance=0.6, requirement="D"), frames=1.0)
+    family = case["families"]["tolerance"]
+    assert family["values"] == [factor for factor in FACTORS if 0.6 * factor < 1]
+    assert "at 1.7 times" in family["note"]
+
+
+@pytest.mark.parametrize("name", ["example1", "example2"])
+def test_frames_as_asked_are_the_solution(name):
+    for problem, case in zip(opened(name).problems, gathered(name)["cases"], strict=True):
+        solution = fo.solve(problem)
+        assert case["amount"] == pytest.approx(solution.amount, rel=1e-9)
+        corrected = {**case["poses"]["corrected"], "note": ""}
+        for family in case["families"].values():
+            assert family["values"][family["start"]] == 1.0
+            assert family["frames"][family["start"]] == corrected
+        np.testing.assert_allclose(corrected["transform"], solution.transform.ravel(), rtol=DRAWN, atol=1e-12)
+        np.testing.assert_allclose(corrected["rho"], solution.rho, rtol=DRAWN)
+        assert corrected["status"] == solution.status.name
+        assert corrected["usable"] is solution.usable
+        rest = case["families"]["motion"]["frames"][0]
+        assert rest["curve"] == case["poses"]["rescaled"]["curve"]
+        assert rest["pair_gap"] == pytest.approx(case["poses"]["rescaled"]["pair_gap"], rel=1e-6)
+        np.testing.assert_allclose(rest["rho"], case["nominal"], rtol=DRAWN)
+
+
+def test_the_least_family_has_its_ends_and_the_case_as_asked_and_says_so():
+    case = gathered("example1")["cases"][0]
+    for family, values in ((case["families"]["tolerance"], FACTORS), (case["families"]["motion"], SHARES)):
+        assert len(family["values"]) == LEAST
+        assert family["values"] == sorted(family["values"])
+        assert {values[0], 1.0, values[-1]} <= set(family["values"])
+        assert f"{LEAST} of {len(values)} values" in family["note"]
+
+
+def test_shares_beyond_the_limits_are_marked():
+    (problem,) = opened("boxes", "close the gap").problems
+    case = of_problem(problem.changed(limits={"TX": (-1.0, 0.6)}), frames=1.0)
+    family = case["families"]["motion"]  # TX = 1/2
+    marked = [share for share, frame in zip(family["values"], family["frames"], strict=True) if frame["note"]]
+    assert marked == [share for share in SHARES if share * 0.5 > 0.6 + 1e-9]
+    assert family["frames"][-1]["note"] == "beyond the limits of TX"
+
+
+def test_no_family_where_nothing_changes():
+    case = gathered("boxes", "already clear")["cases"][0]
+    assert case["families"] == {"tolerance": None, "motion": None}
+
+
+def test_case_without_motion_tells_from_which_size_on_there_is_none():
+    (case,) = gathered("bracket_stuck", frames=1.0)["cases"]
+    assert (case["status"], case["usable"], case["amount"]) == ("INFEASIBLE", False, None)
+    assert case["poses"]["corrected"] is case["poses"]["tracked"] is case["families"]["motion"] is None
+    assert case["sensitivities"] is None
+    assert case["certificate"]["passed"] is False
+    family = case["families"]["tolerance"]
+    for factor, frame in zip(family["values"], family["frames"], strict=True):
+        fits = 32 - 30 * (1 + 0.06 * factor) >= 1.0  # between two ribs, at 0.5 from both
+        assert (frame["status"] == "SOLVED") is fits
+        assert (frame["transform"] is not None) is fits
+
+
+# ------------------------------------------------------------------------------------------------------------- scenes
+
+
+def test_where_parts_overlap_that_no_motion_parts_is_drawn():
+    """Cubes side by side, one 10 % larger: 0.05 of it is in the other; the sizes drawn were shown, and no overlap."""
+    corners = (list(itertools.product((x, x + 1.0), (0.0, 1.0), (0.0, 1.0))) for x in (0.0, 1.0))
+    one, two = (fo.Body.convex(own, seed="box") for own in corners)
+    held = fo.Problem(one, two, target=(1.1, 1.0), motion=fo.Translation("x"), goal="touch", limits={"TX": (0, 1e-3)})
+    case = of_problem(held)
+    assert case["amount"] is None
+    corners = np.reshape(case["poses"]["rescaled"]["overlap"], (-1, 3, 3))
+    assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(0.05, rel=1e-9)  # times 1 x 1, as large as the other is
+    assert np.ptp(corners.reshape(-1, 3), axis=0) == pytest.approx([0.05, 1.0, 1.0])
+    assert "where they overlap" in case["picture"]["key"]
+    assert "overlap, cut open" in case["picture"]["insets"][0]
+
+
+@pytest.mark.parametrize("names", [("example1",), ("example2",), LID])
+def test_points_are_shown_where_scaling_and_moving_the_bodies_puts_them(names):
+    for problem, case in zip(opened(*names).problems, gathered(*names)["cases"], strict=True):
+        for frame in all_frames(case):
+            for k, body in enumerate((problem.movable, problem.static)):
+                moved = body.scaled(frame["sizes"][k])
+                if k == 0 and frame["transform"] is not None:
+                    T = np.array(frame["transform"]).reshape(4, 4)
+                    moved = moved.moved(T)
+                points = shown(case, frame, k, case["scene"]["objects"][k]["points"])
+                away = np.linalg.norm(points[:, None] - moved.vertices[None], axis=2).min(axis=1)
+                assert away.max() <= 10 * DRAWN * problem.size
+
+
+def area_and_volume(item):
+    corners = np.array(item["points"])[np.array(item["triangles"])]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    return np.linalg.norm(normals, axis=1).sum(), (normals * corners[:, 0]).sum() / 3
+
+
+def test_triangles_are_the_outer_surface_without_cuts():
+    movable, static = gathered("boxes", "close the gap")["cases"][0]["scene"]["objects"]
+    np.testing.assert_allclose(area_and_volume(movable), [6.0, 1.0], rtol=DRAWN)
+    np.testing.assert_allclose(area_and_volume(static), [2 * 16 + 4 * 2, 8.0], rtol=DRAWN)
+    _, ell = gathered("example2")["cases"][0]["scene"]["objects"]  # a prism of two parts, 1.2 high
+    base, border = 4.0 * 1.812 + 2.6 * 0.894, 2 * (4.0 + 2.706)
+    np.testing.assert_allclose(area_and_volume(ell), [2 * base + 1.2 * border, 1.2 * base], rtol=DRAWN)
+    assert len(ell["edges"]) == 18
+    assert len(ell["points"]) == 12
+
+
+def test_keep_outs_are_in_the_scene_at_their_largest_scale():
+    (problem,) = opened("bracket", "past the ribs as made").problems
+    case = of_problem(problem)
+    assert [item["body"] for item in case["scene"]["objects"]] == [0, 1, 2]
+    assert [body["role"] for body in case["bodies"]] == ["movable", "static", "keep-out"]
+    assert max(x for x, _, _ in case["scene"]["objects"][2]["points"]) == pytest.approx(1.02 * 18)
+    assert case["bodies"][2]["notes"][0] == "scale 0.98 to 1.02, clearance 0.5 mm"
+
+
+def off(kind, points, triangles, place):
+    """Return how far a place is off a vertex or an edge's segment, or off the plane of a face's triangle it is in."""
+    if kind == "V":
+        return np.linalg.norm(place - points[0])
+    if kind == "E":
+        start, way = points[0], points[1] - points[0]
+        share = np.clip((place - start) @ way / (way @ way), 0.0, 1.0)
+        return np.linalg.norm(place - start - share * way)
+    found = [np.inf]
+    for a, b, c in points[triangles]:
+        normal = np.cross(b - a, c - a)
+        twice = np.linalg.norm(normal)
+        sides = ((a, b), (b, c), (c, a))
+        shares = [np.cross(end - start, place - start) @ normal / twice**2 for start, end in sides]
+        if min(shares) > -DRAWN:
+            found.append(abs((place - a) @ normal) / twice)
+    return min(found)
+
+
+@pytest.mark.parametrize("names", [("example1",), ("example2",), ("boxes",), LID])
+def test_contacts_are_on_both_bodies_and_only_where_they_touch(names):
+    touching = 0
+    for case in gathered(*names)["cases"]:
+        slack = 1e-7 * case["scene"]["size"]
+        for frame in all_frames(case):
+            assert bool(frame["contacts"]) == bool(frame["contact"]) == (frame["pair_state"] == "touching")
+            assert len(frame["contacts"]) == len(frame["contact"])
+            touching += len(frame["contacts"])
+            for place, feature in zip(frame["contacts"], frame["contact"], strict=True):
+                for shape in case["feature_shapes"][feature]["shapes"]:
+                    points = shown(case, frame, shape["body"], shape["points"])
+                    assert off(shape["kind"], points, shape["triangles"], np.array(place)) <= slack
+    assert touching > len(gathered(*names)["cases"])
+
+
+def test_features_of_frames_are_those_of_the_solutions():
+    for names in (("boxes",), LID):
+        for problem, case in zip(opened(*names).problems, gathered(*names)["cases"], strict=True):
+            if problem.goal != "touch":
+                continue
+            labels = [case["feature_shapes"][k]["label"] for k in case["poses"]["corrected"]["contact"]]
+            assert set(labels) == set(case["features"]) == {feature.label for feature in fo.solve(problem).features}
+            assert [case["feature_shapes"][k]["label"] for k in case["tracked_shapes"]] == case["features"]
+
+
+def test_published_motions_are_measured_as_the_found_ones_are():
+    (problem,) = opened("boxes", "slanted").problems
+    for amount, found in (("weighted", 6.0), ("displacement", 2.0)):
+        asked = problem.changed(amount=amount, published=[2.0], weights={"T": 3.0})
+        assert solved_module.solved_case(asked, certify=False).published_amount == pytest.approx(found)
+
+
+def test_tracked_pose_touches_where_the_parts_made_do_not():
+    case = gathered("example1")["cases"][0]
+    assert case["poses"]["corrected"]["pair_state"] == "apart"
+    tracked = case["poses"]["tracked"]
+    assert tracked["pair_state"] == "touching"
+    assert tracked["sizes"] == tracked["rho"] == case["poses"]["corrected"]["rho"]
+    assert case["configurations"] == ["E-V"]
+
+
+# ------------------------------------------------------------------------------------------------------------- curves
+
+
+def test_curve_reaches_over_box_and_window_with_the_numbers_of_the_box():
+    problem = opened("example1").problems[0].changed(box=((1.2, 1.28), (1.2, 1.22)), nominal=1)
+    case = of_problem(problem)
+    (low_1, high_1), (low_2, high_2) = case["axes"]["window"]
+    assert high_1 > 1.28
+    assert high_2 > 1.22
+    ends = np.array([row[:4] for row in case["poses"]["nominal"]["curve"]]).reshape(-1, 2)
+    assert ends[:, 0].max() == pytest.approx(high_1, rel=DRAWN)
+    assert (ends >= np.minimum([low_1, low_2], 1.2) * (1 - DRAWN)).all()
+    assert [name for *_, name in case["poses"]["nominal"]["switching"]] == ["SW1"]
+    beyond = of_problem(problem.changed(box=((1.2, 1.28), (1.2, 1.2146)), nominal=1, tolerance=0.5, requirement="B"))
+    names = {tuple(rho): name for *rho, name in beyond["poses"]["nominal"]["switching"]}
+    inside = {rho: name for rho, name in names.items() if 1.2 <= rho[0] <= 1.28 and 1.2 <= rho[1] <= 1.2146}
+    assert list(inside.values()) == ["SW1"]
+    assert {name for rho, name in names.items() if rho not in inside} == {""}
+
+
+def test_segments_name_their_features():
+    for problem, case in zip(opened("example2").problems, gathered("example2")["cases"], strict=True):
+        rows = case["poses"]["nominal"]["curve"]
+        for segment, (*ends, label, snug) in zip(problem.curve.segments, rows, strict=True):
+            np.testing.assert_allclose(ends, [*segment.start, *segment.end], rtol=DRAWN)
+            assert case["labels"][label] == segment.feature.label
+            assert snug == int(segment.snug)
+
+
+# ------------------------------------------------------------------------------------------------------------- tables
+
+PAPER = {
+    "example1": {
+        "A": "Screw -0.0054, -0.0054 deg",
+        "B": "TZ 0.25 + RZ 7.0191 deg",
+        "C": "TZ -0.1178 + RZ -6 deg",
+        "D": "Screw 0.0051, 0.0051 deg",
+    },
+    "example2": {
+        "A": "TY -0.0337 + RZ 2 deg",
+        "B": "TY -0.0193",
+        "C": "TY 0.0193",
+        "D": "TY 0.0313 + RZ -2 deg",
+    },
+}  # Tables 1 and 2 of the paper
+
+
+@pytest.mark.parametrize("name", list(PAPER))
+def test_table_is_laid_out_as_the_papers(name):
+    payload = gathered(name)
+    (table,) = payload["matrices"]
+    assert (table["file"], table["title"], table["tolerance"]) == (0, "cases A, B, C, D", "2 %")
+    for row, sign_2 in zip(("AC", "BD"), (1.0, -1.0), strict=True):
+        for letter, sign_1 in zip(row, (1.0, -1.0), strict=True):
+            cell = table["cells"][letter]
+            case = payload["cases"][cell["case"]]
+            assert case["signs"] == [sign_1, sign_2]
+            assert (cell["motion"], cell["amount"], cell["status"]) == (case["motion"], case["amount"], case["status"])
+            assert cell["published"] == PAPER[name][letter]
+            assert cell["usable"] is True
+    assert all(case["quadrant"] for case in payload["cases"])
+
+
+def test_a_case_whose_goal_is_the_files_was_said_to_be_none_of_the_file():
+    """Of the lid, A, B and C write the goal that D has by default."""
+    (table,) = gathered("lid")["matrices"]
+    assert [table["cells"][letter]["case"] for letter in "ABCD"] == [0, 1, 2, 3]
+
+
+def test_requirements_that_a_file_leaves_out_are_solved_and_marked():
+    payload = gathered("boxes")
+    (table,) = payload["matrices"]  # cases with an explicit target have none
+    shifts = {"A": -0.035, "B": 0.005, "C": -0.005, "D": 0.035}  # of (0.75 * 0.02, 0.5 * 0.04), by their signs
+    assert table["tolerance"] == "rho_1 2 %, rho_2 4 %"
+    for letter, shift in shifts.items():
+        cell = table["cells"][letter]
+        assert cell["motion"] == f"TX {shift:g}"
+        assert cell["amount"] == pytest.approx(abs(shift), rel=1e-9)
+        assert (cell["case"] is None) is (letter != "A")
+        assert ("case both made larger" in cell["note"]) is (letter != "A")
+    assert payload["cases"][table["cells"]["A"]["case"]]["name"] == "both made larger"
+
+
+def test_two_cases_of_one_requirement_have_two_tables():
+    (problem,) = opened("boxes", "both made larger").problems
+    other = problem.changed(motion=fo.Translation("y") >> fo.Translation("x"), published=None)
+    first, second = gather([Opened(Path("own.toml"), problems=(problem, other))], certify=False, frames=0.0)[
+        "matrices"
+    ]
+    assert (first["cells"]["A"]["case"], second["cells"]["A"]["case"]) == (0, 1)
+    assert second["cells"]["D"]["motion"] == "TX 0.035"
+
+
+def test_a_bound_that_is_the_amount_is_shown_as_it_is():
+    told = answered(fo.solve(opened("boxes", "slanted").problems[0]))
+    assert told["least"] == {"text": f"{told['amount']:.4g}", "near": "exact"}
+    assert set(told) == set(ANSWERED)
+
+
+# ------------------------------------------------------------------------------------------------- grounds and limits
+
+
+def test_proof_is_told_with_whether_it_was_checked():
+    (case,) = gathered("boxes", "close the gap", certify=True)["cases"]
+    assert case["evidence"]["checked"] is True
+    assert case["evidence"]["bound"] <= case["amount"] == pytest.approx(0.5, rel=1e-9)
+    assert any(check["name"].startswith("proof") for check in case["certificate"]["checks"])
+    assert gathered("boxes", "close the gap")["cases"][0]["evidence"] is None
+
+
+def test_sensitivities_are_the_derivatives_of_the_closed_form():
+    (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
+    bars = {bar["name"]: bar["value"] for bar in case["sensitivities"]["bars"]}
+    first, second = case["pair"]
+    assert bars[f"size of {case['bodies'][0]['name']}"] == pytest.approx(0.01 * first / 2, rel=1e-6)
+    assert bars[f"size of {case['bodies'][1]['name']}"] == pytest.approx(0.01 * second / 4, rel=1e-6)
+
+
+def test_what_was_left_out_is_true_of_the_problem():
+    (plain,) = opened("boxes", "close the gap").problems
+
+    def told(problem):
+        return " ".join(left_out(fo.solve(problem)))
+
+    assert "No keep-out counts here" in told(plain)
+    assert "stand for" not in told(plain)
+    assert "No limits are set for TX." in told(plain)
+    assert "steps of a machine" in told(plain)
+    assert "No limits" not in told(plain.changed(limits={"TX": (0.0, 1.0)}))
+    assert "steps of a machine" not in told(plain.changed(resolution=0.125))
+    near = plain.changed(goal="at", nominal=(1.5, 2.0 + 1e-7), target=(1.6, 2.0))
+    assert "closed to the decision curve" in told(near)
+    rib = fo.Body.convex(plain.movable.vertices + np.array([0.0, 9.0, 0.0]), name="rib")
+    assert "not on the way: rib." in told(plain.changed(keep_out=(rib,)))
+    beyond = told(opened("example1").problems[0])
+    assert 'pair "any"' in beyond
+    assert 'path "coherent"' in beyond
+    assert 'path "free"' in told(opened("example1").problems[0].changed(path="free"))
+    drawn = told(opened("slot_and_key").problems[0])  # as drawn, by nothing uniform, and not "one pair of sizes"
+    assert "Only the parts as drawn were solved" in drawn
+    assert "uniform" not in drawn
+    assert "The parts are taken as drawn" in told(plain.changed(target=(1.0, 1.0)))
+
+
+def test_deviation_of_approximated_parts_is_told():
+    (plain,) = opened("boxes", "close the gap").problems
+    rough = fo.Body.from_parts(
+        plain.static.vertices, parts=[range(8)], seed=plain.static.seed, name="rough", deviation=(0.25, 0.125)
+    )
+    told = left_out(fo.solve(plain.changed(static=rough)))
+    (sentence,) = [text for text in told if "stand for" in text]
+    assert sentence.startswith("The convex parts of rough stick out")
+    assert "at most 0.25 and" in sentence
+    assert "at most 0.125:" in sentence
+
+
+def test_meshes_are_named_with_their_checksums():
+    import hashlib
+
+    path = PROBLEMS / "peg_square.toml"
+    (file,) = gather([Opened(path, "", "", ())])["files"]
+    assert [mesh["file"] for mesh in file["meshes"]] == ["meshes/square_peg.stl", "meshes/square_plate.stl"]
+    for mesh in file["meshes"]:
+        assert mesh["sha256"] == hashlib.sha256((PROBLEMS / mesh["file"]).read_bytes()).hexdigest()
+
+
+def test_sizes_tolerances_and_their_stack_up_are_told():
+    """A report said nothing of them; the gap of the key is 0.0325 to 0.0955 by hand."""
+    (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
+    assert [(size["name"], size["body"], size["low"], size["high"], size["made"]) for size in case["sizes"]] == [
+        ("key_width", "key", -0.036, 0.0, 0.0),
+        ("key_foot", "key", -0.02, 0.02, -0.01),
+        ("slot_width", "slot", 0.0, 0.03, 0.0),
+        ("slot_position", "slot", -0.03, 0.03, 0.0),
+        ("slot_depth", "slot", -0.05, 0.05, 0.04),
+    ]
+    assert [worst["gap"] for worst in case["stack"]["worst"]] == pytest.approx([0.0325, 0.0955])
+    assert sum(own["worst"] for own in case["stack"]["shares"]) == pytest.approx(1.0)
+    assert case["stack"]["shares"][0]["size"] == "slot_position"
+    assert gathered("boxes", "both made larger")["cases"][0]["stack"] is None
+
+
+def test_the_load_of_the_machine_decided_how_many_places_a_slider_has():
+    """3, 6 and 21 of 21 were seen for one file: it is the problem that decides."""
+    (problem,) = opened("boxes", "both made larger").problems
+    assert [frames_of(problem, cases) for cases in (1, 4, 8)] == [1.0, 1.0, 0.5]
+    families = gather([opened("boxes", "both made larger")], certify=False)["cases"][0]["families"]
+    assert [families[name]["values"] for name in ("tolerance", "motion")] == [list(FACTORS), list(SHARES)]

@@ -1,0 +1,228 @@
+"""The verdict in words: what to do, what then touches, whether less would do; faces and steps in words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.show.texts import parameter_texts
+from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def solved(stem: str, name: str) -> fo.Solution:
+    problem = next(each for each in fo.load_problems(PROBLEMS / f"{stem}.toml") if each.name == name)
+    return fo.solve(problem)
+
+
+def cube(name: str, size: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> fo.Body:
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2.0
+    return fo.Body.convex(corners + at, name=name)
+
+
+VERDICTS = {
+    ("nut", "shifted against a flat"): (
+        "move nut 0.25 mm along +x: then its face 10 (facing +x) lies on the left face (facing -x) of key; "
+        "smallest possible (proved)"
+    ),
+    (
+        "dovetail",
+        "rail made larger",
+    ): "move slide 0.08 mm along +z: then it just clears rail; smallest possible (proved)",
+    ("dovetail", "room to slide"): (
+        "move slide 0.25 mm along +z: then it is 0.25 mm clear of rail; smallest possible (proved)"
+    ),
+    ("bracket", "past the ribs"): (
+        "move bracket 1.5 mm along -x and 2 mm along -z: then its bottom face (facing -z) lies on the top face "
+        "(facing +z) of plate; smallest possible (proved)"
+    ),
+    ("boxes", "already clear"): "leave cube where it is: it is 0.5 clear of plate; nothing to do",
+    ("nut", "nut made too small"): (
+        "does not fit: key 20.00 mm in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
+    ),
+    ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
+        "impossible with this motion and these limits (proved); nearest pose found (TX 0 mm + TZ 0.36 mm): bottom face "
+        "of bracket, top face of plate are 2 mm apart; in the way: bottom face of bracket, top face no. 2 of ribs are "
+        "0.5 mm apart, 0.5 mm asked"
+    ),
+}
+
+
+@pytest.mark.parametrize(("stem", "name"), VERDICTS)
+def test_verdicts_are_what_the_files_closed_forms_say(stem: str, name: str) -> None:
+    assert verdict_text(solved(stem, name)) == VERDICTS[stem, name]
+
+
+def test_impossible_named_no_depth_and_no_faces() -> None:
+    """A cube, 2 % larger, is .01 in its table, 2 % smaller; its lift is limited; a stop keeps it 1 off a post."""
+
+    def told(movable: fo.Body, static: fo.Body, motion: str, **more: Any) -> str:
+        solution = fo.solve(fo.Problem(movable, static, motion=fo.Translation(motion), unit="mm", **more))
+        assert solution.status is fo.Status.INFEASIBLE
+        return verdict_text(solution).partition("; ")[2]
+
+    block, table = cube("cube", 2.0, (0, 0, 1)), cube("table", 6.0, (0, 0, -3))
+    made = {"requirement": "B", "tolerance": (0.02, 0.01 / 3)}
+    assert told(block, table, "x", goal="seat", **made) == (
+        "nearest pose found (TX 0 mm): bottom face of cube, top face of table overlap by 0.01 mm"
+    )
+    lifted = {"goal": "touch", "limits": {"TZ": (0.03, 0.1)}} | made
+    assert told(block, table, "z", **lifted) == (
+        "nearest pose found (TZ 0.03 mm, TZ at the limit): bottom face of cube, top face of table are 0.02 mm apart"
+    )
+    stop = fo.KeepOut(cube("stop", 0.5, (2.25, 0, 1)), name="stop")
+    post = {"goal": "touch", "target": (1.0, 1.0), "limits": {"TX": (0, 4)}, "keep_out": [stop]}
+    assert told(block, cube("post", 2.0, (4.0, 0, 1)), "x", **post) == (
+        "nearest pose found (TX 1 mm): right face of cube, left face of post are 1 mm apart; in the way: right face of "
+        "cube, left face of stop touch"
+    )
+
+
+def test_what_overlaps_after_the_motion_is_said() -> None:
+    solution = solved("example2", "C")
+    assert solution.pair_state == "overlapping"
+    assert f"but the parts made overlap by {-solution.pair_gap:.4g}" in verdict_text(solution)
+    assert str(solution).startswith("C: move Polyhedron 1 (reconstruction) 0.01922 along +y: then its corner 5 touches")
+    assert len(str(solution).splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("motion", "q", "deeds"),
+    [
+        (fo.Translation("z"), [-0.25], [("move", "0.25 mm along -z")]),
+        (fo.Translation((3.0, 4.0, 0.0)), [0.5], [("move", "0.5 mm along (0.6, 0.8, 0)")]),
+        (fo.Rotation("-z"), [math.pi / 6], [("turn", "30 deg about -z")]),
+        (fo.Rotation("z", centre="origin"), [-math.pi / 6], [("turn", "30 deg about -z through the origin")]),
+        (fo.Screw("seeds", 1.0), [-0.5], [("screw", "-28.65 deg about and -0.5 mm along the line from seed to seed")]),
+        (fo.Screw("seeds", math.inf), [-0.5], [("move", "0.5 mm along the line from seed to seed, backwards")]),
+        (fo.Screw(((0, 0, 1), (1, 0, 0)), 0.0), [math.pi], [("turn", "180 deg about +x through (0, 0, 1)")]),
+        (fo.Free(), [0, 3, 4, 0, 0, -math.pi], [("move", "5 mm along (0, 0.6, 0.8), turned 180 deg about -z")]),
+        (
+            fo.Translation("x") >> fo.Rotation("y"),
+            [1.0, 0.0],
+            [("move", "1 mm along +x"), ("move", "0 mm along +y")],
+        ),
+    ],
+)
+def test_steps_in_words(motion: fo.Motion, q: list[float], deeds: list[tuple[str, str]]) -> None:
+    assert motion.describe_steps(q, unit="mm") == deeds
+
+
+def test_shifts_in_a_row_are_told_together() -> None:
+    one, two = cube("one", 2.0), cube("two", 4.0, (3.5, 0.0, 0.0))
+    motion = fo.Translation((0, 1, 0)) >> fo.Translation("z") >> fo.Rotation("x") >> fo.Translation("x")
+    problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=motion, unit="mm")
+    names = [parameter.name for parameter in motion.parameters]
+    values = dict(zip(names, (3.0, 4.0, math.pi / 2, 1.0), strict=True))
+    moved = replace(fo.solve(problem), parameters=values)
+    told = "3 mm along +y and 4 mm along +z, then {}90 deg about +x, then {}1 mm along +x"
+    assert motion_said(moved) == told.format("", "")
+    assert f"move one {told.format('turn it ', 'move it ')}" in verdict_text(moved)
+
+
+def test_what_only_rounding_made_is_shown_as_0() -> None:
+    one, two = cube("one", 2.0), cube("two", 4.0, (3.5, 0.0, 0.0))
+    problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=fo.Free(), unit="mm")
+    values = dict.fromkeys(("TX", "TY", "TZ", "RX", "RY", "RZ"), -1.8e-15) | {"TX": 0.5}
+    assert parameter_texts(problem, values) == ["0.5 mm", "0 mm", "0 mm", "0 deg", "0 deg", "0 deg"]
+
+
+def test_every_face_edge_and_corner_has_words() -> None:
+    body = cube("block", 2.0)
+    words = {told_element(body, Element("F", face)) for face in body.faces}
+    sides = [("left", "-x"), ("right", "+x"), ("front", "-y"), ("back", "+y"), ("bottom", "-z"), ("top", "+z")]
+    assert words == {f"{name} face (facing {axis})" for name, axis in sides}
+    assert told_element(body, Element("V", (3,))) == "corner 3"
+    edge = tuple(sorted(set(body.faces[0]) & set(body.faces[2])))  # corners that two faces share
+    assert told_element(body, Element("E", edge)).startswith("edge between ")
+
+
+@pytest.mark.parametrize(("off", "kind"), [(0.0, "transition"), (0.5, "clearance"), (-0.5, "interference")])
+def test_fit_over_the_whole_tolerance(off: float, kind: str) -> None:
+    """Two cubes of 2 and 4, 1 % each: the gap goes from off - .03 to off + .03."""
+    one, two = cube("one", 2.0), cube("two", 4.0, (3.0 + off, 0.0, 0.0))
+    problem = fo.Problem(one, two, tolerance=0.01, requirement="A", goal="clear", motion=fo.Translation("x"), unit="mm")
+    words = {True: "apart", False: "overlapping"}
+    ends = [f"{abs(off + s * 0.03):.4g} mm {words[off + s * 0.03 > 0]}" for s in (-1.0, 1.0)]
+    assert fit_text(problem) == f"unmoved, over the whole tolerance: {kind} fit, from {ends[0]} to {ends[1]}"
+
+
+def test_results_say_what_they_are_on_one_line() -> None:
+    solution = solved("boxes", "close the gap")
+    body = repr(solution.problem.movable)
+    assert body == "Body('cube': 8 corners, 6 faces, convex parts: 1, seed (0, 0, 0), extent 1 x 1 x 1)"
+    told = repr(solution.problem)
+    assert told.startswith("Problem('close the gap': 'cube' against 'plate', goal 'touch', explicit target")
+    assert repr(solution).startswith("Solution('close the gap': SOLVED, TX 0.5, amount 0.5, proved at least 0.5")
+    assert "\n" not in body + told + repr(solution)
+
+
+def test_arguments_of_a_wrong_kind_are_bad_input() -> None:
+    problem = fo.load_problems(PROBLEMS / "boxes.toml")[0]
+    wrong = [
+        lambda: fo.load_problems(3),
+        lambda: fo.verify(problem),
+        lambda: fo.coherent_range(3),
+        lambda: fo.stack_up("problem"),
+        lambda: fo.run_study(3, "out"),
+        lambda: fo.Body.from_file(3, unit="mm"),
+        lambda: fo.Body.from_file("part.stl", unit=["mm"]),
+        lambda: fo.Body.convex(problem.movable.vertices, name=3),
+        lambda: fo.Body.from_mesh(problem.movable.vertices),
+        lambda: problem.changed(sizes=3),
+    ]
+    for call in wrong:
+        with pytest.raises(fo.InputError):
+            call()
+
+
+def test_a_whole_mesh_is_taken() -> None:
+    import trimesh
+
+    body = fo.Body.from_mesh(trimesh.creation.box((1.0, 2.0, 3.0)), name="block")
+    assert (body.name, len(body.faces)) == ("block", 6)
+    assert np.ptp(body.vertices, axis=0).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_walls_that_leave_too_little_room_are_named() -> None:
+    """Blocks on both sides of a cube of 2, of 1 % tolerance each: 2.02 in 1.98 at requirement B."""
+    boxes = [cube("", 2.0, (x, 0.0, 0.0)).vertices for x in (-2.0, 2.0)]
+    slot = fo.Body.from_parts(boxes, seed=np.zeros(3), name="slot")
+    motion = fo.Translation("x")
+    problem = fo.Problem(
+        cube("key", 2.0), slot, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm"
+    )
+    told = verdict_text(fo.solve(problem))
+    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between its face ")
+    assert "(facing +x) and face " in told
+    assert "(facing -x)" in told
+
+
+def test_parts_in_different_frames_are_warned_of() -> None:
+    """Between boxes of 2 and 4 there are 170 - 3 = 167: more than twice the size of the larger, 4 sqrt(3)."""
+    from fcdm_opt.show.remarks import remarks
+
+    one, two = cube("one", 2.0), cube("two", 4.0, (170.0, 0.0, 0.0))
+    far = fo.Problem(one, two, target=(1.0, 1.0), goal="clear", motion=fo.Translation("x"), unit="mm")
+    assert "as drawn the parts are 167 mm apart: are both drawn in one frame?" in remarks(fo.solve(far))
+
+
+def test_labels_in_a_text_are_names_of_faces() -> None:
+    """The key of a map and the table of a pose had F1F2(P1V1,...), of a keep-out's corners too."""
+    cube = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    one, two, post = (
+        fo.Body.convex(cube + shift, name=name) for name, shift in (("lid", 0.0), ("box", 4.0), ("post", 9.0))
+    )
+    asked = fo.Problem(one, two, target=(1, 1), goal="touch", motion=fo.Translation("x"), keep_out=[fo.KeepOut(post)])
+    faces = "V1F2(P1V8; P2V1,V2,V3,V4)"
+    assert labels_in_words(f"{faces}; closes a gap", asked) == "corner 8 of lid, left face of box; closes a gap"
+    assert labels_in_words(f"keep-out 'post' {faces}", asked) == "corner 8 of lid, left face of post"

@@ -1,0 +1,263 @@
+"""Kernels: kept code that nothing makes stale, one version of each, plain Python for little work, and what is said."""
+
+from __future__ import annotations
+
+import ast
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import PLAIN
+from documents import ROOT
+
+from fcdm_opt import compiling
+from fcdm_opt.compiling import kernel, light, stamp_of, step
+from fcdm_opt.curve import kernels
+
+pytestmark = pytest.mark.skipif(PLAIN, reason="nothing is compiled")
+
+
+@step
+def times(x, k):
+    return k * x.sum()
+
+
+@kernel
+def total(x, shift):
+    return times(x, 1) + times(x, 2) + shift
+
+
+CALLEE = """
+from fcdm_opt.compiling import {kind}
+SHARE = {share}
+@{kind}
+def part(x):
+    return {factor} * x + SHARE
+"""
+CALLER = "from fcdm_opt.compiling import kernel\nfrom callee import part\n@kernel\ndef whole(x):\n    return part(x)\n"
+CALL = "import sys; sys.path.insert(0, sys.argv[1]); from caller import whole; print(whole(1.0))"
+LOGGED = "import logging; logging.basicConfig(); logging.getLogger('fcdm_opt').setLevel('INFO'); "
+
+
+@pytest.mark.parametrize("kind", ["step"])  # and in the end the other
+def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_path: Path, kind: str) -> None:
+    folder = tmp_path / "sources"
+    folder.mkdir()
+    (folder / "caller.py").write_text(CALLER)
+
+    def answer(**said: Any) -> tuple[float, int]:
+        (folder / "callee.py").write_text(CALLEE.format(kind=kind, **said))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", LOGGED + CALL, str(folder)],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return float(done.stdout), done.stderr.count("compiling")
+
+    assert answer(factor=2.0, share=0.0) == (2.0, 1)
+    assert answer(factor=2.0, share=0.0) == (2.0, 0)
+    assert answer(factor=3.0, share=0.0) == (3.0, 1)
+    assert answer(factor=3.0, share=0.5) == (3.5, 1)
+    kind = "step" if kind == "kernel" else "kernel"
+    assert answer(factor=3.0, share=0.5) == (3.5, 1)
+
+
+@pytest.mark.parametrize("kind", ["kernel", "step"])
+def test_kept_code_of_what_calls_a_module_that_moved_is_made_anew(tmp_path: Path, kind: str) -> None:
+    kept, said = (
+        os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+        CALLEE.format(kind="{kind}", share=0.0, factor=2.0),
+    )
+    said = said.replace("{kind}", kind.removeprefix("_"))
+    name = "_part" if kind.startswith("_") else "part"
+    for module in ("callee", "moved"):
+        for file in tmp_path.glob("*.py"):
+            file.unlink()
+        (tmp_path / f"{module}.py").write_text(said.replace("part", name))
+        (tmp_path / "caller.py").write_text(CALLER.replace("part", name).replace("callee", module))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", CALL, str(tmp_path)], env=kept, capture_output=True, text=True, check=True
+        )
+        assert float(done.stdout) == 2.0
+
+
+def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:
+    def made(text: str) -> Callable[..., Any]:
+        names: dict[str, Any] = {"__name__": "made", "np": np}
+        exec(compile(text, "made.py", "exec"), names)
+        found: Callable[..., Any] = names["f"]
+        return found
+
+    plain = stamp_of(made("def f(x):\n    return x + 1.0\n"))
+    assert stamp_of(made('\n\ndef f(x):\n    """Say more."""\n    return x + 1.0\n')) == plain
+    for other in ("x + 2.0", "x - 1.0", "np.abs(x) + 1.0"):
+        assert stamp_of(made(f"def f(x):\n    return {other}\n")) != plain
+    table = stamp_of(made("table = np.zeros(2)\ndef f(x):\n    return x + table[0]\n"))
+    assert stamp_of(made("table = np.ones(2)\ndef f(x):\n    return x + table[0]\n")) != table
+
+
+def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
+    values = np.arange(4.0)
+    frozen = values.copy()
+    frozen.flags.writeable = False
+    assert [total(x, 0.5) for x in (values, frozen, values, frozen)] == [18.5] * 4
+    assert len(total.signatures) == 1
+    assert len(times.signatures) <= 1  # none where the code of its caller was kept
+    assert total(np.arange(8.0)[::2], 0.5) == 36.5  # not contiguous: served all the same
+
+
+def test_little_work_is_not_compiled_and_answers_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiling._count_runs()
+    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    pieces = np.array([[1.0, 0.5, 1.0], [-1.0, 0.25, -3.0]])
+    asked = pieces, np.array([0.0, 1.0]), np.array([1.0, 0.0]), (1e-12, 1e-12, 1e-9, 1e-6)
+    compiled = kernels.interval(*asked)
+    fresh = light(kernel(kernels.interval.py_func))
+    fresh.keeps = False
+    assert fresh(*asked) == compiled
+    assert not fresh.signatures
+    assert [type(x) for x in fresh(*asked)] == [float, float]
+    fresh.patience = 0.0
+    assert fresh(*asked) == compiled
+    assert len(fresh.signatures) == 1
+
+
+@kernel
+def counted(x, counts):
+    counts[0] += 1.0
+    zero = 0.0 * len(x)
+    return (1.0 + zero) / zero + x[0]
+
+
+@kernel
+def rooted(x, counts):
+    return math.sqrt(-x[0]) + math.exp(1e3 * x[0]) + 0.0 * counts[0]
+
+
+@kernel
+def nested(x, counts):
+    counts[0] += 1.0
+    return shifted(x) + counts[0]
+
+
+@kernel
+def shifted(x):
+    return x[0] + 1.0
+
+
+def test_plain_python_raised_where_compiled_code_has_an_answer() -> None:
+    x, counts = np.ones(2), np.zeros(1)
+    for written, wanted in ((rooted, np.nan), (counted, np.inf)):
+        made = light(kernel(written.py_func))
+        made.keeps = False
+        assert np.array_equal(made(x, counts), wanted, equal_nan=True)
+    assert counts[0] == 1.0  # what it had written before it was refused is taken back
+
+
+def test_plain_python_that_takes_longer_than_compiling_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, counts = np.ones(2), np.zeros(1)
+    made = light(kernel(nested.py_func))
+    made.keeps, made.patience = False, 1e-9
+    assert (made(x, counts), counts[0], len(made.signatures)) == (3.0, 1.0, 1)
+    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    made = light(kernel(nested.py_func))
+    made.keeps = False
+    compiling.eager()
+    assert (made(x, counts), counts[0], len(made.signatures)) == (4.0, 2.0, 1)
+
+
+def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
+    """No stamp holds an address: it would be another one in every process."""
+    for made in list(compiling._ALL):
+        said = compiling._read(made.py_func.__code__, made.py_func, [])
+        assert " at 0x" not in repr(said), made
+
+
+def test_compiling_in_a_library_call_prints_nothing(tmp_path: Path) -> None:
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE.format(kind="step", factor=2.0, share=0.0))
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", CALL, str(tmp_path)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("2.0\n", "")
+    assert list(tmp_path.rglob("*.nbc"))
+
+
+def test_a_first_run_compiled_for_most_of_a_minute_what_small_bodies_need_for_seconds(tmp_path: Path) -> None:
+    problem = Path(__file__).parents[2] / "problems" / "example1_touch.toml"
+    done = subprocess.run(
+        [sys.executable, "-c", "from fcdm_opt.cli import main; main()", "solve", "--certify", str(problem)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "smallest possible (proved)" in done.stdout
+    assert "compiling" not in done.stderr
+    assert not list(tmp_path.rglob("*.nbc"))
+    (note,) = tmp_path.rglob("seconds-of-plain-python")
+    assert 0.0 < float(note.read_text()) < compiling.IN_ALL
+
+
+def test_whoever_asked_again_and_again_never_got_compiled_code(tmp_path: Path) -> None:
+    program = f"""
+from fcdm_opt import compiling
+note = compiling.Path(compiling._Files(compiling._count_runs.__wrapped__)._cache_path) / "seconds-of-plain-python"
+note.write_text("{compiling.IN_RUNS / 2}\\n" * 2)
+compiling._count_runs()
+print(compiling._left[0])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "0.0\n"
+
+
+def test_processes_that_compile_at_once_do_not_mix_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each sees the index as it was before the other wrote: a version is lost then, and never another's code taken."""
+    files = compiling._Versions(str(tmp_path), "f-1.py311", "stamp")
+    keys = [((kind,), ("machine",), ("code", "")) for kind in ("float64", "int64")]
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "_load_index", dict)
+        for key in keys:
+            files.save(key, f"code for {key[0]}")
+    assert [files.load(key) for key in keys] in (
+        [None, "code for ('int64',)"],
+        ["code for ('float64',)", "code for ('int64',)"],
+    )
+    files.save(keys[0], "code for ('float64',)")
+    assert [files.load(key) for key in keys] == ["code for ('float64',)", "code for ('int64',)"]
+
+
+def test_rivals_in_the_charts_ran_as_plain_python() -> None:
+    """A kernel whose name starts with an underscore gets no entry from Python: nothing there may call one."""
+    called = set[str]()
+    files = [path for folder in ("fcdm_opt", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
+    for path in files:
+        if not re.search(r"^@(kernel|step)\b", path.read_text(), re.MULTILINE):
+            continue
+        tree = ast.parse(path.read_text())
+        functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+        marks = {node: {ast.unparse(each) for each in node.decorator_list} for node in functions}
+        compiled = [node for node in functions if marks[node] & {"kernel", "step"}]
+        inner = {node.name for node in compiled if node.name.startswith("_")}
+        within = {id(call) for node in compiled for call in ast.walk(node)}
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and id(call) not in within:
+                called |= {f"{path.name}: {call.func.id}"} if call.func.id in inner else set()
+    assert len(files) > 200
+    assert not called
