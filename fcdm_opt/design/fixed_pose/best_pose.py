@@ -133,7 +133,7 @@ class BestPose(NotebookRepr, Plain):
         ends = self.least.gap, self.most.gap
         violation = max(low - ends[0], ends[1] - high, 0.0)
         inside, failed = violation <= slack, self.status in (NONE, UNDECIDED)
-        if failed and problem.keep_out:  # it may be off these
+        if failed and (problem.keep_out or isinstance(problem, Assembly)):  # it may be off what is kept clear of
             violation, inside = max(violation, self.violation), False
         amount = amount_of(problem, q)
         best = -ends[0] if self.fitted else violation
@@ -205,7 +205,8 @@ class BestPose(NotebookRepr, Plain):
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
         told = f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
-        return "; ".join([told, *not_counted(self.standing)])
+        several = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
+        return "; ".join([told, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""

@@ -47,8 +47,11 @@ def better(worst: Worst, q: Array) -> Found:
         A = np.column_stack([slopes / natural, kept - 1.0])
         bounds = [*(_trusted(worst, here.q, trust) * natural[:, None]).tolist(), (None, None)]
         step = linprog([0.0] * len(q) + [1.0], A_ub=A, b_ub=-values, bounds=bounds, method="highs")
-        if step.status != 0:
+        if step.status != 0 and trust <= size:
             break
+        if step.status != 0:  # what is kept clear of is linear about here alone
+            trust = NEAR * size
+            continue
         gain = (here.off.value if here.off.clear else here.off.value - FAR * size) - float(step.x[-1])
         if here.off.clear and gain <= END * size:
             break

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
@@ -19,6 +19,7 @@ from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.geometry.solids import contains
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene as AnyScene
 from fcdm_opt.tolerances import DEFAULT
@@ -224,7 +225,6 @@ class WorstContacts(Worst):
 
     problem: Any
     scene: Any
-
     columns: tuple[list[int], ...] = ()
 
     @classmethod
@@ -232,13 +232,12 @@ class WorstContacts(Worst):
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
         kept, columns = list[Worst](), list[list[int]]()
-        for pair, relation in relations_of(question).items():
+        for pair, relation, others in _kept_clear(question):
             whose = columns_of(pair, relation, names, own=own)
             drawn = relation.request if own else vars(relation)
             one, two = drawn["movable"], drawn["static"]
-            others = obstacles(relation)
-            if relation.goal == "clear" and pair != SCALES:
-                others.append((two, relation.clearance, two if two.is_surface else None))
+            if not others:
+                others = [(two, relation.clearance, two if two.is_surface else None)]
             for body, gap, solid in others:
                 mine = tuple(size for size in relation.sizes if own and (body is two or size.body == "movable"))
                 box = np.ones((2, 2)) if own else sizes.box[whose].copy()
@@ -321,6 +320,19 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
 
 
 Obstacle = tuple[Body, float, Body | None]
+
+
+def _kept_clear(question: AnyScene) -> Iterator[tuple[tuple[str, str], Problem, list[Obstacle]]]:
+    """Yield every two parts of which the first keeps clear of obstacles; without any, of the second."""
+    if not isinstance(question, Assembly):
+        if question.keep_out:
+            yield SCALES, question.relations[0], obstacles(question.relations[0])
+        return
+    yield from ((pair, own, []) for pair, own in question.questions.items() if own.goal == "clear")
+    for part in question.motions if question.keep_out else ():
+        pair = JoinedPair(part, question.follows[question.chain(part)[0]], CLEAR)
+        relation = question.problem(pair, tuple(question.motions))
+        yield pair[:2], relation, obstacles(relation)
 
 
 def obstacles(problem: Problem) -> list[Obstacle]:
