@@ -225,17 +225,19 @@ class ContactGaps:
         return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
 
 
-def by_contacts(scene: Scene, *, named: bool = True) -> bool:
-    """Tell whether a question about all sizes looks at contacts as drawn, not at the gap of whole bodies.
+def by_contacts(scene: Scene, *, named: bool = True) -> str:
+    """Return why a question about all sizes looks at contacts as drawn, not at the gap of whole bodies; "" if not.
 
     With `named` because it names them, too.
     """
     if not isinstance(scene, Problem):
-        return True
-    if (named and (scene.contacts or scene.goal == FIT)) or scene.partial:
-        return True
+        return "an assembly is of contacts"
+    if named and (scene.contacts or scene.goal == FIT):
+        return "contacts are named"
+    if scene.partial:
+        return "not all parts of the bodies are looked at"
     turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz")
-    return any(Resizing.of(scene.request[own.body], (own,)).inclined() for own in turning)
+    return next((told for own in turning if (told := Resizing.of(scene.request[own.body], (own,)).inclined())), "")
 
 
 def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
@@ -255,7 +257,11 @@ def _restoring(relation: Problem, *, own: bool) -> Problem:
         pair = relation.nominal_pair.tolist()
         plain = dict.fromkeys(("path", "features", "requirement", "tolerance"))
         asked |= {"goal": "at", "contacts": "all", "pair": "any", "target": pair, **plain}
-    return relation.changed(**asked) if asked else relation
+    try:
+        return relation.changed(**asked) if asked else relation
+    except InputError as reason:
+        what = f"{by_contacts(relation, named=False) or 'an assembly is of contacts'}, and here are none as drawn"
+        raise InputError(what, key="contacts", found=reason.what, allowed="parts that touch as drawn") from reason
 
 
 def _lines(task: Task, joint: Joint) -> list[FeaturePoints]:
