@@ -193,7 +193,8 @@ def test_contacts_that_cannot_all_close_have_no_loop() -> None:
 
 
 def test_a_probe_on_a_surface_has_the_rows_of_its_contact() -> None:
-    top, all_ = fo.Size("top", "static", faces="+z", tolerance=0.05), fo.Size("all", "movable", scale="xyz", tolerance=0.05)
-    stack = fo.stack_up(fo.Problem(PROBE, hollow(TABLE), sizes=[top, all_], motion=Z, goal="touch"))
+    top = fo.Size("top", "static", faces="+z", tolerance=0.05)
+    probe = fo.Size("all", "movable", scale="xyz", tolerance=0.05)
+    stack = fo.stack_up(fo.Problem(PROBE, hollow(TABLE), sizes=[top, probe], motion=Z, goal="touch"))
     assert stack.gap({"top": 0.01, "all": 0.2}) == pytest.approx(-0.21, **NEAR)
     assert fo.verify(stack).passed
