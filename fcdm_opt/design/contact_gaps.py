@@ -7,6 +7,7 @@ surfaces, of two parts or all those of an assembly that are to meet.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from operator import itemgetter
 from types import MappingProxyType
@@ -176,26 +177,28 @@ class ContactGaps:
         """Return a contact in words."""
         return feature.in_words(self.tasks[relation].movable, self.tasks[relation].static)
 
+    def claim(self, relation: Problem, columns: list[int], transform: Array) -> GapClaims:
+        """Return the claims of two parts without what is told of their gap."""
+        drawn, listed = relation.request if self.own else vars(relation), self.sizes.pairs
+        return GapClaims(
+            bodies=(drawn["movable"], drawn["static"]),
+            sizes=relation.sizes if self.own else (),
+            transform=transform,
+            box=self.sizes.box[columns],
+            listed=None if listed is None else listed[:, columns],
+        )
+
     def claims(self, transforms: Sequence[Array]) -> list[GapClaims]:
         """Return what `verify` looks at: the gap of each contact over all sizes."""
-        rows, found, sizes = self.rows(transforms), list[GapClaims](), self.sizes
+        rows, found = self.rows(transforms), list[GapClaims]()
         for (k, feature), own in self.contacts.items():
-            columns, drawn = self.columns[k], self.relations[k].request if self.own else vars(self.relations[k])
-            values = rows.values[own][:, [0, *(1 + column for column in columns)]]
-            listed = None if sizes.pairs is None else sizes.pairs[:, columns]
-            least, largest = _range(values, sizes.box[columns], listed)
-            found.append(GapClaims(
-                bodies=(drawn["movable"], drawn["static"]),
-                sizes=self.relations[k].sizes if self.own else (),
-                transform=transforms[k],
-                least=least,
-                largest=largest,
-                box=sizes.box[columns],
-                listed=listed,
-                told=partial(_separation, values),
-                contact=(feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]),
-                name=self.words(k, feature) if len(self.contacts) > 1 else "",
-            ))  # fmt: skip
+            claim = self.claim(self.relations[k], self.columns[k], transforms[k])
+            values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
+            least, largest = _range(values, claim.box, claim.listed)
+            contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
+            name = self.words(k, feature) if len(self.contacts) > 1 else ""
+            told = partial(_separation, values)
+            found.append(replace(claim, least=least, largest=largest, told=told, contact=contact, name=name))
         return found
 
     def _parts(self, own: _Line) -> tuple[int, int]:

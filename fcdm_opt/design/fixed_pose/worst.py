@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
@@ -88,13 +88,7 @@ class Worst:
     def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float) -> Worst:
         """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
         if sizes is not None:
-            ends = sizes.box.copy()
-            ends[1] = 1.0  # of a keep-out, whose own scales its obstacles have
-            pairs = None if sizes.pairs is None else np.column_stack([sizes.pairs[:, 0], np.ones(len(sizes.pairs))])
-            near = tuple(
-                cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf, solid=solid)
-                for body, gap, solid in obstacles(problem)
-            )
+            near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
             return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
@@ -114,11 +108,10 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        own, kept = tuple(size for size in problem.sizes if size.body == "movable"), list[Worst]()
-        for body, gap, solid in obstacles(problem):
-            alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
-            kept.append(cls(problem, alone, gap, np.inf, limits, solid=solid))
-        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
+        bodies, names = OwnSizes(movable, static, problem.sizes, places), [size.name for size in problem.sizes]
+        kept = (own for own, _ in _kept_clear(problem, bodies.sizes, names, own=True, places=places))
+        near = tuple(replace(own, limits=limits) for own in kept)
+        return cls(problem, bodies, low, high, limits, keep_out=near)
 
     def leave_out_standing(self) -> None:
         """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""
@@ -231,36 +224,18 @@ class WorstContacts(Worst):
     def asked(cls, question: AnyScene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
-        kept, columns = list[Worst](), list[list[int]]()
-        for pair, relation, others in _kept_clear(question):
-            whose = columns_of(pair, relation, names, own=own)
-            drawn = relation.request if own else vars(relation)
-            one, two = drawn["movable"], drawn["static"]
-            if not others:
-                others = [(two, relation.clearance, two if two.is_surface else None)]
-            for body, gap, solid in others:
-                mine = tuple(size for size in relation.sizes if own and (body is two or size.body == "movable"))
-                box = np.ones((2, 2)) if own else sizes.box[whose].copy()
-                box[1] = box[1] if body is two else 1.0
-                bodies = OwnSizes(one, body, mine) if mine else Scales(one, body, Sizes(box))
-                kept.append(Worst(relation, bodies, gap, np.inf, solid=solid))
-                columns.append(whose)
+        kept = [*_kept_clear(question, sizes, names, own=own)]
         gaps = ContactGaps(question, sizes, names, own=own)
-        return cls(question, gaps, low, high, keep_out=tuple(kept), columns=tuple(columns))
+        columns = tuple(whose for _, whose in kept)
+        return cls(question, gaps, low, high, keep_out=tuple(worst for worst, _ in kept), columns=columns)
 
     def claims(self, q: Array, *, failed: bool) -> GapClaims:
         """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed."""
         gaps = self.scene
         first, *others = gaps.claims(gaps.transforms(q))
         for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
-            drawn = kept.problem.request if gaps.own else vars(kept.problem)
-            others.append(GapClaims(
-                bodies=(drawn["movable"], drawn["static"]),
-                sizes=kept.problem.sizes if gaps.own else (),
-                transform=kept.transform(q),
-                box=gaps.sizes.box[columns],
-                keep_out=[(kept.scene.static, kept.low)],
-            ))  # fmt: skip
+            claim = gaps.claim(kept.problem, columns, kept.transform(q))
+            others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
         return replace(first, beside=others)
 
     def bound(self, slack: float, *, amounts: bool) -> float | None:
@@ -319,23 +294,32 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
     return None if found is None else found / weights
 
 
-Obstacle = tuple[Body, float, Body | None]
+def _kept_clear(
+    question: AnyScene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
+) -> Iterator[tuple[Worst, list[int]]]:
+    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
+    asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]
+    if isinstance(question, Assembly):
+        asked = [(pair, relation, True) for pair, relation in question.questions.items() if relation.goal == "clear"]
+        for part in question.motions if question.keep_out else ():
+            clear = JoinedPair(part, question.follows[question.chain(part)[0]], CLEAR)
+            asked.append((clear[:2], question.problem(clear, tuple(question.motions)), False))
+    for pair, relation, partner in asked:
+        whose = columns_of(pair, relation, names, own=own)
+        drawn = relation.request if own else vars(relation)
+        one, two = drawn["movable"], drawn["static"]
+        others = [(two, relation.clearance, two if two.is_surface else None)] if partner else obstacles(relation)
+        mine = tuple(size for size in relation.sizes if own and (partner or size.body == "movable"))
+        box, listed = np.ones((2, 2)) if own else sizes.box[whose], None if own else sizes.pairs
+        if not partner:  # whose own scales its obstacles have
+            box = np.vstack([box[0], np.ones(2)])
+            listed = None if listed is None else np.column_stack([listed[:, 0], np.ones(len(listed))])
+        for body, gap, solid in others:
+            both = OwnSizes(one, body, mine, places) if mine else Scales(one, body, Sizes(box, pairs=listed))
+            yield Worst(relation, both, gap, np.inf, solid=solid), whose
 
 
-def _kept_clear(question: AnyScene) -> Iterator[tuple[tuple[str, str], Problem, list[Obstacle]]]:
-    """Yield every two parts of which the first keeps clear of obstacles; without any, of the second."""
-    if not isinstance(question, Assembly):
-        if question.keep_out:
-            yield SCALES, question.relations[0], obstacles(question.relations[0])
-        return
-    yield from ((pair, own, []) for pair, own in question.questions.items() if own.goal == "clear")
-    for part in question.motions if question.keep_out else ():
-        pair = JoinedPair(part, question.follows[question.chain(part)[0]], CLEAR)
-        relation = question.problem(pair, tuple(question.motions))
-        yield pair[:2], relation, obstacles(relation)
-
-
-def obstacles(problem: Problem) -> list[Obstacle]:
+def obstacles(problem: Problem) -> list[tuple[Body, float, Body | None]]:
     """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them.
 
     With the solid itself, where only its surface is known.

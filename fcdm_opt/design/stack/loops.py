@@ -132,13 +132,8 @@ def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence
     moved = motions.T @ relation.motion.ways(relation.movable.seed, relation.static.seed)  # (1 + k, 3)
     pose, mine = np.eye(4), {size.name: size for size in relation.sizes}
     pose[:3, 3] = moved[0]
-    return GapClaims(
-        bodies=(relation.request["movable"], relation.request["static"]),
-        sizes=tuple(mine.get(own.name) or replace(own, body="another part") for own in sizes),
-        transform=pose,
-        shift=moved[1:],
-        box=gaps.sizes.box,
-    )
+    every = tuple(mine.get(own.name) or replace(own, body="another part") for own in sizes)
+    return replace(gaps.claim(relation, [*range(len(sizes))], pose), sizes=every, shift=moved[1:])
 
 
 def _claims(gaps: ContactGaps, chosen: int, motions: Array, sizes: Sequence[Size]) -> Iterator[GapClaims]:
