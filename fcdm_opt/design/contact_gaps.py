@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -23,7 +23,9 @@ from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, least_of
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.resizing import Resizing, vertex_rates
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
 from fcdm_opt.model.task import Task, lines_of
@@ -47,7 +49,7 @@ class _Line(NamedTuple):
     moves: tuple[Array, Array]
 
 
-class ContactRows(NamedTuple):
+class AffineGaps(NamedTuple):
     """Rows at a pose: gap with sizes of 0 and rate by each size, (m, 1 + k); normals from body 1 to body 2, (m, 3)."""
 
     values: Array
@@ -115,7 +117,7 @@ class ContactGaps:
         """Return the pose of body 1 of each relation."""
         return [own.motion.transform(q, own.movable.seed, own.static.seed) for own in self.relations]
 
-    def rows(self, transforms: Sequence[Array]) -> ContactRows:
+    def rows(self, transforms: Sequence[Array]) -> AffineGaps:
         """Return the rows at the pose of body 1 of each relation, (4, 4)."""
         values, normals = np.zeros((len(self.lines), 1 + len(self.names))), np.empty((len(self.lines), 3))
         poses = [relative_pose(own.movable, own.static, T) for own, T in zip(self.tasks, transforms, strict=True)]
@@ -126,9 +128,9 @@ class ContactGaps:
             values[row, 0] = c - a - b if self.own else c
             rates = at.normal @ two - at.normal @ R @ one if self.own else np.array([-a, -b])
             values[row, 1 + np.array(self.columns[k], int)] = rates
-        return ContactRows(values, normals)
+        return AffineGaps(values, normals)
 
-    def ends(self, rows: ContactRows) -> tuple[Array, Array]:
+    def ends(self, rows: AffineGaps) -> tuple[Array, Array]:
         """Return the least and the largest gap of each row over all sizes, (m,) each."""
         if self.sizes.pairs is not None:
             heights = rows.heights(self.sizes.pairs)
@@ -136,7 +138,7 @@ class ContactGaps:
         middle, half = rows.heights(self.sizes.middle[None])[:, 0], np.abs(rows.values[:, 1:]) @ self.sizes.half
         return middle - half, middle + half
 
-    def extremes(self, rows: ContactRows) -> Extremes:
+    def extremes(self, rows: AffineGaps) -> Extremes:
         """Return the least and the largest gap over all contacts and sizes."""
         lows, highs = self.ends(rows)
 
@@ -152,7 +154,7 @@ class ContactGaps:
         low, high = int(lows.argmin()), int(highs.argmax())
         return Extremes(end(low, float(lows[low]), -1.0), end(high, float(highs[high]), 1.0))
 
-    def feature(self, rows: ContactRows, extreme: Extreme) -> Feature:
+    def feature(self, rows: AffineGaps, extreme: Extreme) -> Feature:
         """Return the contact that has an extreme."""
         off = np.abs(rows.heights(extreme.rho[None])[:, 0] - extreme.gap)
         return self.lines[int(off.argmin())].feature
@@ -165,7 +167,7 @@ class ContactGaps:
             found.setdefault((own.relation, own.feature), []).append(row)
         return found
 
-    def ranges(self, rows: ContactRows) -> dict[str, tuple[float, float]]:
+    def ranges(self, rows: AffineGaps) -> dict[str, tuple[float, float]]:
         """Return the range of the gap of each contact over all sizes, by its words."""
         ends = np.array(self.ends(rows))
         return {
@@ -203,12 +205,8 @@ class ContactGaps:
 
     def _parts(self, own: _Line) -> tuple[int, int]:
         """Return the part pair of a row, by number in the whole bodies."""
-        task = self.tasks[own.relation]
-        i, j = (
-            k if body.full_body is None else body.part_indices[k]
-            for body, k in zip((task.movable, task.static), own.line.parts, strict=True)
-        )
-        return i, j
+        task, (i, j) = self.tasks[own.relation], own.line.parts
+        return _whole(task.movable, i), _whole(task.static, j)
 
     def touching(self, transforms: Sequence[Array], relation: int = 0) -> TouchingSizes:
         """Return the rows of one relation's contacts as those of a stack-up."""
@@ -240,7 +238,7 @@ def by_contacts(scene: Scene, *, named: bool = True) -> str:
     if scene.partial:
         return "not all parts of the bodies are looked at"
     turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz")
-    return next((told for own in turning if (told := Resizing.of(scene.request[own.body], (own,)).inclined())), "")
+    return next((told for own in turning if (told := _resizing(scene.request[own.body], own).inclined())), "")
 
 
 def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
@@ -296,22 +294,46 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
     for k, (role, body) in enumerate(zip(("movable", "static"), (task.movable, task.static), strict=True)):
         points = line.points.T[starts[k] : 4 if k else starts[1]]
         sides = points[1:] - points[0]
-        row = int(np.abs(body.vertices - points[0]).sum(axis=1).argmin())
         moves = np.zeros((3, len(relation.sizes)))
+        facet = line.site[1 + k] if len(points) == 3 else None
         for column, size in enumerate(relation.sizes):
             if size.body != role:
                 continue
-            rates = vertex_rates(relation.request[role], {}, size)
+            move = _move(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
             turned = np.linalg.matrix_rank(np.vstack([sides, sides @ size.directions()]), tol=DEFAULT.tie * body.size)
-            if rates is None or turned > len(sides):
-                what = "turns the faces of" if rates is not None else "parts a corner of"
+            if move is None or turned > len(sides):
+                what = "turns the faces of" if move is not None else "parts a corner of"
                 raise InputError(
                     f"size '{size.name}' {what} this contact, whose gap does not change in proportion", key="sizes",
                     found=task.named(line.parts), allowed="a scale that the contact's faces are along or across",
                 )  # fmt: skip
-            moves[:, column] = rates[row]
+            moves[:, column] = move
         found.append(moves)
     return found[0], found[1]
+
+
+def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
+    """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
+    if not size.is_length:
+        return np.asarray((point - body.seed) @ size.directions())
+    if body.is_surface:
+        rates = vertex_rates(body, {}, size)
+        return None if rates is None else rates[int(np.abs(body.vertices - point).sum(axis=1).argmin())]
+    own = _resizing(body, size).parts[part]
+    if facet is not None:
+        return np.asarray(own.part.normals[facet] * own.offsets[facet, 0])
+    moves = own.moves[own.vertices == int(np.abs(own.part.vertices - point).sum(axis=1).argmin()), :, 0]
+    return None if np.ptp(moves, axis=0).max() > DEFAULT.nominal else moves[0]
+
+
+@lru_cache(maxsize=32)
+def _resizing(body: Body, size: Size) -> Resizing:
+    return Resizing.of(body, (size,))
+
+
+def _whole(body: Body, part: int) -> int:
+    """Return the number of a part in the whole body."""
+    return part if body.full_body is None else body.part_indices[part]
 
 
 def _range(values: Array, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:

@@ -254,7 +254,7 @@ class MotionClaims:
 def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:
     """Return both bodies as made at sizes, and the scales, (1, 2), that are left to ask for."""
     if not sizes:
-        return bodies, np.asarray(place, float)[None]
+        return bodies, np.asarray(place, float)[None] if len(place) else np.ones((1, 2))
     values = dict(zip(sizes, np.asarray(place, float).tolist(), strict=True))
     own = (
         resized(body, {size: x for size, x in values.items() if size.body == role})
