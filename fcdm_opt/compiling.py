@@ -1,6 +1,6 @@
 """How kernels are compiled: with which options, for which types of arrays, where the code is kept, and how far it is.
 
-`kernel` and `step` are numba's `njit` with five differences, as most of a first run is compiling:
+`kernel` and `step` are numba's `njit` with six differences, as most of a first run is compiling:
 
 - one version of each function, whatever the flags of the arrays and whether a number is known in advance: numba would
   compile `f` again for a read-only array, and again for each literal. What arrives read-only from Python is read as if
@@ -9,28 +9,31 @@
   again. Steps, and functions whose names start with an underscore, are taken in: those are to be small, or called once.
 - what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
-  once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). Whoever asks again
-  and again gets them compiled: what plain Python took in all runs is noted beside the code.
+  once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). That lasts until
+  plain Python has taken as long as compiling would; what it took in all runs is noted beside the code.
+- of processes that want the same kernel one compiles it; the others wait, and take what it keeps.
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
 """
 
 from __future__ import annotations
 
-import atexit
 import glob
 import hashlib
 import logging
 import math
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from threading import local
 from time import perf_counter, thread_time
 from types import CodeType, FunctionType, ModuleType, SimpleNamespace
-from typing import Any
+from typing import IO, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -44,6 +47,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from fcdm_opt import pacing
+
+fcntl: Any = import_module("fcntl") if find_spec("fcntl") else None  # not on Windows
 
 config: Any = numba_config
 _Dispatcher: Any = CPUDispatcher
@@ -62,13 +67,15 @@ Needed = dict[tuple[str, str, tuple[Any, ...]], str]
 """Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
-PATIENCE = 2.0  # seconds of plain Python that a light kernel may take: compiling one of them takes longer on the whole
-IN_ALL = 30.0  # that they may take together in one run
+COMPILING = 4.5e-4  # seconds that compiling takes, per byte of the bytecode of a kernel and all that it calls
+IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
-CALLS = 4000  # that it may answer so, however short
-LITTLE = 40000  # entries of all its arrays up to which it is light
+SHORTEST = 1e-4  # seconds that a call counts at least
+LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
+LITTLE = 400000  # entries of all its arrays up to which it is light
 _left = [IN_ALL]  # seconds
-_taken = [0.0]  # seconds of this run
+_taken = [0.0]  # seconds that are to be noted
+NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -88,10 +95,20 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def light(made: Any) -> Any:
-    """Let a kernel run as plain Python until that has cost enough: for those whose work is little on little data."""
+    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data."""
     if not config.DISABLE_JIT:
-        made.patience = PATIENCE
+        made.patience = math.inf  # what it calls need not be there yet
     return made
+
+
+def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
+    """Add a kernel to those known, and all that it calls."""
+    known.add(made)
+    for name in made.py_func.__code__.co_names:
+        called = made.py_func.__globals__.get(name)
+        if isinstance(called, _Compiled) and called not in known:
+            _with_called(called, known)
+    return known
 
 
 def eager() -> None:
@@ -121,11 +138,12 @@ class _Compiled(_Dispatcher):
         with global_compiler_lock:
             if args not in self.overloads:
                 self._find_files()
-                _NEEDED.append({})
-                try:
-                    super().compile(args)
-                finally:
-                    self.needed[args] = _NEEDED.pop()
+                with _alone(self):
+                    _NEEDED.append({})
+                    try:
+                        super().compile(args)
+                    finally:
+                        self.needed[args] = _NEEDED.pop()
                 self._register(self.overloads[args])
             return self.overloads[args].entry_point
 
@@ -167,12 +185,14 @@ class _Compiled(_Dispatcher):
 
     def _is_little(self, args: tuple[Any, ...]) -> bool:
         _count_runs()
-        if isinstance(self._cache, NullCache):  # the first call
+        if self.patience == math.inf:  # the first call
             self._find_files()
             kept: Any = self._cache
-            if self.keeps and kept._enabled and kept._cache_file._load_index():  # some version is there
-                self.patience = 0.0
-        return _left[0] > 0.0 and not self.overloads and sum(array.size for array in _arrays(args)) <= LITTLE
+            there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
+            called = () if there else _with_called(self, set())
+            self.patience = COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
+        lasting = min(self.patience, _left[0]) > 0.0 and not self.overloads
+        return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
         """Run as plain Python, with all that it calls, or compiled where that takes too long.
@@ -191,25 +211,59 @@ class _Compiled(_Dispatcher):
             self.patience = 0.0
         finally:
             took = thread_time() - clock
-            self.patience -= max(took, PATIENCE / CALLS)
-            _left[0] -= took
-            _taken[0] += took
+            self.patience -= max(took, SHORTEST)
+            _note(took)
             pacing.exclude_time(perf_counter() - start)
         return self(*args)
 
 
 @cache
 def _count_runs() -> None:
-    """Allow plain Python what earlier runs left of it, and note at the end what this one took."""
+    """Allow plain Python what earlier runs left of it."""
     with suppress(RuntimeError, OSError, ValueError):  # nowhere to write, or not written by this
-        note = Path(_Files(_count_runs.__wrapped__)._cache_path) / "seconds-of-plain-python"
-        atexit.register(_note, note)
-        _left[0] = min(_left[0], IN_RUNS - sum(map(float, note.read_text("ascii").split())))
+        _left[0] = min(_left[0], IN_RUNS - sum(map(float, _kept_in(NOTE).read_text("ascii").split())))
 
 
-def _note(note: Path) -> None:
-    with suppress(OSError), note.open("a", encoding="ascii") as file:
-        file.write(f"{_taken[0]:.1f}\n")
+def _note(took: float) -> None:
+    """Note seconds of plain Python for this run and later ones, when they are enough to be noted."""
+    _left[0] -= took
+    _taken[0] += took
+    if _taken[0] >= NOTED:
+        with suppress(RuntimeError, OSError), _kept_in(NOTE).open("a", encoding="ascii") as file:
+            file.write(f"{_taken[0]:.1f}\n")
+        _taken[0] = 0.0
+
+
+def _kept_in(name: str) -> Path:
+    """Return the path of a file beside the code that is kept."""
+    return Path(_Files(_kept_in)._cache_path) / name
+
+
+@contextmanager
+def _alone(made: _Compiled) -> Iterator[None]:
+    """Hold off other processes that want the same kernel: what is compiled here, they take from where it is kept."""
+    locks = _locks() if made.keeps else None
+    if locks is None:
+        yield
+        return
+    place, start = zlib.crc32(f"{made.py_func.__module__}.{made.py_func.__name__}".encode()), perf_counter()
+    with suppress(OSError):  # a file system without locks
+        fcntl.lockf(locks, fcntl.LOCK_EX, 1, place)
+    if not _NEEDED:
+        pacing.exclude_time(perf_counter() - start)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            fcntl.lockf(locks, fcntl.LOCK_UN, 1, place)
+
+
+@cache
+def _locks() -> IO[bytes] | None:
+    """Return the file in which each kernel has a byte to lock, None without; closing it would free all."""
+    with suppress(RuntimeError, OSError):  # nowhere to write
+        return _kept_in("locks").open("ab") if fcntl else None
+    return None
 
 
 class _Inner(_Compiled):
@@ -263,6 +317,7 @@ class _CostlyError(Exception):
 
 
 _until = local()  # this clock of the thread a kernel may run as plain Python
+_calls = count()
 
 
 def _arrays(args: tuple[Any, ...]) -> Iterator[Any]:
@@ -290,6 +345,9 @@ _MATH = SimpleNamespace(**vars(math))
 for _name in ("sqrt", "exp", "log", "sin", "cos", "tan"):
     setattr(_MATH, _name, _without_errors(getattr(math, _name), getattr(np, _name)))
 
+_ARRAYS = SimpleNamespace(**vars(np))
+_ARRAYS.uintp, _ARRAYS.abs = int, abs  # as they answer, in a tenth of the time
+_INSTEAD = {math: _MATH, np: _ARRAYS}
 _NAMES: dict[str, dict[str, Any]] = {}  # of each module, with plain Python in place of what is compiled
 
 
@@ -301,11 +359,12 @@ def _written(made: _Compiled) -> Callable[..., Any]:
     if names is None:
         names = _NAMES[written.__module__] = dict(written.__globals__)
         names |= {name: _written(value) for name, value in names.items() if isinstance(value, _Compiled)}
-        names |= {name: _MATH for name, value in names.items() if value is math}
+        modules = {name: value for name, value in names.items() if isinstance(value, ModuleType)}
+        names |= {name: _INSTEAD.get(value, value) for name, value in modules.items()}
     function = FunctionType(written.__code__, names, written.__name__, written.__defaults__)
 
     def clocked(*args: Any) -> Any:
-        if thread_time() > _until.clock:
+        if next(_calls) % LOOKS == 0 and thread_time() > _until.clock:
             raise _CostlyError
         return function(*args)
 

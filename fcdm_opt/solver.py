@@ -272,12 +272,12 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         cells, before = len(task.weights) <= MOST_CHECKED, answer.q
-        if not cells and (shown := _by_multipliers(problem, answer)):
+        if not cells and (shown := _by_multipliers(problem, answer, how.seconds)):
             return shown
         answer, evidence = proved(task, answer, gap=GAP, seconds=how.seconds)
         if cells or answer.q is before:
             return answer, evidence
-        return _by_multipliers(problem, answer) or (answer, None)
+        return _by_multipliers(problem, answer, how.seconds) or (answer, None)
     if how.model != "auto":
         return answer, None
     if how.effort == "quick":
@@ -286,9 +286,10 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
-def _by_multipliers(problem: Problem, answer: Answer) -> tuple[Answer, ProofData] | None:
-    """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do."""
-    found = None if answer.q is None else smallest_by_multipliers(problem, answer.q)
+def _by_multipliers(problem: Problem, answer: Answer, seconds: float | None) -> tuple[Answer, ProofData] | None:
+    """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do in that time."""
+    with pacing.within(seconds, share=1.0):
+        found = None if answer.q is None else pacing.in_time(smallest_by_multipliers, problem, answer.q, late=None)
     return found and (replace(answer, lower_bound=found[0]), found[1])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -29,12 +30,17 @@ settings.load_profile("plain Python" if PLAIN else "tests")
 FAST = {
     "test_batch", "test_bodies", "test_certificate", "test_checker", "test_cli_help", "test_contact",
     "test_contact_rows", "test_conversion", "test_descent", "test_distributions", "test_documents_complete",
-    "test_equations", "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init",
-    "test_judging", "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples",
-    "test_problem", "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution",
-    "test_solver_closed_forms", "test_study_files", "test_study_tables", "test_table", "test_translations",
-    "test_turns", "test_typing_mistakes", "test_working",
+    "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init", "test_judging",
+    "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples", "test_problem",
+    "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution", "test_solver_closed_forms",
+    "test_study_files", "test_study_tables", "test_table", "test_turns", "test_typing_mistakes", "test_working",
 }  # fmt: skip
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files without fast tests where these alone are asked for: reading all takes longer than those tests."""
+    slow = collection_path.name.startswith("test_") and collection_path.stem not in FAST
+    return True if slow and config.option.markexpr == "fast" else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

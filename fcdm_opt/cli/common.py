@@ -64,6 +64,7 @@ def argument(metavar: str, text: str, **more: Any) -> Any:
 Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]
 AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
 Out = Annotated[Path | None, option("--out", "DIR", "Write pictures (PNG and SVG) there.", OUTPUT)]
+Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Time = Annotated[
     float | None,
@@ -154,9 +155,9 @@ class Inquiry:
     Iterating yields the files that were read. What is answered goes to the JSON document, what is refused to stderr
     too; `finish` writes the document and exits with the most severe code.
 
-    Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, and the folder for
-    pictures make one. Its `pictures` are an album, made once the files were read and only where there is a case to
-    show; `codes` are the exit codes so far.
+    Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, the folder for
+    pictures and whether these are light on dark make one. Its `pictures` are an album, made once the files were read
+    and only where there is a case to show; `codes` are the exit codes so far.
     """
 
     def __init__(
@@ -166,6 +167,7 @@ class Inquiry:
         *,
         as_json: bool,
         out: Path | None = None,
+        dark: bool = False,
         assemblies: bool = False,
     ) -> None:
         self._opened = opened_files(paths, cases or (), assemblies=assemblies)
@@ -177,7 +179,7 @@ class Inquiry:
         if out is not None and any(file.problems for file in self._opened):
             from fcdm_opt.show.album import Album
 
-            self.pictures = Album(out, self.wrote)
+            self.pictures = Album(out, self.wrote, dark=dark)
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""

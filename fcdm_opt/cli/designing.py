@@ -13,6 +13,7 @@ from fcdm_opt import pacing
 from fcdm_opt.cli.common import (
     AsJson,
     Cases,
+    Dark,
     Files,
     Inquiry,
     OpenedFile,
@@ -63,6 +64,7 @@ WINDOW = "Smallest motion after which every pair's gap is in this window."
 def study_command(
     file: Annotated[Path, argument("FILE", "A study file (TOML).")],
     out: Results,
+    dark: Dark = False,
     jobs: Jobs = None,
     engine: Annotated[str, option("--engine", "NAME", '"joblib" (this machine) or "dask" (many).')] = "joblib",
     scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", SCHEDULER)] = None,
@@ -87,7 +89,7 @@ def study_command(
     if parquet:
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
-    pictures = Album(out, say)
+    pictures = Album(out, say, dark=dark)
     pictures.add("study", study_figure(result))
     counts = result.counts
     wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
@@ -144,6 +146,7 @@ def whatif_command(
 def map_command(
     files: Files,
     out: Results,
+    dark: Dark = False,
     error: Annotated[
         float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
     ] = None,
@@ -177,7 +180,7 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures = inquiry.pictures
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -237,11 +240,13 @@ def pose_command(
     _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
 
 
-def faces_command(files: Files, time: Time = None, as_json: AsJson = False, out: Out = None) -> None:
+def faces_command(
+    files: Files, time: Time = None, as_json: AsJson = False, out: Out = None, dark: Dark = False
+) -> None:
     """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
     from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
 
-    inquiry = Inquiry(files, None, as_json=as_json, out=out)
+    inquiry = Inquiry(files, None, as_json=as_json, out=out, dark=dark)
     for file in inquiry:
         problem = file.problems[0]
         bodies = {role: problem.request[role] for role in ("movable", "static")}
@@ -267,6 +272,7 @@ def stack_command(
     time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
+    dark: Dark = False,
     case: Cases = None,
 ) -> None:
     """Tell how the gap depends on the sizes of faces and features: worst case, yield, what each contributes.
@@ -280,7 +286,7 @@ def stack_command(
 
     limits = None if gap is None else _two(gap, "--gap")
     costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True, dark=dark)
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
+from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -25,17 +25,23 @@ DIRECTION = (
 
 
 def curve_command(
-    files: Files, time: Time = None, as_json: AsJson = False, out: Out = None, case: Cases = None
+    files: Files,
+    time: Time = None,
+    as_json: AsJson = False,
+    out: Out = None,
+    dark: Dark = False,
+    case: Cases = None,
 ) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     from fcdm_opt.show.tables import print_curves
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     for file in inquiry:
         found: dict[DecisionCurve, list[str]] = {}  # the same one for the same bodies and box
         for problem in file.problems:
             found.setdefault(problem.curve, []).append(problem.name)
         unit = next((problem.unit for problem in file.problems), "")  # a file has one
+        made = {problem.curve: bool(problem.made) for problem in file.problems}
         shared = {"unit": unit} if unit else {}
         inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found.items()])
         if found and not as_json:
@@ -44,7 +50,7 @@ def curve_command(
         if inquiry.pictures:
             for number, curve in enumerate(found, 1):
                 suffix = f"-pair{number}" if len(found) > 1 else ""
-                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit)
+                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit, made=made[curve])
     inquiry.finish()
 
 
@@ -65,6 +71,7 @@ def solve_command(
     ] = None,
     as_json: AsJson = False,
     out: Out = None,
+    dark: Dark = False,
     case: Cases = None,
 ) -> None:
     """Find the smallest motion of each case, verify it, and print one table a file.
@@ -75,7 +82,7 @@ def solve_command(
     from fcdm_opt.show.assemblies import print_answers
     from fcdm_opt.show.solved import solved_case
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
     answers: list[tuple[str, Bounded]] = []
 
     def tabled(file: OpenedFile, name: str, solution: Bounded) -> None:
@@ -104,6 +111,7 @@ def range_command(
     time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
+    dark: Dark = False,
     case: Cases = None,
 ) -> None:
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides.
@@ -116,7 +124,7 @@ def range_command(
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange, Any]]:
         along = _default_direction(file, problem) if asked is None else asked

@@ -88,8 +88,6 @@ def warmup_command() -> None:
         for done, result in enumerate(process_pool.each(operator.call, groups), 1):
             result()
             pacing.at("compiling numerical kernels", done, len(groups))
-        for ask in groups:  # of what both compiled one is kept, which the code of the other may not fit
-            ask()
     typer.echo(f"the numerical kernels are compiled and kept for later runs, in {perf_counter() - start:.0f} s")
 
 

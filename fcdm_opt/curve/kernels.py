@@ -204,12 +204,19 @@ def relative_pose(transform, seed1, seed2):
     return pose
 
 
+ORIGIN, END, FACE, NEXT = range(4)
+
+
+@step
+def _half_edge(ints, h, entry):
+    """Return the origin, end, face on the left or next half-edge of a half-edge."""
+    return ints[np.uintp(ints[3] + 4 * h + entry)]
+
+
 @step
 def _side(ints, h):
-    """Return origin, end, face on the left and next half-edge of a half-edge."""
-    k = np.uintp(ints[3] + 4 * h)
-    one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
-    return ints[k], ints[k + one], ints[k + two], ints[k + three]
+    """Return all four of these."""
+    return _half_edge(ints, h, ORIGIN), _half_edge(ints, h, END), _half_edge(ints, h, FACE), _half_edge(ints, h, NEXT)
 
 
 # ---------------------------------------------------------------------------------------- the walk (design section 3)
@@ -287,11 +294,11 @@ def _climbed(reals, ints, vertex, n):
         best, where = -_INF, vertex
         first = h = ints[np.uintp(ints[4] + vertex)]
         while True:
-            other = _side(ints, h)[1]
+            other = _half_edge(ints, h, END)
             height = _dot(n, _at(reals, other))
             if height > best:
                 best, where = height, other
-            h = _side(ints, h ^ 1)[3]
+            h = _half_edge(ints, h ^ 1, NEXT)
             if h == first:
                 break
         if not best > here:
@@ -348,11 +355,11 @@ def _left_through(reals, ints, ray):
         face, steepest = -2, 0.0
         first = h = ints[np.uintp(ints[4] + vertex)]
         while True:
-            other = _side(ints, h)[2]
+            other = _half_edge(ints, h, FACE)
             slope = _dot(ray, _at(reals, count + other))
             if slope > steepest:
                 face, steepest = other, slope
-            h = _side(ints, h ^ 1)[3]
+            h = _half_edge(ints, h ^ 1, NEXT)
             if h == first:
                 break
     for _ in range(ints[1]):
@@ -372,7 +379,7 @@ def _left_through(reals, ints, ray):
             return face
         if not worst < -bound:
             return -2
-        face = _side(ints, across ^ 1)[2]
+        face = _half_edge(ints, across ^ 1, FACE)
         if not inside:  # beyond the outline there is nothing
             slope = _dot(ray, _at(reals, count + face))
             least = (2.0 * reals[count + face, 3] + SPOKE) * length
@@ -405,7 +412,7 @@ def _seed_ray(reals, ints, ray):
 @step
 def _seed_side(reals, ints, face):
     """Return 1 where the seed lies behind the plane of a face, -1 where before it, 0 where it cannot tell."""
-    level = _dot(_at(reals, ints[0] + face), _at(reals, _side(ints, ints[ints[5] + face])[0]))
+    level = _dot(_at(reals, ints[0] + face), _at(reals, _half_edge(ints, ints[ints[5] + face], ORIGIN)))
     least = (2.0 * reals[ints[0] + face, 3] + SPOKE) * reals[ints[0] + ints[1], 0]
     return 1 if level > least else (-1 if level < -least else 0)
 
@@ -416,7 +423,7 @@ def _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex):
     if kind == F1V2:
         m = _at(reals1, ints1[0] + face)
         n = _turned(frame, COFACTORS, m)
-        height = _dot(m, _at(reals1, _side(ints1, ints1[np.uintp(ints1[5] + face)])[0]))
+        height = _dot(m, _at(reals1, _half_edge(ints1, ints1[np.uintp(ints1[5] + face)], ORIGIN)))
         # cofactors times m, R times x: their product is m.x times the determinant
         first = _dot(_entry(frame, R), _entry(frame, COFACTORS)) * height
         second = -_dot(n, _at(reals2, apex))
@@ -424,7 +431,7 @@ def _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex):
         m = _at(reals2, ints2[0] + face)
         n = _times(-1.0, m)
         first = _dot(_turned_back(frame, R, n), _at(reals1, apex))
-        second = _dot(m, _at(reals2, _side(ints2, ints2[np.uintp(ints2[5] + face)])[0]))
+        second = _dot(m, _at(reals2, _half_edge(ints2, ints2[np.uintp(ints2[5] + face)], ORIGIN)))
     scale = 1.0 / _length(n)
     level = scale * _dot(n, _entry(frame, D))
     return _times(scale, n), scale * first, scale * second, level
@@ -465,7 +472,7 @@ def _track(reals1, reals2, frame, forward, kind, apex):
 def _way_out(reals, ints, face, q, bound):
     """Return the half-edge of a face over which the contact point leaves it, and q.x at its ends; -1: cannot tell."""
     first = h = ints[np.uintp(ints[5] + face)]
-    before = _dot(q, _at(reals, _side(ints, h)[0]))
+    before = _dot(q, _at(reals, _half_edge(ints, h, ORIGIN)))
     while True:
         _, b, _, following = _side(ints, h)
         after = _dot(q, _at(reals, b))
@@ -527,7 +534,7 @@ def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
     """
     a, b, left, _ = _side(ints1, h1)
     u, v, over, _ = _side(ints2, h2)
-    right, under = _side(ints1, h1 ^ 1)[2], _side(ints2, h2 ^ 1)[2]
+    right, under = _half_edge(ints1, h1 ^ 1, FACE), _half_edge(ints2, h2 ^ 1, FACE)
     f1, f2 = ints1[0], ints2[0]
     across = _turned_back(frame, COFACTORS, _minus(_at(reals2, v), _at(reals2, u)))
     along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
@@ -552,7 +559,7 @@ def _beyond(reals, ints, vertex, start, target, skip, bound):
     least, nearest, found = _INF, _INF, -1
     first = h = ints[np.uintp(ints[4] + vertex)]
     while True:
-        spoke = _minus(_at(reals, _side(ints, h)[1]), here)
+        spoke = _minus(_at(reals, _half_edge(ints, h, END)), here)
         after = _dot(target, spoke)
         least = min(least, after)
         if after < -bound and h >> 1 != skip:
@@ -560,7 +567,7 @@ def _beyond(reals, ints, vertex, start, target, skip, bound):
             at = before / (before - after) if before > 0.0 else 0.0
             if at < nearest:
                 nearest, found = at, h
-        h = _side(ints, h ^ 1)[3]
+        h = _half_edge(ints, h ^ 1, NEXT)
         if h == first:
             break
     if found >= 0:
@@ -651,13 +658,13 @@ def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
     crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end.
     """
     if meets == F1V2:
-        face = _side(ints1, h ^ 1)[2]
+        face = _half_edge(ints1, h ^ 1, FACE)
         target = _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))
         bound = frame[RADIUS_2] * (2.0 * reals1[ints1[0] + face, 3] + frame[SPOKE_BOUND])
         state, g = _beyond(reals2, ints2, vertex, n, target, skip, bound)
         kind, i, j = (F1V2, face, vertex) if state == 1 else (E1E2, h, g)
     else:
-        face = _side(ints2, h ^ 1)[2]
+        face = _half_edge(ints2, h ^ 1, FACE)
         target = _turned_back(frame, R, _at(reals2, ints2[0] + face))
         bound = frame[RADIUS_1] * (2.0 * reals2[ints2[0] + face, 3] + frame[SPOKE_BOUND])
         start = _times(-1.0, _turned_back(frame, R, n))
@@ -1128,7 +1135,7 @@ def _grazes(reals1, ints1, reals2, ints2, frame, planarity):
 @step
 def _seed_height(reals, ints, face):
     """Return how far the plane of a face is from the seed, negative where the seed is before it."""
-    return _dot(_at(reals, ints[0] + face), _at(reals, _side(ints, ints[np.uintp(ints[5] + face)])[0]))
+    return _dot(_at(reals, ints[0] + face), _at(reals, _half_edge(ints, ints[np.uintp(ints[5] + face)], ORIGIN)))
 
 
 @kernel
@@ -1306,7 +1313,7 @@ def _true_row(reals1, ints1, reals2, ints2, frame, site, row):
         n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, 2 * i, 2 * j)
         a, b, left, _ = _side(ints1, 2 * i)
         u, v, over, _ = _side(ints2, 2 * j)
-        right, under = _side(ints1, 2 * i + 1)[2], _side(ints2, 2 * j + 1)[2]
+        right, under = _half_edge(ints1, 2 * i + 1, FACE), _half_edge(ints2, 2 * j + 1, FACE)
         along, way = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a))), _minus(_at(reals2, v), _at(reals2, u))
         sine = _length(_cross(along, way)) / (_length(along) * _length(way))
         if sine <= _TIE:  # any direction across them that both parts support
@@ -1354,12 +1361,12 @@ def _extreme_at(reals, ints, vertex, n):
     here, radius, found = _at(reals, vertex), reals[ints[0] + ints[1], 0], 1
     first = h = ints[np.uintp(ints[4] + vertex)]
     while True:
-        rise = _dot(n, _minus(_at(reals, _side(ints, h)[1]), here))
+        rise = _dot(n, _minus(_at(reals, _half_edge(ints, h, END)), here))
         if _TIE * radius < np.abs(rise) < _NEARLY * radius:
             return -1
         if rise > 0.0 and not rise <= _TIE * radius:
             found = 0
-        h = _side(ints, h ^ 1)[3]
+        h = _half_edge(ints, h ^ 1, NEXT)
         if h == first:
             return found
 
@@ -1498,11 +1505,13 @@ def _overlap_within(reals1, ints1, reals2, ints2, frame, rows, witness):
         _depth(reals1, ints1, x, _turned_back(frame, R, p)) > least and _depth(reals2, ints2, y, _minus(p, d)) > least
     ):  # a mean of points that they share is inside both
         return True
-    rho = np.array([x, y]) / witness[2]
-    size = rho.max()
+    rho = np.array([x / witness[2], y / witness[2]])
+    share = _WITHIN * max(rho[0], rho[1]) / len(rows)
     for k in range(len(rows)):
-        rho += _WITHIN * size / len(rows) * rows[k, 3:5] / np.sqrt((rows[k, 3:5] ** 2).sum())
-    if rho.min() <= 0.0:
+        a, b = rows[k, 3], rows[k, 4]
+        for body in range(2):
+            rho[body] += share * rows[k, 3 + body] / np.sqrt(a * a + b * b)
+    if min(rho[0], rho[1]) <= 0.0:
         return False
     return -least_separation(reals1, ints1, reals2, ints2, frame[:12].copy(), rho) > least / witness[2]
 
@@ -1751,7 +1760,7 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
     for edge in range(ints1[2]):
         # from the normal of the face on the edge's left to that on its right
         h, first = 2 * edge, count
-        left, right = _side(ints1, h)[2], _side(ints1, h + 1)[2]
+        left, right = _half_edge(ints1, h, FACE), _half_edge(ints1, h + 1, FACE)
         vertex, skip, state = sites[left, 2], -1, 0
         n = _turned(frame, COFACTORS, _at(reals1, n1 + left))
         target = _turned(frame, COFACTORS, _at(reals1, n1 + right))
@@ -1764,12 +1773,12 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
                 sites, rows = _longer(sites, 2 * count), _longer(rows, 2 * count)
             n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
             inward = _turned_back(frame, R, n)
-            a, _ = _climbed(reals1, ints1, _side(ints1, h)[0], inward)
+            a, _ = _climbed(reals1, ints1, _half_edge(ints1, h, ORIGIN), inward)
             b, _ = _climbed(reals2, ints2, vertex, _times(-1.0, n))
             row = n, _dot(inward, _at(reals1, a)), -_dot(n, _at(reals2, b)), level
             _list(sites, rows, count, E1E2, edge, g >> 1, row)
             count += 1
-            vertex, skip = _side(ints2, g)[1], g >> 1
+            vertex, skip = _half_edge(ints2, g, END), g >> 1
         if state != 1:
             count, unsure[doubtful] = first, edge
             doubtful += 1
@@ -1793,7 +1802,7 @@ def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edge
     for edge in edges:
         h = 2 * edge
         a, b, left, _ = _side(ints1, h)
-        right = _side(ints1, h + 1)[2]
+        right = _half_edge(ints1, h + 1, FACE)
         along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
         length = _length(along)
         before, after = _at(reals1, f1 + left), _at(reals1, f1 + right)
@@ -1803,7 +1812,7 @@ def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edge
             p, q = _dot(_at(across, other), before), _dot(_at(across, other), after)
             if (p > slack and q > slack2) or (p < -slack and q < -slack2):
                 continue
-            over, under = _side(ints2, 2 * other)[2], _side(ints2, 2 * other + 1)[2]
+            over, under = _half_edge(ints2, 2 * other, FACE), _half_edge(ints2, 2 * other + 1, FACE)
             bound, bound2 = r1 * (2.0 * reals2[f2 + over, 3] + SPOKE), r1 * (2.0 * reals2[f2 + under, 3] + SPOKE)
             s, t = _dot(along, _at(reals2, f2 + over)), _dot(along, _at(reals2, f2 + under))
             if (s > bound and t > bound2) or (s < -bound and t < -bound2):
@@ -1841,12 +1850,13 @@ def _supporting_row(reals1, ints1, reals2, ints2, frame, h1, h2):
     """Return (whether both are extreme along their common normal, row) of two edges: whether their arcs cross."""
     n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2)
     inward, back = _turned_back(frame, R, n), _times(-1.0, n)
-    one, two = _dot(inward, _at(reals1, _side(ints1, h1)[0])), _dot(back, _at(reals2, _side(ints2, h2)[0]))
+    one = _dot(inward, _at(reals1, _half_edge(ints1, h1, ORIGIN)))
+    two = _dot(back, _at(reals2, _half_edge(ints2, h2, ORIGIN)))
     most1, most2 = one + FINE * frame[RADIUS_1], two + FINE * frame[RADIUS_2]
     for side in range(2):  # the faces' next corners settle most
-        following1, following2 = _side(ints1, h1 ^ side)[3], _side(ints2, h2 ^ side)[3]
-        corner1, corner2 = _at(reals1, _side(ints1, following1)[1]), _at(reals2, _side(ints2, following2)[1])
-        if not (_dot(inward, corner1) <= most1 and _dot(back, corner2) <= most2):
+        following1, following2 = _half_edge(ints1, h1 ^ side, NEXT), _half_edge(ints2, h2 ^ side, NEXT)
+        corner1, corner2 = _half_edge(ints1, following1, END), _half_edge(ints2, following2, END)
+        if not (_dot(inward, _at(reals1, corner1)) <= most1 and _dot(back, _at(reals2, corner2)) <= most2):
             return False, (n, one, two, level)
     one, two = _height(reals1, 0, ints1[0], inward), _height(reals2, 0, ints2[0], back)
     return one <= most1 and two <= most2, (n, one, two, level)
@@ -2127,7 +2137,9 @@ def _middles(reals, ints, places):
 def _longer(values, room):
     """Return an array with more rows, the first as they were."""
     more = np.empty((room,) + values.shape[1:], values.dtype)  # noqa: RUF005 -- compiled code cannot unpack
-    more[: len(values)] = values
+    to = more.ravel()
+    for k, value in enumerate(values.flat):  # as a whole they would be compared in shape, and all that says so compiled
+        to[k] = value
     return more
 
 

@@ -10,14 +10,17 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.kernels import (
+    FACE,
+    NEXT,
+    ORIGIN,
     _at,
     _cross,
     _dot,
     _entry,
+    _half_edge,
     _length,
     _minus,
     _plus,
-    _side,
     _times,
     _turned,
     _turned_back,
@@ -88,23 +91,23 @@ def support(reals, ints, n, slack):
     best, face = 0, -1
     first = h = ints[ints[4] + some]
     while True:
-        around = _side(ints, h)[2]
+        around = _half_edge(ints, h, FACE)
         g, held, size = h, 0, 0
         while True:
-            held, size = held + int(heights[_side(ints, g)[0]] >= least), size + 1
-            g = _side(ints, g)[3]
+            held, size = held + int(heights[_half_edge(ints, g, ORIGIN)] >= least), size + 1
+            g = _half_edge(ints, g, NEXT)
             if g == h:
                 break
         if held > best:
             best, face, count = held, around, size
-        h = _side(ints, h ^ 1)[3]
+        h = _half_edge(ints, h ^ 1, NEXT)
         if h == first:
             break
     found = np.empty(count, np.int64)
     h = ints[ints[5] + face]
     for k in range(count):
-        found[k] = _side(ints, h)[0]
-        h = _side(ints, h)[3]
+        found[k] = _half_edge(ints, h, ORIGIN)
+        h = _half_edge(ints, h, NEXT)
     return found
 
 
@@ -155,7 +158,8 @@ def clipped(shape, polygon, slack):
     heights = np.empty(len(shape) + len(polygon))
     own, kept = np.empty((len(heights), 3)), np.empty((len(heights), 3))
     count = len(shape)
-    own[:count] = shape
+    for k in range(count):
+        own[k] = shape[k]
     for side in range(len(polygon)):
         corner = _at(polygon, side)
         inward = _cross(normal, _minus(_at(polygon, (side + 1) % len(polygon)), corner))

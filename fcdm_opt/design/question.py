@@ -6,8 +6,9 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -292,8 +293,13 @@ class SceneTables:
             if isinstance(place[1], str):
                 allowed = "keep_out[1], ..."
                 raise InputError("keep-outs are counted", key=written(place), found=place[1], allowed=allowed)
+            if "keep_out[1]" not in self.tables:
+                raise InputError("there are no keep-outs", key=written(place), allowed="one in the file first")
             check_item([own for own in self.tables if own.startswith("keep_out[")], place, 1)
         elif table not in self.tables:
+            if self.assembled:
+                allowed = f"part.NAME, of {', '.join(self.assembled['part'])}"
+                raise InputError("an assembly has parts", key=written(place), found=place[0], allowed=allowed)
             role = str(place[1]) if len(place) > 1 else ""
             what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
@@ -431,7 +437,8 @@ class Question:
     def check(self) -> None:
         """Refuse keys and values that no case or body has; reads and builds nothing."""
         if self.scene.assembled:
-            checked(AssemblyFile, {**self.scene.to_dict(), "case": [self.case]})
+            with _case_alone(self.name):
+                checked(AssemblyFile, {**self.scene.to_dict(), "case": [self.case]})
         else:
             self.scene.check()
             checked(Case, self.case).arguments(_NO_DEFAULTS)
@@ -443,11 +450,22 @@ class Question:
         """
         scene = self.scene.drawn
         if scene.assembled:
-            file = checked(AssemblyFile, {**scene.to_dict(), "case": [self.case]})
-            return file.assemblies(bodies=scene.bodies, keep_out=scene.kept)[0]
+            with _case_alone(self.name):
+                file = checked(AssemblyFile, {**scene.to_dict(), "case": [self.case]})
+                return file.assemblies(bodies=scene.bodies, keep_out=scene.kept)[0]
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
         scene.latest[:] = [problem.curve]
         return problem
+
+
+@contextmanager
+def _case_alone(name: str) -> Iterator[None]:
+    """Leave out of an error's key that it is about the one case there is."""
+    try:
+        yield
+    except InputError as reason:
+        key = re.sub(rf"^case\[1\]( {re.escape(repr(name))})?\.", "", reason.key or "") or None
+        raise InputError(reason.what, file=reason.file, key=key, found=reason.found, allowed=reason.allowed) from reason
 
 
 def _given(entry: Entry, folder: Path | None = None) -> dict[str, Any]:

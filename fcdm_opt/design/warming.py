@@ -46,7 +46,8 @@ def sized() -> None:
     """Ask what needs the kernels of unions, faces on faces, sizes, poses, maps and bodies kept as surfaces."""
     compiling.eager()
     peg, plate = _bodies()
-    decision_curve(peg, plate).crossings(1.02)
+    curve = decision_curve(peg, plate)
+    _ = curve.crossings(1.02), curve.chains
     block, floor = Body.convex(_box((-1, -1, 0), (1, 1, 3))), Body.convex(_box((-3, -3, -1), (3, 3, 0)))
     decision_curves(block, floor, np.eye(4)[None])
     resting = Problem(block, floor, target=(0.98, 1.0), goal="seat", motion=Translation("z"))

@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, equal_pairs
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.measures import cross, following, norms
 from fcdm_opt.geometry.polygons import Sides, clipped
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
@@ -99,7 +99,7 @@ def _crossing_cones(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
 def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield triangles without a common corner that may meet."""
     corners = points[triangles] - points[triangles[0, 0]]
-    edges = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+    edges = (following(corners) - corners).reshape(-1, 3)
     frame = np.linalg.eigh(edges.T @ edges)[1]  # slender triangles lie along it
     both = np.concatenate([corners, corners @ frame], axis=2)
     pad = ROUNDING * np.abs(corners).max()
@@ -120,7 +120,7 @@ def not_separated(one: Array, two: Array) -> Ints:
     """
     one, two = one - one[:, :1], two - one[:, :1]
     reach = np.sqrt(np.maximum((one**2).sum(axis=2).max(axis=1), (two**2).sum(axis=2).max(axis=1)))
-    ways = np.concatenate([np.roll(own, -1, axis=1) - own for own in (one, two)], axis=1)
+    ways = np.concatenate([following(own) - own for own in (one, two)], axis=1)
     normals = np.stack([cross(ways[:, 0], ways[:, 1]), cross(ways[:, 3], ways[:, 4])], axis=1)
     ways, left = np.concatenate([ways, normals], axis=1), np.arange(len(one))
     sides = product(range(3), range(3, 6))
@@ -203,7 +203,7 @@ def _meeting(one: Array, two: Array, slack: float) -> tuple[float, float, float]
     first, second = ([tuple(row) for row in own] for own in rational)
     shared = [point for point in first if point in second]
     polygon, other = rational
-    ahead = np.roll(other, -1, axis=0) - other
+    ahead = following(other) - other
     normal = cross(ahead[0], ahead[1])
     inwards = np.concatenate([[normal, -normal], cross(normal[None], ahead)])
     for inward, origin in zip(inwards, other[[0, 0, 0, 1, 2]], strict=True):

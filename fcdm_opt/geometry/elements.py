@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -192,7 +193,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
     corners = {tuple(surface.points[row].tolist()): row for row in np.unique(surface.edges)[::-1].tolist()}
     hidden = {frozenset(map(tuple, ends)) for ends in surface.points[surface.hidden].tolist()}
     edge_names = [Element("E", (a + 1, b + 1)) for a, b in np.sort(surface.edges, axis=1).tolist()]
-    face_names = [Element("F", face) for face in faces]
+    face_names, whole = [Element("F", face) for face in faces], set(faces)
 
     def chosen(own: Element, shares: dict[Element, float], least: float, outline: Array) -> tuple[Element, Span | None]:
         """Return the name with the largest share, edges first, and all above the least where they are several."""
@@ -216,10 +217,11 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         on = (face for face in np.flatnonzero(flat[k]).tolist() if surface.lies_on(face, points[[row]])[0])
         return min((face_names[face] for face in on), default=Element("V", (row + 1,)))
 
-    def edge(a: int, b: int) -> tuple[Element, Span | None]:
+    @cache  # the parts beside a cut have its edges in common
+    def stretch(a: int, b: int) -> tuple[Element, Span | None]:
         i, j, own, ends = place[a], place[b], Element("E", label((a, b))), points[[a, b]]
-        if (whole := within[i] & within[j]).any():
-            return min(edge_names[k] for k in np.flatnonzero(whole)), None
+        if (over := within[i] & within[j]).any():
+            return min(edge_names[k] for k in np.flatnonzero(over)), None
         if frozenset(map(tuple, ends.tolist())) in hidden:
             return own, None
         candidates, along = np.flatnonzero(flat[i] & flat[j]), np.flatnonzero(collinear[i] & collinear[j])
@@ -231,12 +233,18 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
             shares[face_names[face]] = float(lengths[free][surface.lies_on(face, middles[free])].sum())
         return chosen(own, shares, DEFAULT.nominal, ends)
 
+    def edge(a: int, b: int) -> tuple[Element, Span | None]:
+        name, span = stretch(min(a, b), max(a, b))
+        return name, span._replace(corners=frozen(points[[a, b]])) if span and a > b else span
+
     def face(loop: list[int]) -> tuple[Element, Span | None]:
-        outline = points[loop]
+        outline, own = points[loop], Element("F", label(loop))
+        if own.vertices in whole:
+            return own, None
         on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ unit_normals(outline) > 0)
         shares = {face_names[k]: surface.area_within(k, outline) for k in np.flatnonzero(on).tolist()}
         least = DEFAULT.nominal * np.ptp(outline, axis=0).max() / surface.size
-        return chosen(Element("F", label(loop)), shares, least, outline)
+        return chosen(own, shares, least, outline)
 
     named_vertices = {row: vertex(row) for row in rows.tolist()}
     elements = []

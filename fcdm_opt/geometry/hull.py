@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.measures import cross, norms, units
+from fcdm_opt.geometry.measures import cross, following, norms, units
 from fcdm_opt.geometry.polygons import Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
@@ -207,7 +207,7 @@ def _areas(corners: Array) -> Array:
 
     From the longest side and the height on it, so that even a sliver's lies across its length.
     """
-    sides = np.roll(corners, -1, axis=1) - corners
+    sides = following(corners) - corners
     lengths = (sides**2).sum(axis=2)
     longest, rows = lengths.argmax(axis=1), np.arange(len(corners))
     side, other = sides[rows, longest], sides[rows, longest - 2]

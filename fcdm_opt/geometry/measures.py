@@ -19,7 +19,14 @@ def cross(u: Array, v: Array) -> Array:
     """Return cross products of vectors, (..., 3); quicker than numpy's."""
     a, b, c, x, y, z = u[..., 0], u[..., 1], u[..., 2], v[..., 0], v[..., 1], v[..., 2]
     # of objects the type is told: numpy would make machine integers of what is left of them, and round or overflow
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1, dtype=np.result_type(u, v))
+    products = np.empty(np.broadcast_shapes(u.shape, v.shape), np.result_type(u, v))
+    products[..., 0], products[..., 1], products[..., 2] = b * z - c * y, c * x - a * z, a * y - b * x
+    return products
+
+
+def following(corners: Array) -> Array:
+    """Return for each corner of polygons, (..., n, 3), the next one; quicker than numpy's roll."""
+    return np.concatenate([corners[..., 1:, :], corners[..., :1, :]], axis=-2)
 
 
 def norms(vectors: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, following, norms, unit_normals, units
 from fcdm_opt.tolerances import DEFAULT
 
 Polygon = tuple[int, ...]
@@ -74,7 +74,7 @@ def clipped(polygon: Array, heights: Array) -> Array:
 
 def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
     """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
-    ways = units(cross(normal, np.roll(outline, -1, axis=0) - outline))
+    ways = units(cross(normal, following(outline) - outline))
     for base, way in zip(outline, ways, strict=True):
         polygon = clipped(polygon, (polygon - base) @ way + slack)
     return polygon
@@ -88,7 +88,7 @@ def area(polygon: Array) -> float:
 
 def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     """Tell which convex polygons, (k, c, 3), counter-clockwise about normals, hold points of their planes, (m, k)."""
-    inward = units(cross(normals[:, None], np.roll(polygons, -1, axis=1) - polygons))
+    inward = units(cross(normals[:, None], following(polygons) - polygons))
     depth = ((points[:, None, None] - polygons) * inward).sum(axis=3)
     held: Flags = (depth >= -slack).all(axis=2)
     return held
@@ -97,7 +97,7 @@ def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
 def distances(points: Array, polygons: Array) -> Array:
     """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
     corners = polygons[..., None, :, :]
-    along = np.roll(corners, -1, axis=-2) - corners
+    along = following(corners) - corners
     spokes = points[..., None, :] - corners
     share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
     rim = norms(spokes - np.clip(share, 0, 1)[..., None] * along).min(axis=-1)
@@ -176,8 +176,8 @@ def triangulated(
             owners.append(places)
             continue
         local = points[corners] - points[corners[:, :1]]
-        ahead = np.roll(local, -1, axis=1) - local
-        normals = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
+        ahead = following(local) - local
+        normals = cross(local, following(local)).sum(axis=1)
         lengths = np.sqrt((normals**2).sum(axis=1))
         normals /= np.maximum(lengths, np.finfo(float).tiny)[:, None]
         levels = (local * normals[:, None]).sum(axis=2)

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
-from fcdm_opt.geometry.measures import cross, norms, unit_normals
+from fcdm_opt.geometry.measures import cross, following, norms, unit_normals
 from fcdm_opt.geometry.polygons import components, fans
 from fcdm_opt.tolerances import DEFAULT
 
@@ -484,7 +484,7 @@ def _slopes(point: Array, corners: Array, far: Array) -> Array:
 
 def _nearest(point: Array, corners: Array) -> Array:
     """Return the nearest point of each triangle, (k, 3)."""
-    along, spokes = np.roll(corners, -1, axis=1) - corners, point - corners
+    along, spokes = following(corners) - corners, point - corners
     share = (spokes * along).sum(axis=2) / np.maximum((along**2).sum(axis=2), np.finfo(float).tiny)
     rim = corners + np.clip(share, 0.0, 1.0)[:, :, None] * along
     best = rim[np.arange(len(rim)), ((rim - point) ** 2).sum(axis=2).argmin(axis=1)]

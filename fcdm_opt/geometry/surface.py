@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.measures import cross, following, norms
 from fcdm_opt.geometry.polygons import Sides, area, components, hold, inside
 from fcdm_opt.tolerances import DEFAULT
 
@@ -147,14 +147,14 @@ class Surface:
             On whose lines it lies: their ends cut it.
         """
         corners = self.points[self.triangles[np.isin(self.owners, faces)]]
-        after, others = np.roll(corners, -1, axis=1), self.points[self.edges[edges]]
+        after, others = following(corners), self.points[self.edges[edges]]
         starts = np.concatenate([corners.reshape(-1, 3), others[:, 0]]) - ends[0]
         stops = np.concatenate([after.reshape(-1, 3), others[:, 1]]) - ends[0]
         way, ways = ends[1] - ends[0], stops - starts
-        length, normals = float(np.linalg.norm(way)), np.cross(way, ways)
+        length, normals = float(np.linalg.norm(way)), cross(way, ways)
         squares = (normals**2).sum(axis=1)
         crossing = squares > (DEFAULT.nominal * length) ** 2 * (ways**2).sum(axis=1)
-        crossings = (np.cross(starts, ways) * normals).sum(axis=1)[crossing] / squares[crossing]
+        crossings = (cross(starts, ways) * normals).sum(axis=1)[crossing] / squares[crossing]
         along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ way / length**2
         places = np.unique(np.clip(np.concatenate([[0.0, 1.0], crossings, along]), 0.0, 1.0))
         middles = (places[1:] + places[:-1]) / 2.0

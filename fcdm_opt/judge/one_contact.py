@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -91,6 +92,7 @@ class OneContact:
             for ways in self._choices(y, np.maximum(np.abs(low[k] - y), np.abs(high[k] - y))):
                 if not found[k] < enough:
                     break
+                pacing.check()
                 each = [self._bounds(kind, given, low[k], high[k], y) for kind, given in ways]
                 amounts, least = (np.concatenate(own) for own in zip(*each, strict=True))
                 if amounts.min() > found[k]:

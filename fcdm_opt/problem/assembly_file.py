@@ -141,6 +141,11 @@ class AssemblyFile(Entry, title="Assembly file"):
             "part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part]
         )
         moving = [(k, own) for k, own in enumerate(self.part, 1) if own.motion]
+        for k, own in ((k, own) for k, own in enumerate(self.part, 1) if not own.motion):
+            for key in ("weight", "length", "limits", "resolution"):
+                if key in own.model_fields_set and getattr(own, key):
+                    what, allowed = "a part without a motion is fixed", "none, or a motion"
+                    raise InputError(what, key=f"part[{k}].{key}", found=getattr(own, key), allowed=allowed)
         motions, limits, steps = {}, dict[str, Mapping[str, Any]](), dict[str, Any]()
         for k, own in moving:
             with placed(key=f"part[{k}]"):

@@ -657,7 +657,8 @@ def _check_several(asked: Arguments) -> None:
     if asked.contacts is None:
         wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
     if asked.goal not in goals:
-        wrong.append(("goal", asked.goal, '"at", "seat" or "fit" with contacts, or no contacts'))
+        allowed = f'"at", "seat" or "fit" with contacts, or none: changed(goal={asked.goal!r}, contacts=None)'
+        wrong.append(("goal", asked.goal, allowed))
     if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):
         wrong.append(("pair", asked.pair, '"any" with contacts: nothing overlaps in any case'))
     for key, found, allowed in (*wrong, *_no_room(asked)):

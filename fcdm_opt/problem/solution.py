@@ -461,7 +461,7 @@ class Solution(Bounded):
     def _why_unknown(self) -> str:
         problem = self.problem
         if problem.goal not in ("touch", "clear"):
-            return f'goal "{problem.goal}" follows one contact, and what round faces do to it or beside it has no bound'
+            return f'goal "{problem.goal}" is about contacts as drawn, and what round faces do to them has no bound'
         if (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):
             return "larger parts touch sooner, and keep less clear"
         if problem.goal == "touch" and not (problem.resolution is None and isinstance(problem.amount, str)):

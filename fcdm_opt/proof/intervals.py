@@ -247,7 +247,10 @@ def _both(x: Interval, y: Interval) -> Interval:
 
 def _kept_if(condition: Interval, x: Interval) -> Interval:
     """Return x where the condition holds, 0 where it does not, whatever x is there."""
-    (sure, never), either = _known(condition), x.hull(Interval(0.0))
+    sure, never = _known(condition)
+    if np.all(sure) or np.all(never):  # as nearly everywhere
+        return x if np.all(sure) else Interval(0.0)
+    either = x.hull(Interval(0.0))
     middle = np.where(never, 0.0, np.where(sure, x.middle, either.middle))
     return Interval(middle, np.where(never, 0.0, np.where(sure, x.radius, either.radius)))
 

@@ -23,6 +23,7 @@ album            all of them, written to a directory
 from __future__ import annotations
 
 import re
+from base64 import b64decode, b64encode
 from collections.abc import Callable
 from functools import wraps
 from io import BytesIO, StringIO
@@ -115,6 +116,34 @@ def write_svg(figure: Figure, to: Path | IO[str]) -> None:
         figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
 
 
+def in_dark(image: Any) -> Any:
+    """Return a picture for a dark page: light on dark in the same hues, as transparent as it is."""
+    from PIL import Image
+
+    light, *hues = image.convert("RGB").convert("YCbCr").split()
+    turned = light.point([DARKEST[0] + (255 - k) * DARKEST[1] // 255 for k in range(256)])
+    shown = Image.merge("YCbCr", (turned, *hues)).convert("RGB")
+    if image.mode == "RGBA":
+        shown.putalpha(image.getchannel("A"))
+    return shown
+
+
+def _svg_in_dark(svg: str) -> str:
+    """Return an SVG for a dark page: its colours, the black that is not written, and the pictures in it."""
+    from PIL import Image
+
+    def colour(found: re.Match[str]) -> str:
+        return "#{:02x}{:02x}{:02x}".format(*in_dark(Image.new("RGB", (1, 1), found[0])).getpixel((0, 0)))
+
+    def picture(found: re.Match[str]) -> str:
+        made = BytesIO()
+        in_dark(Image.open(BytesIO(b64decode(found[1])))).save(made, format="png")
+        return f"data:image/png;base64,{b64encode(made.getvalue()).decode()}"
+
+    svg = re.sub(r"#[0-9a-fA-F]{6}\b", colour, svg.replace("<svg ", '<svg fill="#000000" ', 1))
+    return re.sub(r"data:image/png;base64,([A-Za-z0-9+/=\s]+)", picture, svg)
+
+
 INKS = {
     BLACK: "ink", DARK: "quiet", GREY: "muted", BLUE: "movable", VERMILLION: "static", GREEN: "good",
     "#FFFFFF": "paper",
@@ -172,16 +201,12 @@ def pixels(figure: Figure, *, across: int = SMALL, dark: bool = False) -> bytes:
     whole, small = BytesIO(), BytesIO()
     figure.savefig(whole, format="png", dpi=across / figure.get_figwidth(), metadata={"Software": None})
     with Image.open(whole) as image:
-        shown = image.convert("RGB")
-        if dark:
-            light, *hues = shown.convert("YCbCr").split()
-            turned = light.point([DARKEST[0] + (255 - k) * DARKEST[1] // 255 for k in range(256)])
-            shown = Image.merge("YCbCr", (turned, *hues))
+        shown = in_dark(image) if dark else image
         shown.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(small, format="png", optimize=True)
     return small.getvalue()
 
 
-def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
+def save(figure: Figure, path: str | Path, *, small: bool = False, dark: bool = False) -> tuple[Path, ...]:
     """Write a figure as PNG and SVG; the same figure gives the same bytes.
 
     Parameters
@@ -191,6 +216,8 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
         Without suffix; missing directories are made.
     small : bool
         Write smaller PNGs too, with "-small" after the name, and "-small-dark" for dark pages.
+    dark : bool
+        Write both light on dark.
 
     Returns
     -------
@@ -203,6 +230,12 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     dots = DOTS * min(1.0, PAGE / figure.get_figwidth())
     figure.savefig(png, format="png", dpi=dots, metadata={"Software": None})
     write_svg(figure, svg)
+    if dark:
+        from PIL import Image
+
+        with Image.open(png) as image:
+            in_dark(image).save(png, format="png", dpi=(dots, dots))
+        svg.write_text(_svg_in_dark(svg.read_text(encoding="utf-8")), encoding="utf-8")
     if not small:
         return png, svg
     less = base.with_name(f"{base.name}-small.png"), base.with_name(f"{base.name}-small-dark.png")

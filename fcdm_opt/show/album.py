@@ -16,8 +16,17 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.show import Figure, save
 from fcdm_opt.show.assemblies import assembly_figure
+from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import ScenePieces, ShownPair, contacts_of, scene_figure, scene_pieces, view_of
+from fcdm_opt.show.scene import (
+    ScenePieces,
+    ShownPair,
+    contacts_of,
+    numbered_contacts,
+    scene_figure,
+    scene_pieces,
+    view_of,
+)
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.texts import asked_text
@@ -36,6 +45,8 @@ class Album:
         Made if it is not there.
     say : callable
         Gets a line for each file that was written, or could not be.
+    dark : bool
+        Whether pictures are light on dark.
 
     Attributes
     ----------
@@ -48,9 +59,9 @@ class Album:
         Where the directory cannot be made, or nothing can be drawn: before anything is solved.
     """
 
-    def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
+    def __init__(self, directory: Path, say: Callable[[str], None], *, dark: bool = False) -> None:
         extra("matplotlib", "pictures", key="--out")
-        self._directory, self._say = directory, say
+        self._directory, self._say, self._dark = directory, say, dark
         self._given: set[str] = set()
         self._views: dict[str, tuple[float, float]] = {}  # of each file: all its cases are seen from one place
         self.failed = False
@@ -60,12 +71,13 @@ class Album:
             what = f"not a directory that can be written ({reason.strerror})"
             raise InputError(what, key="--out", found=str(directory)) from reason
 
-    def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
-        """Add a decision curve, and its bodies as drawn, in a unit of length."""
+    def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "", made: bool = False) -> None:
+        """Add a decision curve, and its bodies as drawn, or as they are made, in a unit of length."""
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
         drawn = ShownPair.of(curve.movable, curve.static)
-        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption="as drawn"))
+        caption = "as made" if made else "as drawn"
+        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption=caption))
 
     def add_solution(self, stem: str, title: str, solution: Bounded) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on.
@@ -80,7 +92,8 @@ class Album:
         problem, found = solution.problem, solution.status.found
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
-        caption = f"{asked_text(problem)}, goal {problem.goal}: {verdict_text(solution)}"
+        meant = EXPLAINED[problem.goal].removeprefix("goal: ")
+        caption = f"{asked_text(problem)}, goal {problem.goal} ({meant}): {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         view = self._views.setdefault(stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist())))
@@ -106,7 +119,7 @@ class Album:
 
     def _write(self, name: str, figure: Figure) -> None:
         try:
-            picture, *others = save(figure, self._directory / name)
+            picture, *others = save(figure, self._directory / name, dark=self._dark)
             self._say(f"wrote {picture}{''.join(f' and {other.suffix}' for other in others)}")
         except OSError as reason:
             self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
@@ -128,10 +141,13 @@ def solution_figure(
     """
     drawn, rho = _drawn(solution, view)
     shown = "shown unmoved" if drawn["moved"] is None else "shown"
-    at = "the sizes drawn" if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times the sizes drawn"
-    sizes = f" ({shown} at {at})"
+    meant = "the sizes made" if solution.problem.made else "the sizes drawn"
+    at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
+    caption = caption.replace("{sizes}", f" ({shown} at {at})")
+    if told := numbered_contacts(drawn["contacts"]):
+        caption += f"\ncontacts: {'; '.join(told)}"
     said = motion_said(solution) if drawn["moved"] is not None else ""
-    return scene_figure(**drawn, said=said, title=title, caption=caption.replace("{sizes}", sizes))
+    return scene_figure(**drawn, said=said, title=title, caption=caption)
 
 
 def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = None) -> ScenePieces:

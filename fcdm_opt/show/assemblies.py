@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -16,7 +17,7 @@ from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import parts_figure
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -48,8 +49,8 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
-    assembly = solution.assembly
-    told = {part: assembly.motions[part].describe(kept) if kept else "-" for part, kept in _kept(solution).items()}
+    assembly, moved = solution.assembly, _kept(solution).items()
+    told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
         (part, assembly.follows.get(part, "-"), f"{assembly.scales[part]:g}", motion,
          amount_text(solution.amounts.get(part)))
@@ -128,13 +129,19 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions; as drawn where none were found."""
-    assembly, bodies = solution.assembly, list[Body]()
+    assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
     for part, body in assembly.bodies_made.items():
         made = body.scaled(assembly.scales[part])
         pose: Any = solution.transforms.get(part)
         bodies.append(made if pose is None else made.moved(pose))
+        ways.append(bodies[-1].vertices.mean(axis=0) - made.vertices.mean(axis=0))
     bodies += [keep_out.body for keep_out in assembly.keep_out]
+    ways += [np.zeros(3)] * len(assembly.keep_out)
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    found = f"amount {amount_text(solution.amount, assembly.unit)}" if solution.status.found else "no motions found"
-    return parts_figure(bodies, names, unit=assembly.unit, title=title, caption=found)
+    moved = "after these motions; arrows: where each part goes, with what it follows"
+    state = moved if solution.status.found else "as made, not moved"
+    caption = f"{assembly_verdict(solution)} (shown {state})"
+    least = NOTHING * max(body.size for body in bodies)
+    ways = [way if np.linalg.norm(way) > least else np.zeros(3) for way in ways]
+    return parts_figure(bodies, names, ways, unit=assembly.unit, title=title, caption=caption)

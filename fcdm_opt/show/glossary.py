@@ -1,4 +1,4 @@
-"""Twelve words of this package, each in a line: the README lists them, reports show them on hover."""
+"""Words of this package, each in a line: README lists `WORDS`; reports show all on hover, and print some."""
 
 from __future__ import annotations
 
@@ -18,3 +18,11 @@ WORDS = {
     "switching point": "a pair of sizes at which the contact changes from one pair of features to another",
     "F1F2": "what touches: F a face, E an edge, V a corner; 1 of the movable, 2 of the static part; then its corners",
 }
+
+EXPLAINED = {
+    **WORDS,
+    "at": "goal: the contact drawn holds at exactly the sizes made",
+    "touch": "goal: the parts made touch, wherever they meet first",
+    "fit": "goal: none of several contacts overlaps, and the largest of their gaps is least",
+}
+"""These, and the goals that the README leaves out."""

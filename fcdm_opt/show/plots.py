@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, decision_curve
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
@@ -21,6 +21,9 @@ ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 
 MARGIN, LEAST_EXTENT = 0.3, 0.05
 """Room around what must be seen, as a share of its extent; the extent is at least this share of rho."""
+
+AROUND = 2.0
+"""How far the wider panel goes, in widths of the other, of problems whose sizes no box of scales tells."""
 
 MOST_NAMED = 200
 """Segments that are named: of more none could be told from the others."""
@@ -85,10 +88,17 @@ def before_after_figure(
     sheet = Sheet.of(PAGE, 3.6, title=title, caption=caption)
     whole, zoom = (sheet.axes(left, 0.75, 2.62, 2.62) for left in (0.48, 3.88))
     limits = window(problem, solution)
-    plane(whole, problem.box)
-    plane(zoom, limits)
+    box: Any = problem.box
+    name = "whole box"
+    if problem.sizes and np.array_equal(box, DEFAULT_BOX):  # which says nothing of these sizes
+        middle, far = limits.mean(axis=1), AROUND * np.ptp(limits, axis=1)
+        box = np.column_stack([np.maximum(middle - far, limits[:, 0] / 2.0), middle + far])
+        name = "around the parts made"
+    scales = "made" if problem.made else "drawn"
+    plane(whole, box, scales)
+    plane(zoom, limits, scales)
     outward = -1.0 if rho is not None and before.gap(rho) > 0 else 1.0  # names keep clear of `after`
-    for axes, size, seen in ((whole, 0.6, problem.box), (zoom, 0.85, limits)):
+    for axes, size, seen in ((whole, 0.6, box), (zoom, 0.85, limits)):
         draw_tolerance(axes, problem)
         curve = reaching(before, seen)
         draw_curve(axes, curve, BLUE, "-", "decision curve before")
@@ -106,18 +116,18 @@ def before_after_figure(
             name_curve(names, axes, after, VERMILLION, sides=(outward, outward), mark="'")
     (low_1, high_1), (low_2, high_2) = limits
     whole.plot([low_1, high_1, high_1, low_1, low_1], [low_2, low_2, high_2, high_2, low_2], color=GREY, linewidth=0.8)
-    whole.set_title("whole box")
+    whole.set_title(name)
     zoom.set_title("enlarged: the frame on the left")
     sheet.legend(*zoom.get_legend_handles_labels(), bottom=0.0)
     return sheet.figure
 
 
-def plane(axes: Any, box: ArrayLike) -> None:
-    """Set axes up as the plane of scales over a box."""
+def plane(axes: Any, box: ArrayLike, scaled: str = "drawn") -> None:
+    """Set axes up as the plane of scales over a box, of parts as "drawn" or as "made"."""
     (low_1, high_1), (low_2, high_2) = np.asarray(box, dtype=float)
     axes.set(xlim=(low_1, high_1), ylim=(low_2, high_2))
-    axes.set_xlabel(r"$\rho_1$, size of the movable part (1 = as drawn)")
-    axes.set_ylabel(r"$\rho_2$, size of the static part (1 = as drawn)")
+    axes.set_xlabel(r"$\rho_1$, size of the movable part (1 = as " + scaled + ")")
+    axes.set_ylabel(r"$\rho_2$, size of the static part (1 = as " + scaled + ")")
     axes.locator_params(nbins=6)
     axes.grid(visible=True)
 

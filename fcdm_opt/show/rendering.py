@@ -12,7 +12,7 @@ from typing import Any
 
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import extra
-from fcdm_opt.show.glossary import WORDS
+from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shortened, shown, status_text
 
 LONGEST = 160
@@ -80,8 +80,10 @@ def environment() -> Any:
         "numbers": numbers,
         "paragraphs": paragraphs,
         "shown": shown,
+        "unbroken": unbroken,
         "words": status_text,
     }
+    made.globals["glossary"] = EXPLAINED
     return made
 
 
@@ -109,7 +111,14 @@ def explained(word: str, shown: str = "") -> Any:
     """Return a word of the glossary, which explains itself on hover, shown as another text where one is given."""
     from markupsafe import Markup
 
-    return Markup('<abbr title="{}">{}</abbr>').format(WORDS[word], shown or word)
+    return Markup('<abbr title="{}">{}</abbr>').format(EXPLAINED[word], shown or word)
+
+
+def unbroken(text: str) -> Any:
+    """Return a text in which no line ends behind the sign of a number or of a direction, as in "facing -" and "y"."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"(?<![\w)])-[\w.]+", r'<span class="whole">\g<0></span>', str(escape(text))))
 
 
 def paragraphs(text: str | None) -> list[str]:

@@ -38,11 +38,14 @@ WIDE = 3.1
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
 
+ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
+"""Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
+
 COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
 """Of parts of an assembly, one after the other."""
 
-MOST_NUMBERS, LONGEST_NAME = 80, 44
-"""Corners that can be numbered legibly, and letters of a body's name in the legend."""
+MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
+"""Corners that can be numbered legibly, contacts that are numbered and told, letters of a body's name in the legend."""
 
 LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
@@ -128,6 +131,8 @@ class ScenePieces(NamedTuple):
         `WIDE` inches across.
     insets : tuple of matplotlib Figure
         Contacts magnified, to be shown at the scene's scale.
+    numbered : list of str
+        What numbers of contacts stand for.
     key : tuple of str
         What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
     facing : (3,) array
@@ -136,6 +141,7 @@ class ScenePieces(NamedTuple):
 
     scene: Figure
     insets: tuple[Figure, ...]
+    numbered: list[str]
     key: tuple[str, ...]
     facing: Array
 
@@ -156,7 +162,8 @@ def scene_pieces(
         facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit))
         insets.append(part.figure)
     facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
-    return ScenePieces(sheet.figure, tuple(insets), tuple(axes.get_legend_handles_labels()[1]), facing)
+    key = tuple(axes.get_legend_handles_labels()[1])
+    return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
@@ -187,9 +194,18 @@ def body_figure(body: Body) -> Figure:
 
 @styled
 def parts_figure(
-    bodies: Sequence[Body], names: Sequence[str], *, unit: str = "", title: str = "", caption: str = ""
+    bodies: Sequence[Body],
+    names: Sequence[str],
+    ways: Sequence[Array] = (),
+    *,
+    unit: str = "",
+    title: str = "",
+    caption: str = "",
 ) -> Figure:
-    """Draw several bodies where they are, each in its colour, with its name in the legend."""
+    """Draw several bodies where they are, each in its colour, with its name in the legend.
+
+    `ways`, (3,) each: where each came from, shown by an arrow of one length, pointing away from there; none where 0.
+    """
     points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
     shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
     foot = max(FOOT, 0.16 * (len(bodies) + 1))
@@ -199,7 +215,13 @@ def parts_figure(
     axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
     colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
     labels = [shortened(name, LONGEST_NAME) for name in names]
-    _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
+    raster = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
+    places, page = raster.roomiest(), page_directions(*shown.view)
+    for k, way in enumerate(ways):
+        flat = way @ page
+        if k in places and np.linalg.norm(flat) > 0.0:
+            half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
+            axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     return sheet.figure
@@ -617,7 +639,7 @@ def contacts_of(
 ) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once.
 
-    Several are numbered as they are `counted` elsewhere, others after these.
+    Several are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
     """
     features = [*counted]
     met = [(contact.feature, own) for contact, own in pacing.in_time(curve.touching, rho, late=())]
@@ -633,7 +655,16 @@ def contacts_of(
     found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
     if len(found) == 1:
         return [found[0][1]]
-    return [one._replace(number=number) for number, one in sorted(found, key=lambda own: own[0])]
+    words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
+    return [
+        one._replace(number=number, told=words[number]) if number in words else one
+        for number, one in sorted(found, key=lambda own: own[0])
+    ]
+
+
+def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
+    """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot"."""
+    return [*dict.fromkeys(f"{each.number} {each.told}" for each in contacts if each.told)]
 
 
 def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
@@ -663,6 +694,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
 
     Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
     be seen, and where corners keep apart; from the front (-y), with x to the right, if that does not hide most of it.
+    Where a contact is hidden from everywhere, a ball's in its corner, most of the movable body is to be seen.
     """
     from scipy.spatial import ConvexHull
 
@@ -678,22 +710,28 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     normals = np.concatenate([part.normals for part in parts])
     levels = np.concatenate([part.levels for part in parts])
     firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
-    spots = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)]
+    views = list(product((18.0, 32.0, 50.0), AZIMUTHS))
     size = float(np.ptp(points, axis=0).max())
     points = points[ConvexHull(points).vertices]
 
+    def hidden(spots: Array, view: tuple[float, float]) -> float:
+        toward = np.cross(*page_directions(*view).T)
+        starts = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)] + 1e-3 * size * toward
+        return float(np.mean([_hidden(levels - normals @ start, normals @ toward, firsts) for start in starts]))
+
+    shares = {view: hidden(spots, view) for view in views}
+    if min(shares.values()) == 1.0:
+        shares = {view: hidden(one.vertices, view) for view in views}
+
     def objective(view: tuple[float, float]) -> float:
         page = page_directions(*view)
-        toward = np.cross(page[:, 0], page[:, 1])
-        starts, speeds = spots + 1e-3 * size * toward, normals @ toward
-        hidden = np.array([_hidden(levels - normals @ start, speeds, firsts) for start in starts])
-        flat = points @ page
+        toward, flat = np.cross(page[:, 0], page[:, 1]), points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
         flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
         cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
-        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - cost)
+        return float(2.0 * (1.0 - shares[view]) + 0.8 * flatness + 0.2 * area - cost)
 
-    return max(product((18.0, 32.0, 50.0), AZIMUTHS), key=objective)
+    return max(views, key=objective)
 
 
 def _normal(points: Array) -> Array:

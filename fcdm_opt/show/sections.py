@@ -45,13 +45,16 @@ class Touching(NamedTuple):
     across : (2, 3) array, optional
         Of an overlap, whose surface the pieces are: points of both bodies' surfaces where it is deep.
     number : int
-        As texts and tables count contacts, 0 where it is the only one.
+        As texts and tables count contacts, 0 where it is the only one, or one of very many.
+    told : str
+        Beside the number: what touches what.
     """
 
     pieces: tuple[Array, ...]
     normal: Array
     across: Array | None = None
     number: int = 0
+    told: str = ""
 
     @property
     def middle(self) -> Array:

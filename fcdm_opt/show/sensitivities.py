@@ -19,13 +19,16 @@ from fcdm_opt.show.texts import shortened
 from fcdm_opt.show.verdict import name_of
 
 STEP = 0.01
-"""Relative step of every datum: 1 %."""
+"""Relative step of every datum: 1 %; of lengths and angles a round number that is no more, see `_rounded`."""
 
 NEGLIGIBLE = 1e-9
 """Of the largest bar: smaller ones are rounding, and left out."""
 
 SHIFTED, MOVED = "its plane shifted outwards", "moved in the direction that costs most"
 """What is done to data of the bodies' shape."""
+
+HALF = "half its tolerance"
+"""What the step of a size by name is."""
 
 MOST, LEAST = 16, 4
 """Bars of a picture; at least so many of them of the bodies' shape."""
@@ -80,9 +83,11 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     notes = [caption] if caption else []
     if any(bar in shape for bar in shown):
         notes.append(
-            f"faces move outwards, vertices and seeds the way that costs most, by {STEP:.0%} of the length "
-            f"{measured(f'{problem.length:.4g}', problem.unit)} of the problem"
+            "faces move outwards, vertices and seeds the way that costs most, by "
+            f"{measured(f'{_rounded(STEP * problem.length):g}', problem.unit)}"
         )
+    if any(bar.note.startswith(HALF) for bar in shown):
+        notes.append("sizes by name change by half their tolerance")
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
     missing = sum(map(math.isnan, derivatives.faces.values()))
@@ -137,12 +142,13 @@ def _told(problem: Problem, label: str) -> str:
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
-    """Return how the amount changes with each datum that matters, all for steps of the same relative size.
+    """Return how the amount changes with each datum that matters, all for steps of about the same relative size.
 
-    Sizes, tolerances and weights change by 1 %, lengths by 1 % of `problem.length`, angles by what moves a point at
-    that distance as far. Sizes of both bodies come first and always, then what else matters, by kind; the seed and,
-    where a face cannot be shifted without breaking a corner, the vertices count in the direction that costs most. Faces
-    and vertices by which the amount has no derivative are left out.
+    Scales, tolerances and weights change by 1 %, lengths by about 1 % of `problem.length`, angles by what moves a point
+    at that distance about as far, sizes by name by half their tolerance where they have one. Sizes of both bodies come
+    first and always, then what else matters, by kind; the seed and, where a face cannot be shifted without breaking a
+    corner, the vertices count in the direction that costs most. Faces and vertices by which the amount has no
+    derivative are left out.
 
     Parameters
     ----------
@@ -164,7 +170,7 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
 
 
 def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
-    shift = STEP * problem.length
+    shift, turn = _rounded(STEP * problem.length), _rounded(math.degrees(STEP))
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
     names = [name_of(problem, k) for k in (0, 1)]
     for body, value, size in zip(names, derivatives.target.tolist(), problem.target.tolist(), strict=True):
@@ -178,7 +184,7 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
                 yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
     for (name, kind), (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         rotates = kind != "translation"
-        step, unit = (STEP, f"+{math.degrees(STEP):.3g} deg") if rotates else (shift, length)
+        step, unit = (math.radians(turn), f"+{turn:g} deg") if rotates else (shift, length)
         for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
                 yield Bar(f"{side} limit of {name}", step * value, unit, "the limit raised")
@@ -186,10 +192,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     for name, value in derivatives.keep_out.items():
         yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
     for own in problem.sizes:
-        step, unit = (shift, length) if own.is_length else (STEP, percent)
-        yield Bar(
-            f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of the {own.body} part, from the size made"
-        )
+        step, unit, note = (shift, length, "") if own.is_length else (STEP, percent, "")
+        if own.tolerance is not None and own.half > 0.0:
+            step, note = own.half, f"{HALF}, "
+            unit = measured(f"+{step:.4g}", problem.unit) if own.is_length else f"+{step:.3%}".replace("%", " %")
+        note += f"of the {own.body} part, from the size made"
+        yield Bar(f"size {own.name}", step * derivatives.sizes[own.name], unit, note)
     for name, weight in problem.motion.by_name(problem.weights).items():
         yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "of the amount")
     for label, value in _largest(derivatives.faces):
@@ -199,6 +207,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
             yield Bar(_told(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
         yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
+
+
+def _rounded(step: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is no more than a length or an angle."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return float(f"{max(k for k in (1, 2, 5) if k * power <= step) * power:.3g}")
 
 
 def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:

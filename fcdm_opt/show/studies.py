@@ -13,7 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
-from fcdm_opt.show.texts import shortened, status_text
+from fcdm_opt.show.texts import listed, shortened, status_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -74,7 +74,8 @@ def study_figure(result: StudyResult) -> Figure:
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
     data = _StudyAmounts.of(result)
     counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
-    words = result.definition.get("title", ""), f"{len(result.points)} points: {counts}"
+    title = result.definition.get("title") or f"Amount over {listed([_told(axis.label) for axis in axes])}"
+    words = title, f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
         return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
     if len(numeric) > 1 and len(numeric[1].values) > FEW:

@@ -155,7 +155,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount)
-        + (f"\n{wrapped(solution.doubt.partition(': the mesh')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
+        + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
@@ -226,7 +226,7 @@ def print_whatif(answer: WhatIf) -> None:
     notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
     notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
-    print_rows(rows, numbers=("amount",), notes=notes)
+    print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 
 def print_budgets(budgets: Budgets) -> None:

@@ -154,11 +154,11 @@ def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     if not values:
         return "-"
     if not isinstance(scene, Assembly):
-        return _described(scene.motion, values, scene.unit if unit else "")
+        return described(scene.motion, values, scene.unit if unit else "")
     told, start = list[str](), 0
     for part, motion in scene.motions.items():
         own, start = values[start : start + len(motion.names)], start + len(motion.names)
-        told += [f"{part} {_described(motion, own, scene.unit if unit else '')}"] if any(own) else []
+        told += [f"{part} {described(motion, own, scene.unit if unit else '')}"] if any(own) else []
     return "; ".join(told) or "-"
 
 
@@ -167,10 +167,10 @@ def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit
     values = telling(problem, values, amount)
     if not values:
         return "-"
-    return _described(problem.motion, values, problem.unit if unit else "")
+    return described(problem.motion, values, problem.unit if unit else "")
 
 
-def _described(motion: Motion, values: Sequence[float], unit: str) -> str:
+def described(motion: Motion, values: Sequence[float], unit: str) -> str:
     """Return a motion in words, without steps and parameters that do nothing."""
     steps = motion.describe(values, unit=unit, digits=DIGITS).split(" + ")
     kept = [step for step in steps if not NO_STEP.fullmatch(step)] or steps[:1]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
@@ -71,7 +72,8 @@ def _refused_text(solution: Solution) -> str:
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
         proved = " (proved)" * (not solution.left_by_mesh)
-        return "; ".join(filter(None, (f"impossible with this motion{limited}{proved}", nearest_miss(problem))))
+        miss = pacing.in_time(nearest_miss, problem, late="")
+        return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
     if solution.status.name == "OUTSIDE_FIT":
         return "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
@@ -111,7 +113,8 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         steps = " and ".join(" ".join(step) for step in _done(problem, values, far)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist(), 1.0)
-    sizes = " at sizes that change with the motion (parts of one size leave it at once)" if _across(coherent) else ""
+    sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
+    sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
         if not steps:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.kernels import E1E2, V1F2, _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
-from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, placed, set_nearest
+from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, inside, set_nearest
 
 HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
@@ -119,12 +119,10 @@ def _overlapping(way, R, m, d, depth, one, normals1, levels1, edges1, two, norma
         for v in range(len(points)):
             best = _held(way, R, m, d, body, _at(points, v), normals, levels, best)
         for e in range(len(edges)):
-            placed(R, d, body, points[edges[e, 0]], p)
-            placed(R, d, body, points[edges[e, 1]], u)
-            u -= p
-            low, high = clipped(p, u, normals, levels, 0.0)
+            ends = points[edges[e, 0]], points[edges[e, 1]]
+            low, high = inside(R, d, body, ends, normals, levels, 0.0, p, u)
             if high > low:
-                start, end = _at(points, edges[e, 0]), _at(points, edges[e, 1])
+                start, end = _entry(ends[0], 0), _entry(ends[1], 0)
                 point = _plus(start, _times(0.5 * (low + high), _minus(end, start)))
                 best = _held(way, R, m, d, body, point, normals, levels, best)
     return best

@@ -57,6 +57,14 @@ def test_help_is_plain_narrow_and_ends_with_examples(name: str) -> None:
     assert all(lines[lines.index(line) + 1].startswith("   ") for line in undescribed)
 
 
+def test_every_command_that_writes_pictures_has_them_for_dark_pages() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    options = {name: {option for own in command.params for option in own.opts} for name, command in commands.items()}
+    drawing = {"curve", "solve", "range", "study", "map", "faces", "stack"}
+    assert {name for name, own in options.items() if "--dark" in own} == drawing
+    assert all("--out" in options[name] for name in drawing)
+
+
 def test_the_overview_names_every_command_and_is_what_a_bare_call_prints() -> None:
     overview = run("--help").stdout
     for question, names in COMMANDS.items():

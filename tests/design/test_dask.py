@@ -106,7 +106,7 @@ def test_rows_are_the_same_though_a_process_is_killed(
 ) -> None:
     flag = tmp_path / "kill"
     flag.touch()
-    where = {"jobs": 2} if own else {"scheduler": cluster.scheduler_address}
+    where = {"jobs": 1} if own else {"scheduler": cluster.scheduler_address}
     result = run_with(partial(dying_once, str(flag)), study, tmp_path / "out", **where)
     assert not flag.exists()  # one process did die
     assert result.counts == {"SOLVED": 4, "PAIR_OVERLAPS": 4} == expected.counts
@@ -211,7 +211,7 @@ def test_workers_may_join_late_and_the_scheduler_may_go_away(monkeypatch: pytest
             list(rows)
 
     with made(0, processes=False) as cluster:
-        timer = threading.Timer(0.3, cluster.scale, [2])
+        timer = threading.Timer(0.3, cluster.scale, [1])
         timer.start()
         with pytest.raises(InputError, match="scheduler: the scheduler went away"):
             run(cluster)

@@ -17,8 +17,9 @@ NAMES = ("first_steps", "design_study")
 
 
 def listed() -> dict[str, int]:
-    """Return every file of the problems' folder with the time of its last change."""
-    return {str(path): path.stat().st_mtime_ns for path in FOLDER.parent.rglob("*")}
+    """Return every file of the problems' folder with the time of its last change; not what Python keeps of scripts."""
+    files = (path for path in FOLDER.parent.rglob("*") if path.is_file() and path.parent.name != "__pycache__")
+    return {str(path): path.stat().st_mtime_ns for path in files}
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,6 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("IPYTHONDIR", "JUPYTER_RUNTIME_DIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR"):
             patch.setenv(name, str(own))
-        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
         for name in NAMES:
             notebook = nbformat.read(FOLDER / f"{name}.ipynb", as_version=4)
             where = {"metadata": {"path": str(FOLDER)}}

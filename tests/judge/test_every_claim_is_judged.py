@@ -64,6 +64,20 @@ def told(case: str) -> dict[str, Any]:
     return json.loads(json.dumps(solution(case).to_dict(), allow_nan=False))
 
 
+READ = fo.Problem.from_dict
+
+
+@cache
+def problem_of(text: str) -> fo.Problem:
+    return READ(json.loads(text))
+
+
+@pytest.fixture(autouse=True)
+def _same_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What most changes leave as it is, is read once."""
+    monkeypatch.setattr(fo.Problem, "from_dict", lambda data: problem_of(json.dumps(data)))
+
+
 def refusal(data: Any) -> str:
     """Why plain data are refused: by `from_dict`, or by name of the failed checks; "" where they pass."""
     try:

@@ -15,7 +15,8 @@ from scenes import box as block
 from scipy.optimize import linprog
 
 import fcdm_opt as fo
-from fcdm_opt.judge.multipliers import _Contacts, shows
+from fcdm_opt import pacing
+from fcdm_opt.judge.multipliers import _Contacts, shows, smallest_by_multipliers
 from fcdm_opt.judge.one_contact import OneContact
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.solution import Solution
@@ -169,6 +170,23 @@ def test_a_bound_of_six_parameters_carried_no_evidence(name: str) -> None:
     less = 0.5 * problem.target + 0.5  # whose least motion is smaller than the bound
     if problem.target[0] > 1.0:
         assert not shows(replace(solution, problem=problem.changed(target=less, clearance=0.0)), own)
+
+
+def test_boxes_were_looked_at_long_after_the_time_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a minute where a second was given: neither the seconds of a proof nor those of all came as far."""
+    looked: list[int] = []
+    bounds = OneContact._bounds
+
+    def counted(*given: Any) -> Any:
+        looked.append(1)
+        return bounds(*given)
+
+    monkeypatch.setattr(OneContact, "_bounds", counted)
+    problem, _ = ONE["edges apart"]
+    solution = fo.solve(problem, certify=True, seconds=1e-9)
+    with pacing.looking(2):  # the time is over before the first box
+        assert pacing.in_time(smallest_by_multipliers, problem, np.array([*solution.parameters.values()]), late=3) == 3
+    assert looked == []
 
 
 def meet(one: np.ndarray, two: np.ndarray) -> bool:

@@ -517,6 +517,40 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
         assert "assembly" in refused.output
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("scales.keyy=1", "'made unlike'.scales.keyy: no such part, did you mean 'key'"),
+        ("keep_out[1].clearance=1", "there are no keep-outs"),
+        ("bodies.movable.seed=[0,0,0]", "an assembly has parts"),
+        ("part.base.weight=2", "part[1].weight: a part without a motion is fixed"),
+        ("part.keyy.seed=[0,0,0]", "no such part, did you mean 'key'"),
+        ("contact[9].goal=at", "contact[9]: no such item; allowed: 1 to 4"),
+        ("case=1", "'made unlike'.case: unknown key 'case'"),
+    ],
+)
+def test_a_change_of_an_assembly_that_is_none_is_named(change: str, said: str) -> None:
+    told = run("whatif", FILE, "--case", "made unlike", "--set", change)
+    assert told.exit_code == 2
+    assert said in told.output
+
+
+def test_whatif_and_study_of_a_file_of_an_assembly(tmp_path) -> None:
+    """The key 1 % too small alone: the amount by the pseudo-inverse of the contacts' equations."""
+    rows, gaps = levels()
+    least = np.linalg.norm(np.linalg.pinv(rows) @ gaps)
+    told = run("whatif", FILE, "--case", "made unlike", "--set", 'scales."left wedge"=1.0', "--json")
+    found = json.loads(told.stdout)["files"][0]["cases"][0]["whatif"]
+    assert told.exit_code == 0
+    assert found["before"]["amount"] == pytest.approx(least, rel=1e-12)
+    assert found["after"]["assembly"]["case"][0]["scales"]["left wedge"] == 1.0
+    study = tmp_path / "study.toml"
+    lines = [f'problem = "{FILE}"', 'cases = ["made unlike"]', "[[vary]]", "key = 'scales.\"left wedge\"'"]
+    study.write_text("\n".join([*lines, "values = [1.0, 1.02]"]), "utf-8")
+    result = fo.run_study(study, tmp_path / "out", jobs=1)
+    assert [row["amount"] for row in result.rows()] == pytest.approx([found["after"]["amount"], least], rel=1e-9)
+
+
 def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     out = tmp_path / "loop.html"
     assert run("report", FILE, "--out", out).exit_code == 0

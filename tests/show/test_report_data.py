@@ -291,6 +291,9 @@ def test_where_parts_overlap_that_no_motion_parts_is_drawn():
     held = fo.Problem(one, two, target=(1.1, 1.0), motion=fo.Translation("x"), goal="touch", limits={"TX": (0, 1e-3)})
     case = of_problem(held)
     assert case["amount"] is None
+    panel = case["poses"]["rescaled"]  # it said: amount 0, status -
+    assert (panel["amount"], panel["status"]) == (None, "impossible")
+    assert "impossible with this motion" in panel["note"]
     corners = np.reshape(case["poses"]["rescaled"]["overlap"], (-1, 3, 3))
     assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(0.05, rel=1e-9)  # times 1 x 1, as large as the other is
     assert np.ptp(corners.reshape(-1, 3), axis=0) == pytest.approx([0.05, 1.0, 1.0])

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fcdm_opt.show.rendering import environment
+from fcdm_opt.show.rendering import environment, unbroken
 from fcdm_opt.show.report.page import page
 from fcdm_opt.show.texts import shown
 
@@ -67,7 +67,8 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "settled": [f"settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
-        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "key": [text], "high": 2.0},
+        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "key": [text], "numbered": [f"1 {text}"],
+                    "high": 2.0},
         "sizes": [
             {"name": f"width {text}", "body": text, "what": "+x by 1", "low": -0.1, "high": 0.0, "made": 0.0}
         ],
@@ -379,3 +380,10 @@ def test_marks_say_it_in_words():
 
 def test_a_table_without_rows_is_left_out():
     assert environment().get_template("pieces.html").module.table("caption", ("a",), []).strip() == ""
+
+
+def test_lines_ended_behind_the_sign_of_a_direction() -> None:
+    assert unbroken("0.5 along -x (facing -y), a-b, -0.25 <") == (
+        '0.5 along <span class="whole">-x</span> (facing <span class="whole">-y</span>), a-b, '
+        '<span class="whole">-0.25</span> &lt;'
+    )

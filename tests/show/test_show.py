@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from base64 import b64decode
 from collections.abc import Sequence
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +16,35 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.text import Text
-from ordinary import problems
+from ordinary import problems, solved
 from picture_checks import check_texts, shown
 from PIL import Image
 
-from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import GREY, MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
+    MOVES,
     ShownPair,
     _joined,
     contacts_of,
     draw_scene,
     own_polygons,
     page_directions,
+    parts_figure,
     scene_figure,
     sharp_edges,
     true_edges,
     view_of,
 )
 from fcdm_opt.show.sections import CORNER, _section_plane, free_corner, section
+from fcdm_opt.show.texts import described
 
 TITLE = "Example (reconstruction)"
 
@@ -429,3 +436,71 @@ def test_pictures_of_cards_stood_on_a_white_plate_in_dark_notebooks():
     assert (inked[:, :3] == int(MIDDLE[1:3], 16)).all()
     light = [((shade / 255.0 + 0.055) / 1.055) ** 2.4 + 0.05 for shade in (255, int(MIDDLE[1:3], 16), 17)]
     assert min(light[0] / light[1], light[1] / light[2]) > 4.0
+
+
+def test_pictures_for_dark_pages_stand_light_on_dark(tmp_path: Path) -> None:
+    """Words are 7 : 1 against the ground, in PNG and SVG alike; pictures in an SVG are turned, too."""
+    figure = new_figure(2.0, 2.0)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(np.full((2, 2, 3), 255, np.uint8), extent=(0.0, 0.5, 0.0, 1.0))
+    axes.text(0.75, 0.5, "words")
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    png, svg = save(figure, tmp_path / "dark", dark=True)
+    inked = np.asarray(Image.open(png).convert("L"), float)
+    assert np.median(inked) == inked.min() < 25.0
+    assert inked.max() > 200.0
+    text = svg.read_text(encoding="utf-8")
+    assert '<svg fill="#ebebeb"' in text
+    assert "#ffffff" not in text
+    held = re.search(r"data:image/png;base64,([A-Za-z0-9+/=]+)", text)
+    assert held is not None
+    assert np.asarray(Image.open(BytesIO(b64decode(held[1]))).convert("L")).max() < 25.0
+
+
+def test_contacts_were_numbered_that_nothing_told() -> None:
+    """The sentence names three of six, so that numbers 4 to 6 stood in the picture alone."""
+    told = " ".join(texts(solution_figure(solved("locating", "A"), caption="then{sizes}")))
+    assert re.findall(r"[:;]\s(\d) (\w+) face of\s+block", told) == [
+        ("1", "bottom"), ("2", "bottom"), ("3", "bottom"), ("4", "front"), ("5", "front"), ("6", "left")
+    ]  # fmt: skip
+    assert {"1", "2", "3", "4", "5", "6"} <= set(texts(solution_figure(solved("locating", "A"))))
+
+
+def test_parts_made_were_said_to_be_shown_at_the_sizes_drawn() -> None:
+    made, drawn = (solved("slot_and_key", name) for name in ("low foot, deep slot", "as drawn"))
+    assert "(shown at the sizes made)" in " ".join(texts(solution_figure(made, caption="then{sizes}")))
+    assert "(shown at the sizes drawn)" in " ".join(texts(solution_figure(drawn, caption="then{sizes}")))
+    scales = [text for text in texts(before_after_figure(made.problem, made)) if "size of the" in text]
+    assert all("(1 = as made)" in text for text in scales)
+
+
+def test_the_box_of_a_problem_with_sizes_was_one_of_scales_that_nobody_gave() -> None:
+    """.8 to 3: the panel goes about the parts made, twice as far to each side as the other is wide."""
+    solution = solved("slot_and_key", "as drawn")
+    asked = solution.problem.changed(box=DEFAULT_BOX)
+    wide, near = before_after_figure(asked, solution).axes[:2]
+    assert wide.get_xlim() == pytest.approx(np.array([-2.0, 2.0]) * np.ptp(near.get_xlim()) + np.mean(near.get_xlim()))
+
+
+def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_arrows() -> None:
+    motion = Translation("x") >> Translation("z")
+    assert described(motion, [-0.03, 0.0], "") == "TX -0.03"
+    assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
+    bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
+    ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
+    figure = parts_figure(bodies, ["up", "fixed", "along x"], ways)
+    arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
+    steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
+    assert len(steps) == 2
+    assert np.linalg.norm(steps, axis=1) == pytest.approx([np.linalg.norm(steps[0])] * 2)  # however far they go
+    assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
+
+
+def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:
+    """Its contacts are hidden from everywhere: it is seen past the wall in front, from +x."""
+    walls = ([*product(*((-3, -2) if k == axis else (-3, 3) for k in range(3)))] for axis in range(3))
+    corner = Body.from_parts([*walls], seed=(-2, -2, -2))
+    ball = Body.convex(trimesh.creation.icosphere(subdivisions=2, radius=2.0).vertices, seed=(0, 0, 0))
+    curve = decision_curve(ball, corner)
+    toward = np.cross(*page_directions(*view_of(curve, (1.0, 1.0))).T)
+    assert toward[0] > 0.8, toward

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 from matplotlib.text import Text
-from ordinary import problems
+from ordinary import solved
 from picture_checks import check_texts, shown
 
 import fcdm_opt as fo
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.album import Album
 from fcdm_opt.show.sensitivities import STEP, Bar, bars, sensitivities_figure
-
-
-@cache
-def solved(file: str, name: str) -> Solution:
-    return fo.solve(problems(file)[name])
 
 
 def named(solution: Solution) -> dict[str, Bar]:
@@ -72,9 +66,20 @@ def test_a_limit_that_holds_gets_a_bar_with_its_unit() -> None:
     found = named(fo.solve(asked))
     wider, nearer = (fo.solve(asked.changed(limits={"RZ": (0.0, 0.1 + step)})).amount for step in (1e-3, -1e-3))
     bar = found["upper limit of RZ"]
-    assert bar.unit == "+0.573 deg"
-    assert bar.value == pytest.approx(0.01 * (wider - nearer) / 2e-3, rel=1e-3)  # a step of 0.01 rad
+    assert bar.unit == "+0.5 deg"
+    assert bar.value == pytest.approx(math.radians(0.5) * (wider - nearer) / 2e-3, rel=1e-3)
     assert "lower limit of RZ" not in found
+
+
+def test_steps_of_lengths_were_numbers_that_nobody_knows() -> None:
+    """1 % of the part, 0.169 mm: now a round number, and of a size with a tolerance half of that."""
+    solution = solved("slot_and_key", "low foot, deep slot")
+    told = named(solution)
+    assert told["front face of key"].unit == "+0.1 mm"
+    assert told["front face of key"].value == pytest.approx(-0.1)
+    half = told["size slot_depth"]  # each 0.05 deeper, as far as its tolerance goes
+    assert (half.unit, half.note.partition(",")[0]) == ("+0.05 mm", "half its tolerance")
+    assert half.value == pytest.approx(0.05)
 
 
 def test_without_a_motion_there_are_no_bars_and_the_picture_says_so() -> None:

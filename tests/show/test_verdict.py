@@ -50,9 +50,9 @@ VERDICTS = {
         "does not fit: key 20.00 mm in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
     ),
     ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
-        "impossible with this motion and these limits (proved); nearest pose found (TX 0 mm + TZ 0.36 mm): bottom face "
-        "of bracket, top face of plate are 2 mm apart; in the way: bottom face of bracket, top face no. 2 of ribs are "
-        "0.5 mm apart, 0.5 mm asked"
+        "impossible with this motion and these limits (proved): at the nearest pose found (TX 0 mm + TZ 0.36 mm) "
+        "bottom face of bracket, top face of plate are 2 mm apart; in the way, bottom face of bracket, top face no. 2 "
+        "of ribs are 0.5 mm apart, 0.5 mm asked"
     ),
 }
 
@@ -68,21 +68,21 @@ def test_impossible_named_no_depth_and_no_faces() -> None:
     def told(movable: fo.Body, static: fo.Body, motion: str, **more: Any) -> str:
         solution = fo.solve(fo.Problem(movable, static, motion=fo.Translation(motion), unit="mm", **more))
         assert solution.status is fo.Status.INFEASIBLE
-        return verdict_text(solution).partition("; ")[2]
+        return verdict_text(solution).partition(": at the ")[2]
 
     block, table = cube("cube", 2.0, (0, 0, 1)), cube("table", 6.0, (0, 0, -3))
     made = {"requirement": "B", "tolerance": (0.02, 0.01 / 3)}
     assert told(block, table, "x", goal="seat", **made) == (
-        "nearest pose found (TX 0 mm): bottom face of cube, top face of table overlap by 0.01 mm"
+        "nearest pose found (TX 0 mm) bottom face of cube, top face of table overlap by 0.01 mm"
     )
     lifted = {"goal": "touch", "limits": {"TZ": (0.03, 0.1)}} | made
     assert told(block, table, "z", **lifted) == (
-        "nearest pose found (TZ 0.03 mm, TZ at the limit): bottom face of cube, top face of table are 0.02 mm apart"
+        "nearest pose found (TZ 0.03 mm, TZ at the limit) bottom face of cube, top face of table are 0.02 mm apart"
     )
     stop = fo.KeepOut(cube("stop", 0.5, (2.25, 0, 1)), name="stop")
     post = {"goal": "touch", "target": (1.0, 1.0), "limits": {"TX": (0, 4)}, "keep_out": [stop]}
     assert told(block, cube("post", 2.0, (4.0, 0, 1)), "x", **post) == (
-        "nearest pose found (TX 1 mm): right face of cube, left face of post are 1 mm apart; in the way: right face of "
+        "nearest pose found (TX 1 mm) right face of cube, left face of post are 1 mm apart; in the way, right face of "
         "cube, left face of stop touch"
     )
 

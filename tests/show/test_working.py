@@ -26,12 +26,12 @@ def imported(path: Path) -> set[str]:
 
 
 def test_every_fast_file_is_there() -> None:
-    assert {path.stem for path in (ROOT / "tests").glob("test_*.py")} >= FAST
+    assert {path.stem for path in (ROOT / "tests").rglob("test_*.py")} >= FAST
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_fast_tests_cover_every_package(package: str) -> None:
-    files = [ROOT / "tests" / f"{name}.py" for name in sorted(FAST)]
+    files = [path for path in (ROOT / "tests").rglob("test_*.py") if path.stem in FAST]
     assert any(package in imported(file) for file in files)
 
 
@@ -47,7 +47,7 @@ def test_hooks_call_what_the_tests_call() -> None:
     hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
     entries = re.findall(r"entry: \.venv/bin/([\w-]+)", hooks)
     assert entries == ["ruff", "ruff", "mypy", "lint-imports", "pytest"]
-    test_line = next(
-        line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if "pytest -n" in line
-    )
-    assert all(f".venv/bin/{tool}" in test_line for tool in entries)
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    run = [line for line in lines if line.startswith(".venv/bin/ruff") or "pytest -n" in line]
+    assert len(run) == 2
+    assert all(any(f".venv/bin/{tool}" in line for line in run) for tool in entries)

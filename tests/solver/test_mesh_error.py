@@ -478,7 +478,7 @@ def test_why_it_is_not_known_what_a_mesh_leaves_open_was_not_told() -> None:
     assert "is not known: larger parts touch sooner, and keep less clear" in verdict_text(beside)
     on_it = tuple(beside.problem.curve.nearest((1.0, 1.0)).tolist())
     followed = replace(beside, problem=beside.problem.changed(keep_out=(), goal="at", nominal=on_it))
-    assert 'is not known: goal "at" follows one contact' in followed.left_by_mesh
+    assert 'is not known: goal "at" is about contacts as drawn' in followed.left_by_mesh
 
 
 def test_stack_and_map_repeat_how_well_gaps_are_known(tmp_path: Path) -> None:

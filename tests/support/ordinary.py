@@ -11,6 +11,8 @@ import numpy as np
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -19,6 +21,12 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 def problems(file: str) -> dict[str, Problem]:
     """The problems of a shipped file, by name."""
     return {problem.name: problem for problem in load_problems(PROBLEMS / f"{file}.toml")}
+
+
+@cache
+def solved(file: str, name: str) -> Solution:
+    """The solution of one of them."""
+    return solve(problems(file)[name])
 
 
 def corners(low: Any, high: Any) -> np.ndarray:

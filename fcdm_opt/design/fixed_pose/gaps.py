@@ -14,7 +14,18 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.games import game
-from fcdm_opt.curve.kernels import _at, _dot, _entry, _length, _minus, _times, _turned, _turned_back, facet_rows
+from fcdm_opt.curve.kernels import (
+    _at,
+    _dot,
+    _entry,
+    _length,
+    _longer,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+    facet_rows,
+)  # fmt: skip
 from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
@@ -39,13 +50,11 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
             pose,
         )[1]
         if count + len(own) > len(rows):
-            wider = np.empty((2 * (count + len(own)), 6))
-            wider[:count] = rows[:count]
-            rows = wider
-        rows[count : count + len(own), :3] = own[:, :3]
-        rows[count : count + len(own), 3] = own[:, 5]
-        rows[count : count + len(own), 4:] = -own[:, 3:5]
-        count += len(own)
+            rows = _longer(rows, 2 * (count + len(own)))
+        for row in own:
+            rows[count, :3] = row[:3]
+            rows[count, 3], rows[count, 4], rows[count, 5] = row[5], -row[3], -row[4]
+            count += 1
         first[p + 1] = count
     return rows[:count], first
 
@@ -319,7 +328,9 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
     Return whether that is anywhere more than nothing: else the facets need not remain about zero.
     """
     values[:] = _INF
-    reach = np.abs(one).sum(axis=1).max()
+    reach = 0.0
+    for v in range(len(one)):
+        reach = max(reach, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
     for f in range(start, end):
         n = _at(rows, f)
         own = _turned_back(S[0], 0, _times(-1.0, n))

@@ -20,6 +20,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
 TOLD = 3  # contacts that are told, those that are worst first
+MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
 NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 
 
@@ -35,11 +36,10 @@ def nearest_miss(problem: Problem) -> str:
     problem : Problem
         That has no solution.
     """
-    if problem.partial or not np.isfinite(problem.target).all():
+    if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""
     q, told = _untouched(problem) if problem.goal in ("touch", "clear") else _contact_missed(problem)
-    others = any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)) if told else True
-    if others:
+    if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
     q = np.clip(np.where(np.abs(q) <= near, 0.0, q), low, high)
@@ -47,7 +47,7 @@ def nearest_miss(problem: Problem) -> str:
     limit = f", {' and '.join(held)} at the limit" if held else ""
     where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
     more = f"; {len(told) - TOLD} more" if len(told) > TOLD else ""
-    return f"nearest pose found ({where}{limit}): {'; '.join(told[:TOLD])}{more}"
+    return f"at the nearest pose found ({where}{limit}) {'; '.join(told[:TOLD])}{more}"
 
 
 def _untouched(problem: Problem) -> tuple[Array, list[str]]:
@@ -62,7 +62,7 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
     gaps = sorted(_gaps(worst, found.q), key=lambda own: -own[0])
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
     missed = [told for miss, told in gaps if miss > slack]
-    return found.q, missed + [f"in the way: {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+    return found.q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:

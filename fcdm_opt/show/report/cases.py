@@ -75,7 +75,8 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     pieces = solution_pieces(solution, view=view)
     parts = [inline_svg(figure, f"{name}-{k}") for k, figure in enumerate((pieces.scene, *pieces.insets))]
     high = round(pieces.scene.get_figheight(), 2)
-    picture = {"scene": parts[0], "insets": parts[1:], "key": list(pieces.key), "high": high}
+    keys = {"key": list(pieces.key), "numbered": pieces.numbered}
+    picture = {"scene": parts[0], "insets": parts[1:], **keys, "high": high}
     told = {**_answer(problem, case), "picture": picture, "sizes": _sizes(problem), "stack": _stack(problem)}
     return {**told, **grounds, **_pictures(problem, solution, frames, pieces.facing)}
 
@@ -303,10 +304,13 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     made = problem.movable.scaled(problem.target[0]), problem.static.scaled(problem.target[1])
     overlap = pacing.in_time(Touching.overlap, *made, late=None)
+    known = {} if corrected else {"amount": None, "status": outcome_text(solution)}
+    why = "" if corrected else f": {verdict_text(solution)}"
     return {
         "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),
         "rescaled": {
-            **frames.frame(problem.target, note="the parts made, no motion"),
+            **frames.frame(problem.target, note=f"the parts made, no motion{why}"),
+            **known,
             "overlap": drawn([] if overlap is None else np.concatenate(overlap.pieces)),
         },
         "corrected": corrected,

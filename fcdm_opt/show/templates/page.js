@@ -99,7 +99,7 @@ function show() {
 
 // ------------------------------------------------------------------------------------------------------------ numbers
 
-const MOST_TOLD = 3; // contacts that are told in words
+const MOST_TOLD = 8; // contacts that are told in words, and numbered in the picture of the answer
 
 function showNumbers() {
   const frame = currentFrame(), { feature_shapes: shapes } = currentCase();
