@@ -86,8 +86,9 @@ def test_several_contacts_are_as_far_off_each() -> None:
 def test_a_fit_of_one_wall_asks_for_limits() -> None:
     wall = box((-1, 0, 0), (0, 1, 1), "wall")
     asked = fo.Problem(CUBE, wall, goal="fit", contacts="all", motion=X, tolerance=0.01, requirement="C")
-    with pytest.raises(InputError, match="no contact holds the part"):
-        fo.best_pose(asked)
+    for motion in (X, X >> fo.Rotation("z")):
+        with pytest.raises(InputError, match="no contact holds the part"):
+            fo.best_pose(asked.changed(motion=motion), certify=False)
     held = fo.best_pose(asked.changed(limits={"TX": (-1.0, 0.5)}))  # x + .5 (1 - rho_1) + .5 (1 - rho_2)
     assert held.least.gap == pytest.approx(0.49, **NEAR)
 
@@ -108,6 +109,14 @@ def test_steps_of_the_machine_and_other_amounts(more, window, lift, value, bound
     assert found.value == pytest.approx(value, **NEAR)
     assert found.lower_bound == pytest.approx(bound, rel=1e-3, abs=1e-9)
     assert (found.certified, found.passed) == (False, True)
+
+
+def test_a_window_between_two_steps_holds_no_pose_of_the_machine() -> None:
+    """Gaps of z - .03 to z, all within [0, .031]: z from .03 to .031, where no step of .004 is."""
+    asked = SCENES["resolution"].ask(OFF).changed(tolerance=[[0.0, 0.02], [0.0, 0.02]])
+    found = fo.best_pose(asked, clearance=(0.0, 0.031))
+    assert (found.status, found.lower_bound, found.passed) == ("undecided", 0.0, True)
+    assert found.violation == pytest.approx(0.001, **NEAR)
 
 
 def test_a_solid_kept_as_its_surface_bars_its_middle() -> None:

@@ -199,12 +199,14 @@ class BestPose(NotebookRepr, Plain):
         what, others = {
             INSIDE: ("amount", "no pose inside has"),
             BEST: ("off zero by at most", "no pose by"),
-            **({BEST: ("largest interference", "no pose has")} if self.fitted else {}),
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
         told = f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
+        if self.fitted:  # whose least gap is made largest
+            sure = "none can be better" if self.certified else "no bound proved"
+            told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
         several = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
         return "; ".join([told, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
 
@@ -285,6 +287,9 @@ def best_pose(
         worst.leave_out_standing()
     slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
+    if fitted and best.off.value <= 0.0:
+        what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
+        raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
     inside = clearance is not None and best.off.value <= slack
     if not inside:
         search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
@@ -298,13 +303,14 @@ def best_pose(
     steps = steps_of(problem)
     if steps.any():
         best = stepped(worst, best, steps, slack, amounts=inside)
+        bound = 0.0 if inside and best.off.value > slack else bound  # what is proved is of poses inside
         inside = inside and best.off.value <= slack
     amount, least_gap = amount_of(problem, best.q), best.off.extremes.least.gap
     value = amount if inside else -least_gap if fitted else best.off.excess
     if not weighted(problem) and inside:
         bound = 0.0  # of another amount
     elif fitted:
-        bound = min(bound - worst.low, value)
+        bound = max(bound, 0.0) - worst.low
     elif not inside and not best.off.clear:
         bound = min(2.0 * slack, value) if bound >= best.off.value else 0.0
     bound = min(bound, value)

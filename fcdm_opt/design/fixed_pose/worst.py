@@ -12,7 +12,6 @@ import numpy as np
 from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, GapRows, OwnSizes, Scales, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes
-from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.measures import least_vector
@@ -252,9 +251,6 @@ class WorstContacts(Worst):
             return np.inf if q is None else self.amount(q)
         step = linprog([0.0] * len(rest) + [1.0], A_ub=np.column_stack([slopes, -np.ones(len(values))]), b_ub=-values,
                        bounds=[*self.limits.tolist(), (None, None)], method="highs")  # fmt: skip
-        if step.status == 3:
-            what = "no contact holds the part: nothing makes the least gap largest"
-            raise InputError(what, key="limits", found=self.limits.tolist(), allowed='limits, or goal "at"')
         return float(step.x[-1]) if step.status == 0 else None
 
     @cached_property
