@@ -238,16 +238,16 @@ def pose_command(
     ends = None if window is None else _two(window, "--clearance")
     within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
-    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+    def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         best = best_pose(problem, sizes=pairs, box=within, clearance=ends)  # what it refuses is said before any table
         drawn = clearances(problem, sizes=pairs, box=within)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
         yield "best pose", best, tables.print_said
-        if best.transform is not None:
-            made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
-            yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
+        pose = best.parameters if best.transform is None else best.transform
+        made = clearances(problem, sizes=pairs, box=within, pose=pose)
+        yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked)
+    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
 
 
 def faces_command(
@@ -276,6 +276,7 @@ def stack_command(
     draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
     cost: Annotated[list[str] | None, option("--cost", "SIZE=C", COST)] = None,
     share: Annotated[float | None, option("--share", "S", "With --cost: share of pairs that must fit.")] = None,
+    of: Annotated[str | None, option("--of", "PART,PART", "Of an assembly: the two parts whose gap it is.")] = None,
     cut: Annotated[str | None, option("--slice", "SIZE,SIZE", "With --out: the two sizes of the slice.")] = None,
     seed: Seed = 1,
     time: Time = None,
@@ -294,15 +295,15 @@ def stack_command(
     from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
 
     limits = None if gap is None else _two(gap, "--gap")
-    costs = dict(map(_change, cost or ()))
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
+    costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True, dark=dark)
     pictures, before = inquiry.pictures, dict[str, str]()
 
-    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+    def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if not problem.sizes:
             allowed = f"one [[size]] table or more{_commented_out_sizes(file)}"
             raise InputError("there are no sizes", key="size", allowed=allowed)
-        found = stack_up(problem, limits=limits)
+        found = stack_up(problem, limits=limits, of=parts)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
@@ -415,9 +416,11 @@ def _two(text: str, key: str) -> tuple[float, float]:
     return one, two
 
 
-def _box(text: str | None) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def _box(text: str | None) -> Any:
     if text is None:
         return None
+    if text.count(",") == 1:
+        return _two(text, "--box")
     a, b, c, d = _numbers(text, "--box", "four", "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
     return (a, b), (c, d)
 

@@ -76,6 +76,8 @@ class TouchingSizes:
         Of shifts of the movable body, which count as sizes behind the others.
     standing : tuple of PairRows
         Of part pairs that touch at all sizes of the box and were left out, see `of`.
+    as_drawn : bool
+        Whether rows are those of contacts as drawn, whatever the box: they are not found anew.
     """
 
     bodies: tuple[Body, Body]
@@ -85,6 +87,7 @@ class TouchingSizes:
     reach: tuple[float, str]
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
     standing: tuple[PairRows, ...] = ()
+    as_drawn: bool = False
 
     @classmethod
     def of(
@@ -125,7 +128,8 @@ class TouchingSizes:
             parts do not follow; names the face.
         """
         T = IDENTITY if transform is None else rigid_transform(transform)
-        _check(sizes)
+        if shifts is None or sizes:
+            check_sizes(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
         ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
         sides, reaches, shares = [], [], []
@@ -186,6 +190,12 @@ class TouchingSizes:
             kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
         return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
 
+    def widened(self, sizes: Sequence[Size], **how: Any) -> TouchingSizes:
+        """Return them with other tolerances, see `of`."""
+        if self.as_drawn:
+            return replace(self, sizes=tuple(sizes))
+        return TouchingSizes.of(*self.bodies, sizes, transform=self.transform, **how)
+
     @property
     def box(self) -> Array:
         """Least and largest of each size, (k, 2)."""
@@ -199,8 +209,8 @@ class TouchingSizes:
         Parts are not made beyond (`resized`), whereas the rows go on: what a convex body has beside the face is told by
         its other faces' planes.
         """
-        found: list[tuple[float, str, dict[str, float]]] = []
-        for role, body in zip(("movable", "static"), self.bodies, strict=True):
+        found: list[tuple[float, str, dict[str, float]]] = [(np.inf, "", {})]
+        for role, body in () if self.as_drawn else zip(("movable", "static"), self.bodies, strict=True):
             own = [k for k, size in enumerate(self.sizes) if size.body == role]
             moving = Resizing.of(body, [self.sizes[k] for k in own])
             low, high = np.minimum(self.box[own, 0], 0.0), np.maximum(self.box[own, 1], 0.0)
@@ -343,7 +353,7 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
         return {name: float(made.get(name, 0.0)) for name in names}
-    _check(sizes)
+    check_sizes(sizes)
     if made in ("low", "high", "middle"):
         place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
         values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
@@ -358,7 +368,8 @@ def _centred(box: Array) -> tuple[Array, Array]:
     return box.mean(axis=1), np.ptp(box, axis=1) / 2.0
 
 
-def _check(sizes: Sequence[Size]) -> None:
+def check_sizes(sizes: Sequence[Size]) -> None:
+    """Refuse none, and one without a tolerance."""
     if not sizes:
         raise InputError("there are no sizes", key="sizes", allowed="one [[size]] table or more, or sizes=[Size(...)]")
     for size in sizes:

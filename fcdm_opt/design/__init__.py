@@ -8,5 +8,7 @@ question         a problem as plain tables: any key can be changed
 study/           many questions at once, in a file or in Python
 whatif/          questions beside a question: what changes, what clashes, what costs how much
 compensation/    the smallest motion as a function of the actual sizes, and the yield it gives
+contact_gaps     gaps of contacts as drawn, affine in the sizes
+stack/           which sizes a gap depends on, and how much
 fixed_pose/      one pose for all pairs of parts, and their clearances there
 """

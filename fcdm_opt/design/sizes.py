@@ -202,6 +202,20 @@ def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
     return Sizes.of(sizes)
 
 
+def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...]]:
+    """Return all sizes that are spoken of, and their names: scales of both bodies or of all parts, or a scene's own."""
+    if by_name(scene, sizes, box):
+        return Sizes(tolerance_boxes(scene.sizes)), tuple(size.name for size in scene.sizes)
+    if isinstance(scene, Problem):
+        return worst_sizes(scene, sizes, box), SCALES
+    parts = tuple(scene.drawn)
+    if box is None:
+        what = "scales of an assembly's parts have no tolerance, so no box of sizes follows from them"
+        raise InputError(what, key="box", found=sizes, allowed="(low, high), the scales of all parts; or sizes by name")
+    ends = size_box([box, box], "box")[0]
+    return Sizes(frozen(np.tile(ends, (len(parts), 1)))), parts
+
+
 def drawn_pairs(
     sizes: Any, box: Any, count: int, seed: int, *, positive: bool | Sequence[bool] = True
 ) -> tuple[Array, str]:
@@ -211,7 +225,7 @@ def drawn_pairs(
     ----------
     sizes : (n, 2) array, or a distribution for each body, or None
         None: all sizes of the box, equally likely.
-    box : (2, 2) array
+    box : (2, 2) array, or (k, 2) of more sizes than two
     count, seed : int
     positive : bool, or one for each size
         Whether sizes are scales, > 0; else deviations.
@@ -220,7 +234,7 @@ def drawn_pairs(
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
     count = arguments.whole(count, "count", "number of draws", 1, MOST)
-    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2))
+    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2 if given else len(box)))
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])

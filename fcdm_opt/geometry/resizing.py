@@ -310,7 +310,7 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     None where the body made has other vertices than the one drawn, and where a scale turns faces that others move.
     """
     if not size.is_length:
-        turns = Resizing.of(body, (size,)).inclined() and any(own.is_length and x for own, x in made.items())
+        turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()
     if body.is_surface:
         return _surface_moves(body, _face_offsets(body, (size,))[:, 0])

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
@@ -53,11 +54,13 @@ class GapClaims:
     bodies : (Body, Body)
         As drawn.
     sizes : tuple of Size
-        What numbers of a place are; without any they are the scales of both bodies.
+        What numbers of a place are, also of other bodies; without any they are the scales of both bodies.
     transform : (4, 4) array
         Of the movable body.
-    least, largest : (float, (k,) array)
-        The ends of the range of the gap, and where they are.
+    shift : (k, 3) array, optional
+        How it is shifted besides, a unit of each size.
+    least, largest : (float, (k,) array), optional
+        The ends of the range of the gap, and where they are; without them only keep-outs are looked at.
     box : (k, 2) array
     listed : (n, k) array, optional
         All sizes that are spoken of, where it is not the whole box.
@@ -66,7 +69,14 @@ class GapClaims:
     standing : sequence of (int, int)
         Part pairs that are not counted.
     keep_out : sequence of (Body, float)
-        Bodies that the movable one keeps clear of at all sizes, and by how much at least.
+        Bodies that the movable one keeps clear of at all sizes, and by how much at least; the static one among them
+        as made.
+    contact : (Feature, (int, int), (3,) array), optional
+        The contact that the gap is of, its part pair, and its direction from body 1 to body 2; else of all counted.
+    name : str
+        Before those of the checks.
+    beside : sequence of GapClaims
+        Of further contacts.
     share : ShareClaim, optional
     others : sequence of Check
         Of what else is told.
@@ -75,8 +85,9 @@ class GapClaims:
     bodies: tuple[Body, Body]
     sizes: tuple[Size, ...]
     transform: Array
-    least: tuple[float, Array]
-    largest: tuple[float, Array]
+    shift: Array | None = None
+    least: tuple[float, Array] | None = None
+    largest: tuple[float, Array] | None = None
     box: Array
     listed: Array | None = None
     told: Callable[[Array], Array] | None = None
@@ -84,15 +95,30 @@ class GapClaims:
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
     others: Sequence[Check] = ()
+    contact: tuple[Feature, tuple[int, int], Array] | None = None
+    name: str = ""
+    beside: Sequence[GapClaims] = ()
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of it."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies)
-        ends = np.array([self.least[1], self.largest[1]], float)
-        low, high = self.box.T
-        outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
         others = _spread(self.box) if self.listed is None else self.listed
         others = others[np.linspace(0, len(others) - 1, min(len(others), SAMPLED + CORNERS)).astype(np.int64)]
+        ends = np.array([own[1] for own in (self.least, self.largest) if own is not None], float)
+        found = [] if self.least is None else self._of_gap(ends, others, slack)
+        for body, clearance in self.keep_out:
+            short = max(clearance - self._apart(place, body) for place in (*ends, *others))
+            found.append(_at_most(f"keep-out '{body.name}'", short, slack, "how much too near, at the same sizes"))
+        found += [] if self.share is None else [_share(self.share)]
+        named = [check._replace(name=f"{self.name}: {check.name}") for check in found] if self.name else found
+        return (*named, *self.others, *(check for own in self.beside for check in own.checks()))
+
+    def _of_gap(self, ends: Array, others: Array, slack: float) -> list[Check]:
+        """Return the checks of the range of the gap, and of gaps told at sampled sizes."""
+        assert self.least is not None
+        assert self.largest is not None
+        low, high = self.box.T
+        outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
         gaps = [self._gaps(place) for place in np.vstack([ends, others])]
         made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=True) if gap is not None]
         lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
@@ -114,19 +140,25 @@ class GapClaims:
         if self.standing:
             wide = max(gap[2] for gap in gaps if gap is not None)
             checks.append(_at_most("contacts not counted", wide, slack, "how far open, or overlapping, at most"))
-        for body, clearance in self.keep_out:
-            short = max(clearance - self._apart(place, body) for place in np.vstack([ends, others]))
-            checks.append(_at_most(f"keep-out '{body.name}'", short, slack, "how much too near, at the same sizes"))
-        return (*checks, *([] if self.share is None else [_share(self.share)]), *self.others)
+        return checks
 
     def _apart(self, place: Array, body: Body) -> float:
         """Return the signed distance of the movable part, made, from a body that does not change."""
         try:
-            (movable, _), scales = made_at(self.bodies, self.sizes, place)
+            (movable, static), scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return np.inf
-        scales[:, 1] = 1.0
-        return float(scaled_pair(movable, body).signed_distances(scales, self.transform[None])[0])
+        if body is self.bodies[1]:
+            body = static
+        else:
+            scales = np.column_stack([scales[:, 0], np.ones(len(scales))])
+        return float(scaled_pair(movable, body).signed_distances(scales, self._pose(place)[None])[0])
+
+    def _pose(self, place: Array) -> Array:
+        """Return where the movable body is at sizes."""
+        pose = self.transform.copy()
+        pose[:3, 3] += 0.0 if self.shift is None else place @ self.shift
+        return pose
 
     def _gaps(self, place: Array) -> tuple[float, float, float] | None:
         """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices.
@@ -137,7 +169,12 @@ class GapClaims:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
-        pair, here = scaled_pair(*bodies), self.transform[None]
+        pair, here = scaled_pair(*bodies), self._pose(place)[None]
+        if self.contact is not None and any(body.is_surface for body in bodies):
+            gap = self._along(bodies, scales[0], here[0])
+            return gap, gap, 0.0
+        if self.contact is not None:
+            pair = pair.between(*self.contact[1])
         if not self.standing:
             distance, separation = pair.both_ways(scales, here)
             return float(distance[0]), float(separation[0]), 0.0
@@ -147,6 +184,25 @@ class GapClaims:
             for own in (counted, self.standing)
         )
         return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
+
+    def _along(self, bodies: tuple[Body, Body], scales: Array, pose: Array) -> float:
+        """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces.
+
+        Whose parts are thin: how deep two of them overlap says nothing of the solids.
+        """
+        assert self.contact is not None
+        feature, _, way = self.contact
+        points = []
+        for body, scale, element in zip(bodies, scales.tolist(), (feature.one, feature.two), strict=True):
+            own = body.vertices[np.array(element.vertices) - 1]
+            points.append(body.seed + scale * (own - body.seed))
+        points[0] = points[0] @ pose[:3, :3].T + pose[:3, 3]
+        sides = [own - own.mean(axis=0) for own in points]
+        flat = max(sides, key=lambda own: (len(own) > 2, -len(own)))
+        if len(flat) > 2 or all(len(own) == 2 for own in points):
+            n = np.linalg.svd(flat if len(flat) > 2 else np.vstack(sides))[2][2]
+            way = n * np.sign(n @ way)
+        return float((points[1] @ way).min() - (points[0] @ way).max())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,7 +267,7 @@ class MotionClaims:
 def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:
     """Return both bodies as made at sizes, and the scales, (1, 2), that are left to ask for."""
     if not sizes:
-        return bodies, np.asarray(place, float)[None]
+        return bodies, np.asarray(place, float)[None] if len(place) else np.ones((1, 2))
     values = dict(zip(sizes, np.asarray(place, float).tolist(), strict=True))
     made = each_resized({"movable": bodies[0], "static": bodies[1]}, values)
     return (made["movable"], made["static"]), np.ones((1, 2))

@@ -306,9 +306,11 @@ def print_judged(certificate: Certificate) -> None:
     print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
 
 
-def print_clearances(clearances: Clearances, problem: Problem, *, where: str = "") -> None:
+def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
+    if not isinstance(problem, Problem):
+        return  # the pose tells each contact
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
         {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text,

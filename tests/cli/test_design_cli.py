@@ -171,9 +171,64 @@ def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
 
 
 def test_a_pose_printed_a_table_before_it_refused() -> None:
-    code, printed, said = run("pose", PROBLEMS / "locating.toml", "--case", "A")
-    assert (code, "does not look at contacts" in said) == (2, True)
+    code, printed, said = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=-inf,inf")
+    assert (code, "a window without ends" in said) == (2, True)
     assert "clearance" not in printed
+
+
+def test_a_pose_of_six_contacts_tells_each() -> None:
+    """3-2-1: at rest gaps of 3 d + 2 e, 2 d + 2 e, d + 2 e, both within .02; a turn does a little better."""
+    code, text, _ = run("pose", PROBLEMS / "locating.toml", "--case", "A", "--json")
+    best = json.loads(text)["files"][0]["cases"][0]["best_pose"]
+    assert (code, best["certificate"]["passed"], len(best["contacts"])) == (0, True, 6)
+    assert 0.09 < best["worst_gap"] <= 0.1
+
+
+def test_an_assembly_has_a_pose_and_stack_ups(tmp_path: Path) -> None:
+    """Two blocks on a floor, of which one is thicker by up to .1 and the other by .02 below."""
+    path = tmp_path / "tower.toml"
+    path.write_text("""
+[[part]]
+name = "floor"
+vertices = [[-2,-2,-1],[2,-2,-1],[-2,2,-1],[2,2,-1],[-2,-2,0],[2,-2,0],[-2,2,0],[2,2,0]]
+[[part]]
+name = "lower"
+vertices = [[-1,-1,0],[1,-1,0],[-1,1,0],[1,1,0],[-1,-1,1],[1,-1,1],[-1,1,1],[1,1,1]]
+motion = [{ translation = "z" }]
+[[part]]
+name = "upper"
+vertices = [[-1,-1,1],[1,-1,1],[-1,1,1],[1,1,1],[-1,-1,2],[1,-1,2],[-1,1,2],[1,1,2]]
+motion = [{ translation = "z" }]
+[[contact]]
+parts = ["lower", "floor"]
+[[contact]]
+parts = ["upper", "lower"]
+[[size]]
+name = "thick"
+body = "lower"
+faces = "+z"
+tolerance = [0.0, 0.1]
+[[size]]
+name = "deep"
+body = "upper"
+faces = "-z"
+tolerance = 0.02
+[[case]]
+name = "as drawn"
+""")
+    code, text, _ = run("pose", path, "--json")
+    best = json.loads(text)["files"][0]["cases"][0]["best_pose"]
+    assert code == 0
+    assert best["worst_gap"] == pytest.approx(0.07)  # TZ - thick - deep, from TZ - .12 to TZ + .02
+    assert best["parameters"]["upper.TZ"] == pytest.approx(0.05)
+    code, text, _ = run("pose", path)
+    assert (code, "upper TZ 0.05" in text) == (0, True)
+    assert run("pose", path, "--box", "0.99,1.01")[0] == 0
+    for of, ends in (("upper,lower", (-0.12, 0.02)), ("upper,floor", (1.0, 1.1))):
+        code, text, _ = run("stack", path, "--of", of, "--draws", 1000, "--json")
+        worst = json.loads(text)["files"][0]["cases"][0]["stack"]["worst"]
+        assert code == 0
+        assert (worst["least"], worst["largest"]) == pytest.approx(ends)
 
 
 def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> None:

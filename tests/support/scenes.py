@@ -274,29 +274,33 @@ SCENES = {
     "large mesh, sizes": Scene(
         ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
         touches=(-3.0, 0.01),
-        worst=WIDE,
+        worst=2.0 * WIDE,  # of the contact as drawn: it stays above the table
     ),
     # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
     "chain": Scene(
         ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),  # until the lower part has no size
         touches=(-3.01, -2.01, -0.99, 0.01),
+        worst=0.01,
     ),
     "loop": Scene(
         ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(-10 / 11, 1.0),  # until the left one, an eleventh of its size, is beside the floor; over the other
         touches=(-2.01, -1.01, 0.01, 1.01),
+        worst=0.01,
     ),
     # to the first contacts of each pair
     "chain, large meshes": Scene(
         ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-2.01, -0.99, 0.01),
+        worst=0.01,
     ),
     "loop, large meshes": Scene(
         ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(0.5 / (0.5 + 5.0 * (sqrt(2) - 1.0)) - 1.0, 1.0),  # until it is beside the floor where that is cut out
         touches=(-1.01, 0.01, 1.01),
+        worst=0.01,
     ),
     "chain, sizes": Scene(
         ask=_chain(as_drawn, sizes=[_size("thick", "lower", faces="+z"), _size("deep", "upper", faces="-z")]),
@@ -305,5 +309,6 @@ SCENES = {
         direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-3.0, -2.01, -1.0, 0.0),
+        worst=2.0 * WIDE,
     ),
 }

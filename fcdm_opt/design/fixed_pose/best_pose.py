@@ -3,32 +3,38 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
+from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
-from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
+from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.worst import Worst, domain, obstacles
-from fcdm_opt.design.sizes import SCALES, Sizes, by_name, not_counted, worst_sizes
+from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
+from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.model.task import Task
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.active_parts import need_all_parts
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
 
 Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 EFFORT = 20_000  # cells: a second or two for two parameters
+WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,19 +50,24 @@ class BestPose(NotebookRepr, Plain):
         Names and values, length units and radians.
     motion : str
         The same in words, with units and in degrees.
-    transform : (4, 4) array
+    transform : (4, 4) array or None
+        None of an assembly.
+    transforms : mapping of name to (4, 4) array
+        The pose change of each part of an assembly.
     amount : float
-        Weighted amount of the motion.
+        Of the motion, as the question measures it.
     worst_gap : float
         Largest |gap| over all sizes at this pose.
+    contacts : mapping of name to (low, high)
+        The range of the gap of each contact at this pose, where contacts are looked at.
     violation : float
         How far the worst gap is off the window, 0 inside; without a window `worst_gap`. Of "no pose" how far a
         keep-out is come too near to, where that is more.
     least, most : EndOfRange
         The ends of the range of the gap at this pose.
     value, lower_bound : float
-        What is made small, the violation or, inside the window, the amount; and what it is proved to be no less than,
-        to rounding, whatever the pose.
+        What is made small, the violation, of goal "fit" minus the least gap or, inside the window, the amount; and what
+        it is proved to be no less than, to rounding, whatever the pose.
     certified : bool
         Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`); where no pose is
         clear of keep-outs, whether that is proved.
@@ -73,7 +84,7 @@ class BestPose(NotebookRepr, Plain):
     seconds : float
     unit : str
         Of lengths, "" where the problem names none.
-    problem : Problem
+    problem : Problem or Assembly
         That was asked about.
     standing : tuple of str
         Contacts that are closed at all sizes wherever the motion leads, a flange on its plate: not counted in gaps. A
@@ -83,13 +94,14 @@ class BestPose(NotebookRepr, Plain):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "status", "parameters", "motion", "transform", "amount", "worst_gap", "violation", "least", "most", "value",
+        "status", "parameters", "motion", "transform", "transforms", "contacts", "amount", "worst_gap", "violation",
+        "least", "most", "value",
         "lower_bound", "certified", "cells", "checks", "sizes", "window", "standing", "seconds",
     )  # fmt: skip
     status: Verdict
     parameters: dict[str, float]
     motion: str
-    transform: Array
+    transform: Array | None
     amount: float
     worst_gap: float
     violation: float
@@ -105,36 +117,47 @@ class BestPose(NotebookRepr, Plain):
     evidence: PoseEvidence | None = field(repr=False)
     seconds: float
     unit: str = ""
-    problem: Problem | None = field(default=None, repr=False)
+    problem: Problem | Assembly | None = field(default=None, repr=False)
     standing: tuple[str, ...] = ()
     standing_parts: tuple[tuple[int, int], ...] = ()
+    transforms: Mapping[str, Array] = field(default_factory=dict)
+    contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the range of the gap at the pose, and what is told of it."""
         if self.problem is None:
             raise InputError("a pose is judged with the problem it is of", key="BestPose.problem", found=None)
-        problem = self.problem
+        problem, limits = self.problem, np.array([own.limits for own in self.problem.coordinates])
         q, (low, high) = np.array([*self.parameters.values()]), self.window
         slack = max(problem.contact_slack, DEFAULT.touch * problem.size)
-        end = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
         ends = self.least.gap, self.most.gap
         violation = max(low - ends[0], ends[1] - high, 0.0)
-        amount = float(np.linalg.norm(problem.weights * q))
         inside, failed = violation <= slack, self.status in (NONE, UNDECIDED)
-        if failed and problem.keep_out:  # it may be off these
+        if failed and (problem.keep_out or isinstance(problem, Assembly)):  # it may be off what is kept clear of
             violation, inside = max(violation, self.violation), False
-        value = amount if self.status == INSIDE else violation
+        amount = amount_of(problem, q)
+        best = -ends[0] if self.fitted else violation
+        value = amount if self.status == INSIDE else best
         known = {BEST: self.window == (0.0, 0.0), INSIDE: inside, NONE: not inside, UNDECIDED: not inside}
+        named, told = {**self.transforms}, transforms_of(problem, q)
+        if self.transform is not None:
+            named[""] = self.transform
         errors = {
-            "transform of parameters": np.abs(self.transform - end).max(),
+            "transform of parameters": max(np.abs(named[part] - T).max() for part, T in told.items()),
             "amount": abs(self.amount - amount),
             "worst gap": abs(self.worst_gap - max(map(abs, ends))),
             "violation": abs(self.violation - violation),
             "value": abs(self.value - value),
             "lower bound": self.lower_bound - value,
-            "limits": np.maximum(problem.limits[:, 0] - q, q - problem.limits[:, 1]).max(),
+            "limits": np.maximum(limits[:, 0] - q, q - limits[:, 1]).max(),
             "status": 0.0 if known.get(self.status) else np.inf,
         }
+        others = [Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()]
+        if by_contacts(problem):
+            worst = WorstContacts.asked(problem, self.sizes, self.least.names, low, high)
+            return replace(worst.claims(q, failed=failed), others=others)
+        assert isinstance(problem, Problem)
+        assert self.transform is not None
         by_names = self.least.names != SCALES
         drawn = problem.request if by_names else vars(problem)
         return GapClaims(
@@ -146,17 +169,19 @@ class BestPose(NotebookRepr, Plain):
             box=self.sizes.box,
             listed=self.sizes.pairs,
             standing=self.standing_parts,
-            keep_out=() if failed else obstacles(problem),
-            others=[
-                *(Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()),
-                *(self.check(problem) if proof else ()),
-            ],
+            keep_out=() if failed else [own[:2] for own in obstacles(problem)],
+            others=[*others, *(self.check(problem) if proof else ())],
         )
 
     @property
     def gap(self) -> float:
         """What the proof leaves open: value less lower bound."""
         return self.value - self.lower_bound
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the least gap is made largest, as goal "fit" asks for."""
+        return self.problem is not None and is_fit(self.problem) and self.window == (0.0, 0.0)
 
     @property
     def passed(self) -> bool:
@@ -179,7 +204,11 @@ class BestPose(NotebookRepr, Plain):
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
         told = f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
-        return "; ".join([told, *not_counted(self.standing)])
+        if self.fitted:  # whose least gap is made largest
+            sure = "none can be better" if self.certified else "no bound proved"
+            told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
+        several = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
+        return "; ".join([told, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
@@ -188,7 +217,7 @@ class BestPose(NotebookRepr, Plain):
 
 @known_arguments
 def best_pose(
-    problem: Problem,
+    problem: Problem | Assembly,
     *,
     sizes: Any = None,
     box: Any = None,
@@ -204,17 +233,25 @@ def best_pose(
     least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
     lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
-    Asked are bodies, motion, limits, weights and keep-outs: the problem's goal, path and pair state play no part.
+    Contacts as drawn, each along its normal, are looked at in place of the gap of the bodies where a question names
+    several, of an assembly, of bodies kept as surfaces, and of sizes that turn faces; the largest |gap| is that over
+    all of them, and goal "fit" asks for the largest least gap. Where the motion only shifts that is a linear program,
+    and its pose proved.
+
+    Asked are bodies, motion, limits, weights, steps and keep-outs: else the problem's goal, path and pair state play no
+    part, and an amount other than the weighted one is told, not made least.
 
     Parameters
     ----------
-    problem : Problem
-        Its keep-outs are kept clear of at all sizes; a proof comes without evidence then.
+    problem : Problem or Assembly
+        Its keep-outs are kept clear of at all sizes; a proof comes without evidence then. So are parts of an assembly
+        without contacts of each other.
     sizes : (n, 2) array, or a distribution for each body, optional
         The pairs that must all do: a list, or all that the distributions can give.
     box : ((low_1, high_1), (low_2, high_2)), optional
         All sizes of a box, in place of `sizes`; default the problem's tolerance, or without one its own sizes within
-        their tolerances: proved then where the motion is made of translations, whose gap is that of `stack_up`.
+        their tolerances: proved then where the motion is made of translations, whose gap is that of `stack_up`. Of an
+        assembly (low, high), the scales of all its parts, which have no tolerance.
     clearance : (low, high), optional
         The window of the gap, length units.
     certify : bool
@@ -227,64 +264,74 @@ def best_pose(
     Raises
     ------
     InputError
-        For sizes that are none (see `clearances`), an empty window, a problem with several contacts, steps
-        of a machine or another amount than the weighted one, and where limits are missing that keep the search finite.
+        For sizes that are none (see `clearances`), an empty window, parts without contacts where these are looked at,
+        and where limits are missing that keep the search finite.
     """
     start = time.perf_counter()
-    expected(problem, Problem, "problem")
+    expected(problem, (Problem, Assembly), "problem")
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
-    for key, asked_for, found, instead in (
-        ("contacts", bool(problem.contacts), "several", None),
-        ("resolution", problem.resolution is not None, problem.resolution, None),
-        ("amount", problem.amount != "weighted", problem.amount, "weighted"),
-    ):
-        if asked_for:
-            what = f"one pose for all pairs is about the gap of two bodies, and does not look at {key}"
-            more = ', goal="touch"' if key == "contacts" else ""
-            plain = f"no {key} in the file" + (' and goal = "touch"' if more else "")
-            allowed = f"{plain}; in Python problem.changed({key}={instead!r}{more})"
-            raise InputError(what, key=key, found=found, allowed=allowed)
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
     own = by_name(problem, sizes, box)
-    asked = None if own else worst_sizes(problem, sizes, box)
-    if not own:
-        need_all_parts(problem, "a pose for all sizes")
-    worst = Worst.of(problem, asked, low, high)
-    worst.leave_out_standing()
+    worst: Worst
+    if by_contacts(problem):
+        asked, names = all_sizes(problem, sizes, box)
+        fitted = is_fit(problem) and clearance is None
+        worst = WorstContacts.asked(problem, asked, names, *((WIDE * problem.size, np.inf) if fitted else (low, high)))
+    else:
+        assert isinstance(problem, Problem)
+        fitted, worst = False, Worst.of(problem, None if own else worst_sizes(problem, sizes, box), low, high)
+        worst.leave_out_standing()
     slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
     first = best = better(worst, np.zeros(len(worst.limits)))
+    if fitted and best.off.value <= 0.0:
+        what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
+        raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
     inside = clearance is not None and best.off.value <= slack
     if not inside:
         search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
         best = search.best
         inside = clearance is not None and best.off.value <= slack
     if inside:
-        best = smaller(worst, best, slack)
-        search = _searched(worst, best, slack, accuracy, effort, amounts=True)
-        best, value, bound = search.best, search.value, _proved(search)
+        search = _searched(worst, smaller(worst, best, slack), slack, accuracy, effort, amounts=True)
+        best, bound = search.best, _proved(search)
     else:
-        best = least_moved(worst, best, first)
-        value, lower = best.off.excess, _proved(search)
-        bound = min(lower, value) if best.off.clear else min(2.0 * slack, value) if lower >= best.off.value else 0.0
+        best, bound = least_moved(worst, best, first), _proved(search)
+    steps = steps_of(problem)
+    if steps.any():
+        best = stepped(worst, best, steps, slack, amounts=inside)
+        bound = 0.0 if inside and best.off.value > slack else bound  # what is proved is of poses inside
+        inside = inside and best.off.value <= slack
+    amount, least_gap = amount_of(problem, best.q), best.off.extremes.least.gap
+    value = amount if inside else -least_gap if fitted else best.off.excess
+    if not weighted(problem) and inside:
+        bound = 0.0  # of another amount
+    elif fitted:
+        bound = max(bound, 0.0) - worst.low
+    elif not inside and not best.off.clear:
+        bound = min(2.0 * slack, value) if bound >= best.off.value else 0.0
+    bound = min(bound, value)
     done = value - bound <= max(accuracy * abs(value), slack) or (bound > slack and not best.off.clear)
     status = NONE if bound > slack else UNDECIDED
     if inside or (clearance is None and best.off.clear):
         status = INSIDE if inside else BEST
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
     least, most = (end.without_rounding(problem.size) for end in ends)
-    q = np.where(np.abs(problem.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
+    q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
+    told, gaps = transforms_of(problem, best.q), worst.scene
     pose = BestPose(
         status=status,
-        parameters=problem.motion.by_name(q),
-        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
-        transform=frozen(worst.transform(best.q)),
-        amount=best.amount,
+        parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
+        motion=motion_in_words(problem, q),
+        transform=frozen(told.pop("")) if "" in told else None,
+        transforms=told,
+        contacts=gaps.ranges(best.off.rows) if isinstance(gaps, ContactGaps) else {},
+        amount=amount,
         worst_gap=max(abs(least.gap), abs(most.gap)),
-        violation=max(best.off.excess, 0.0),
+        violation=max(-least.gap, most.gap) if fitted else max(best.off.excess, 0.0),
         least=least,
         most=most,
         value=value,
@@ -306,6 +353,8 @@ def best_pose(
 
 def _proved(search: Search) -> float:
     """Return what no pose has less of; without a proof what is known anyhow."""
+    if search.known is not None:
+        return search.known
     if search.nodes:
         return search.lower
     return 0.0 if search.amounts else search.worst.floor
@@ -319,6 +368,9 @@ def _searched(
     With `stop` until one is in the window.
     """
     limits = worst.limits
+    if isinstance(worst, WorstContacts):
+        known = worst.bound(slack, amounts=amounts) if effort else None
+        return Search(worst, limits, best, slack, amounts, lambda q: found_at(worst, q), known=known)
     if effort:
         most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
         limits = _bounded(worst, domain(worst, most, amount))
@@ -332,6 +384,54 @@ def _searched(
     if not amounts and search.best is not best:  # the centre of a cell that may beat others by a little only
         search.best = min(search.best, improve(search.best.q), key=lambda own: own.off.value)
     return search
+
+
+def is_fit(question: Scene) -> bool:
+    """Tell whether a question asks for the least gap to be as large as can be."""
+    return getattr(question, "goal", "") == FIT
+
+
+def weighted(question: Scene) -> bool:
+    """Tell whether the amount is the weighted one."""
+    return getattr(question, "amount", "weighted") == "weighted"
+
+
+def amount_of(question: Scene, q: Array) -> float:
+    """Return the amount of a motion, as the question measures it."""
+    if isinstance(question, Problem) and not weighted(question):
+        return Task.of(question).amount(q)
+    return float(np.linalg.norm([own.weight * x for own, x in zip(question.coordinates, q, strict=True)]))
+
+
+def steps_of(question: Scene) -> Array:
+    """Return the steps of each parameter, 0 where it is any."""
+    if isinstance(question, Assembly):
+        each = ((question.resolution.get(part, 0.0), motion.names) for part, motion in question.motions.items())
+        return np.array([own.get(x, 0.0) if isinstance(own, Mapping) else own for own, names in each for x in names])
+    return np.zeros(len(question.coordinates)) if question.resolution is None else np.array(question.resolution)
+
+
+def by_part(question: Assembly, q: Array) -> dict[str, Array]:
+    """Return the parameters of each part's motion."""
+    starts = np.cumsum([len(motion.names) for motion in question.motions.values()])[:-1]
+    return dict(zip(question.motions, np.split(q, starts), strict=True))
+
+
+def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
+    """Return the pose of each part of an assembly, or that of the movable part of two, under the name ""."""
+    if isinstance(question, Assembly):
+        return dict(question.poses(by_part(question, q)))
+    assert isinstance(question, Problem)
+    return {"": question.motion.transform(q, question.movable.seed, question.static.seed)}
+
+
+def motion_in_words(question: Scene, q: Array) -> str:
+    """Return a motion in words, of an assembly part by part."""
+    if isinstance(question, Problem):
+        return question.motion.describe(q.tolist(), unit=question.unit)
+    assert isinstance(question, Assembly)
+    each = by_part(question, q).items()
+    return ", ".join(f"{part} {question.motions[part].describe(x.tolist(), unit=question.unit)}" for part, x in each)
 
 
 def _bounded(worst: Worst, limits: Array) -> Array:

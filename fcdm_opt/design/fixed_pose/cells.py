@@ -71,6 +71,8 @@ class Search:
         Whether the smallest amount in the window is looked for; else the pose whose worst gap is off least.
     improve : callable
         Given a pose, returns one near it that is as good as those about it.
+    known : float, optional
+        What no pose has less of, where a program tells it without cells.
     """
 
     worst: Worst
@@ -80,6 +82,7 @@ class Search:
     amounts: bool
     improve: Callable[[Array], Found]
     nodes: list[Node] = field(default_factory=list)
+    known: float | None = None
 
     @property
     def value(self) -> float:
@@ -156,7 +159,7 @@ class Search:
             sure = bound > 2.0 * self.slack
             node.bound = np.inf if sure else worst.amount(np.maximum(np.maximum(node.low, -node.high), 0.0))
             node.witnesses = node.witnesses if sure else NO_WITNESSES
-            node.split = int(np.argmax(worst.problem.weights * width))
+            node.split = int(np.argmax(worst.weights * width))
         else:
             # what each parameter costs the bound, moves points by, and adds to what is not linear in it: turns do
             node.bound, bent = bound, np.where(turning, width**2, 0.0)

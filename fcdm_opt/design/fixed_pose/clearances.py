@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
-from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, not_counted, proportion_interval
+from fcdm_opt.design.sizes import (
+    SCALES,
+    Sizes,
+    all_sizes,
+    box_of,
+    by_name,
+    drawn_pairs,
+    not_counted,
+    proportion_interval,
+    tolerance_boxes,
+)
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -18,7 +29,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.active_parts import need_all_parts
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -83,8 +94,8 @@ class Clearances(NotebookRepr):
 
     Attributes
     ----------
-    transform : (4, 4) array
-        The pose of body 1.
+    transform : (4, 4) array or None
+        The pose of body 1; None of an assembly.
     box : (2, 2) or (k, 2) array
         Sizes of the range: (low, high) of rho_1 and of rho_2, or of each of the problem's own sizes.
     least, most : EndOfRange
@@ -111,7 +122,7 @@ class Clearances(NotebookRepr):
         Contacts that are closed at all of these sizes, a flange on its plate: not counted in gaps, as in `stack_up`.
     """
 
-    transform: Array
+    transform: Array | None
     box: Array
     least: EndOfRange
     most: EndOfRange
@@ -147,15 +158,22 @@ class Clearances(NotebookRepr):
 
 @known_arguments
 def clearances(
-    problem: Problem, *, sizes: Any = None, box: Any = None, pose: Any = None, count: int = 100_000, seed: int = 1
+    problem: Problem | Assembly,
+    *,
+    sizes: Any = None,
+    box: Any = None,
+    pose: Any = None,
+    count: int = 100_000,
+    seed: int = 1,
 ) -> Clearances:
     """Return range and distribution of the gap at a fixed pose, without any re-positioning.
 
-    Asked are bodies and sizes alone: the problem's goal, motion limits and keep-outs play no part.
+    Asked are bodies and sizes alone: the problem's goal, motion limits and keep-outs play no part. Of an assembly, of
+    bodies kept as surfaces and of sizes that turn faces it is the least gap of all contacts as drawn, see `best_pose`.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     sizes : (n, 2) array, or a distribution for each body, optional
         Measured size pairs, or what they are drawn from, independently: `Uniform`, `Normal`, `Measured`. Default: all
         sizes of the box equally likely.
@@ -163,6 +181,7 @@ def clearances(
         Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
         `sizes` may be where it has none. A problem with sizes of its own and no such tolerance is asked about these,
         distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges.
+        Of an assembly (low, high), the scales of all its parts.
     pose : mapping of parameter name to number, sequence of parameters, or (4, 4) array, optional
         Where body 1 is: parameters of the problem's motion (length units, radians), or a rigid transform. Default: at
         rest.
@@ -176,33 +195,37 @@ def clearances(
     InputError
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
-    expected(problem, Problem, "problem")
-    need_all_parts(problem, "a pose for all sizes")
-    transform = transform_of(problem, pose)
+    expected(problem, (Problem, Assembly), "problem")
     own = by_name(problem, sizes, box)
-    if own:
-        scene: Scene = OwnSizes(problem.request["movable"], problem.request["static"], problem.sizes)
-        pairs, source = draws(problem.sizes, count, seed), f"{count} pairs drawn as the sizes are distributed"
+    if by_contacts(problem, named=False):
+        asked, names = all_sizes(problem, sizes, box)
+        scene: Any = ContactGaps(problem, asked, names, own=own)
+        at, transform = _contacts_at(problem, scene, pose)
+        pairs, source = _drawn(problem, sizes, asked.box, count, seed, own=own)
+        extremes, gaps = scene.extremes(at), at.gaps(pairs)
     else:
-        whole = box_of(problem, sizes, box)
-        pairs, source = drawn_pairs(sizes, whole, count, seed)
-        need_all_parts(problem, "a pose for all sizes")
-        scene = Scales(problem.movable, problem.static, Sizes(whole))
-    here = scene.pose(transform)
-    scene.leave_out([here])
-    at = scene.rows(here)
-    extremes = scene.extremes(at)
-    around = frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))
-    if not own:
-        wider = Scales(problem.movable, problem.static, Sizes(around))
-        wider.standing = scene.standing
-    gaps = (at if own else wider.rows(here)).gaps(pairs)
+        assert isinstance(problem, Problem)
+        transform = transform_of(problem, pose)
+        whole = tolerance_boxes(problem.sizes) if own else box_of(problem, sizes, box)
+        pairs, source = _drawn(problem, sizes, whole, count, seed, own=own)
+        bodies = problem.movable, problem.static
+        drawn = problem.request["movable"], problem.request["static"]
+        scene = OwnSizes(*drawn, problem.sizes) if own else Scales(*bodies, Sizes(whole))
+        here = scene.pose(transform)
+        scene.leave_out([here])
+        at = scene.rows(here)
+        extremes, rows = scene.extremes(at), at
+        if not own:
+            wider = Scales(*bodies, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
+            wider.standing = scene.standing
+            rows = wider.rows(here)
+        gaps = rows.gaps(pairs)
     least, most = (EndOfRange.of(scene, at, end).without_rounding(problem.size) for end in extremes[:2])
     inside = int((gaps < -problem.contact_slack).sum())
     shares = np.array(QUANTILES)
     counts, edges = np.histogram(gaps, bins=BINS)
     return Clearances(
-        transform=frozen(transform),
+        transform=None if transform is None else frozen(transform),
         box=scene.sizes.box,
         least=least,
         most=most,
@@ -220,6 +243,21 @@ def clearances(
     )
 
 
+def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, count: int, seed: int, *, own: bool) -> tuple[Array, str]:
+    """Return sizes of the distribution, (n, k), and where they come from."""
+    if own:
+        return draws(scene.sizes, count, seed), f"{count} pairs drawn as the sizes are distributed"
+    return drawn_pairs(sizes, box, count, seed)
+
+
+def _contacts_at(scene: Problem | Assembly, gaps: ContactGaps, pose: Any) -> tuple[Any, Array | None]:
+    """Return the rows of contacts at a pose, and that of the movable body of two."""
+    if isinstance(scene, Problem):
+        transform = transform_of(scene, pose)
+        return gaps.rows([transform]), transform
+    return gaps.rows(gaps.transforms(_parameters([own.name for own in scene.coordinates], pose))), None
+
+
 def gaps_text(least: float, most: float, unit: str) -> str:
     """Return a range of gaps in words: "gaps from 0.2 mm interference to 0.3 mm clearance"."""
     return f"gaps from {_gap_text(least, unit)} to {_gap_text(most, unit)}"
@@ -233,15 +271,19 @@ def transform_of(problem: Problem, pose: Any) -> Array:
     """Return the transform of a pose: at rest, by motion parameters, or as given; raises `InputError`."""
     if pose is None:
         return rigid_transform(None)
-    names = problem.motion.names
-    if isinstance(pose, Mapping):
-        given = arguments.by_parameter(pose, "pose", names)
-        q = [arguments.real(given.get(name, 0.0), f"pose.{name}", "a finite number") for name in names]
-    elif np.ndim(pose) == 2:
+    if np.ndim(pose) == 2:
         return rigid_transform(pose, key="pose")
-    else:
-        q = [arguments.real(value, "pose", "finite numbers") for value in arguments.items(pose)]
-        if len(q) != len(names):
-            allowed = f"parameters {', '.join(names)}, or a 4x4 transform"
-            raise InputError("not one value for each motion parameter", key="pose", found=pose, allowed=allowed)
+    q = _parameters(problem.motion.names, pose)
     return problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+
+
+def _parameters(names: Sequence[str], pose: Any) -> Array:
+    """Return motion parameters as given, by name or in order; 0 without any."""
+    if pose is None or isinstance(pose, Mapping):
+        given = arguments.by_parameter(pose or {}, "pose", tuple(names))
+        return np.array([arguments.real(given.get(name, 0.0), f"pose.{name}", "a finite number") for name in names])
+    q = [arguments.real(value, "pose", "finite numbers") for value in arguments.items(pose)]
+    if len(q) != len(names):
+        allowed = f"parameters {', '.join(names)}, or a 4x4 transform"
+        raise InputError("not one value for each motion parameter", key="pose", found=pose, allowed=allowed)
+    return np.array(q)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import NEAR
-from fcdm_opt.design.fixed_pose.worst import FAR, Off, Worst
-from fcdm_opt.geometry.arrays import Array, Flags
-from fcdm_opt.geometry.measures import least_vector
+from fcdm_opt.design.fixed_pose.worst import DIFFERENCE, FAR, Off, Worst, least_motion
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 80  # linear programs at most
-DIFFERENCE, END = 1e-6, 1e-11  # finite differences and the least trust region, in sizes of the bodies
+END = 1e-11  # the least trust region, in sizes of the bodies
 CORRECTIONS = 4  # of a step that leaves the window by its curvature
 
 
@@ -36,26 +36,31 @@ def better(worst: Worst, q: Array) -> Found:
     """Return a pose near q whose worst gap is off by less, or q itself."""
     from scipy.optimize import linprog
 
-    natural, size = _natural(worst), worst.scene.size
-    here, trust = found_at(worst, q), NEAR * size
+    natural, size = worst.natural, worst.scene.size
+    here, trust = found_at(worst, q), np.inf if worst.is_program else NEAR * size
     for _ in range(STEPS):
         if here.off.value <= 0.0 or trust < END * size:
             break  # inside a window, or at a gap of nothing for all sizes
-        values, slopes, kept = _linear(worst, here.q)
+        values, slopes, kept = worst.linear(here.q)
         if not here.off.clear:
             values, slopes, kept = values[kept], slopes[kept], np.zeros(kept.sum(), bool)  # off the keep-outs first
         A = np.column_stack([slopes / natural, kept - 1.0])
         bounds = [*(_trusted(worst, here.q, trust) * natural[:, None]).tolist(), (None, None)]
         step = linprog([0.0] * len(q) + [1.0], A_ub=A, b_ub=-values, bounds=bounds, method="highs")
-        if step.status != 0:
+        if step.status != 0 and trust <= size:
             break
+        if step.status != 0:  # what is kept clear of is linear about here alone
+            trust = NEAR * size
+            continue
         gain = (here.off.value if here.off.clear else here.off.value - FAR * size) - float(step.x[-1])
+        if here.off.clear and gain <= END * size:
+            break
         tried = found_at(worst, here.q + step.x[:-1] / natural)
         gained = here.off.value - tried.off.value
         if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
             here, trust = tried, trust * (2.0 if gained > 0.5 * gain else 1.0)
         else:
-            trust *= 0.25
+            trust = min(trust, size) * 0.25
     return here
 
 
@@ -68,10 +73,10 @@ def smaller(worst: Worst, start: Found, slack: float) -> Found:
     for _ in range(STEPS):
         if trust < END * worst.scene.size:
             break
-        values, slopes, _ = _linear(worst, best.q)
+        values, slopes, _ = worst.linear(best.q)
         steps, made = _trusted(worst, best.q, trust), None
         for _ in range(CORRECTIONS):
-            q = nearest(values, slopes, best.q, worst.problem.weights, steps)
+            q = least_motion(values, slopes, best.q, worst.weights, steps)
             tried = None if q is None else found_at(worst, q)
             if tried is None or tried.off.value <= slack:
                 made = tried
@@ -113,58 +118,32 @@ def least_moved(worst: Worst, found: Found, nearby: Found) -> Found:
     return here if here.amount < found.amount or here.off.value < off else found
 
 
+def stepped(worst: Worst, found: Found, steps: Array, slack: float, *, amounts: bool) -> Found:
+    """Return the best of the poses about one whose parameters are whole numbers of steps (0: any)."""
+    made = steps > 0.0
+    unit, own = np.where(made, steps, 1.0), found.q
+    ends = [np.unique([round_(x / u) * u for round_ in (np.floor, np.ceil, np.round)]) if on else [x]
+            for x, u, on in zip(own, unit, made, strict=True)]  # fmt: skip
+    poses = [np.array(q) + 0.0 for q in product(*ends)]
+    low, high = worst.limits.T + np.array([[-1.0], [1.0]]) * DEFAULT.nominal * unit
+    tried = [Found(q, worst.off(q), worst.amount(q)) for q in poses if (q >= low).all() and (q <= high).all()]
+    inside = [own for own in tried if own.off.value <= slack] if amounts else []
+    if inside:
+        return min(inside, key=lambda own: own.amount)
+    return min(tried, key=lambda own: (own.off.value, own.amount), default=found)
+
+
 def _rested(worst: Worst, start: Found, slack: float) -> Found:
     """Return a pose in the window with every parameter of `start` put to rest that can be, the dearest first."""
     best = start
-    for k in np.argsort(-worst.problem.weights * np.abs(start.q)):
+    for k in np.argsort(-worst.weights * np.abs(start.q)):
         tried = found_at(worst, np.where(np.arange(len(start.q)) == k, 0.0, best.q))
         if tried.off.value <= slack and tried.amount < best.amount:
             best = tried
     return best
 
 
-def _natural(worst: Worst) -> Array:
-    """Return what makes lengths of turns: how far they move the movable body."""
-    return worst.problem.motion.weights(worst.scene.movable.size / 2.0)
-
-
 def _trusted(worst: Worst, q: Array, trust: float) -> Array:
     """Return the steps from q that stay in a trust region and in the limits, (k, 2)."""
-    far = trust / _natural(worst)
+    far = trust / worst.natural
     return np.column_stack([np.maximum(worst.limits[:, 0] - q, -far), np.minimum(worst.limits[:, 1] - q, far)])
-
-
-def _linear(worst: Worst, q: Array) -> tuple[Array, Array, Flags]:
-    """Return functions of which none may exceed 0 in the window, values (f,) and slopes (f, k), and which keep clear.
-
-    They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit. The largest of
-    those that do not keep clear of keep-outs is how far the worst gap is off.
-    """
-    scene, sizes = worst.scene, worst.active
-    pairs = scene.rows(worst.pose(q), NEAR * scene.size).pairs
-    centre = scene.of_pairs(worst.pose(q), pairs, sizes)
-    slopes = np.zeros((*centre.shape, len(q)))
-    for k, step in enumerate((DIFFERENCE * scene.size / _natural(worst)).tolist()):
-        ends = np.tile(q, (2, 1))
-        ends[:, k] = np.clip([q[k] + step, q[k] - step], *worst.limits[k])
-        if ends[0, k] > ends[1, k]:
-            above, below = (scene.of_pairs(worst.pose(at), pairs, sizes) for at in ends)
-            with np.errstate(invalid="ignore"):
-                slopes[..., k] = (above - below) / (ends[0, k] - ends[1, k])
-    owners, columns = centre.argmin(axis=0), np.arange(len(sizes))
-    values = np.append(worst.low - centre, centre[owners, columns] - worst.high)
-    rates = np.concatenate([-slopes.reshape(-1, len(q)), slopes[owners, columns]])
-    known = np.isfinite(values) & np.isfinite(rates).all(axis=1)
-    others = [_linear(own, q)[:2] for own in worst.keep_out]
-    values, rates = (np.concatenate(own) for own in zip((values[known], rates[known]), *others, strict=True))
-    return values, rates, np.arange(len(values)) >= known.sum()
-
-
-def nearest(values: Array, slopes: Array, q: Array, weights: Array, steps: Array) -> Array | None:
-    """Return the motion of the least amount, steps from q, at which no function exceeds 0; None if there is none."""
-    identity = np.eye(len(q))
-    G = np.vstack([-slopes, identity, -identity]) / weights
-    h = np.concatenate([values - slopes @ q, q + steps[:, 0], -(q + steps[:, 1])])
-    used = np.isfinite(h)
-    found = least_vector(G[used], h[used])
-    return None if found is None else found / weights

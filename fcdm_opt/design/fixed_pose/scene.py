@@ -13,7 +13,6 @@ from functools import cached_property
 from heapq import heappop, heappush
 from itertools import count
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
@@ -32,23 +32,6 @@ from fcdm_opt.tolerances import DEFAULT
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
 NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
-
-
-class Extreme(NamedTuple):
-    """An extreme gap: its sizes, where it is taken, by which part pair, along which direction (from body 1 to 2)."""
-
-    gap: float
-    rho: Array
-    parts: tuple[int, int]
-    way: Array
-
-
-class Extremes(NamedTuple):
-    """The least and the largest gap over all sizes; `doubt`: no gap is larger than the largest by more."""
-
-    least: Extreme
-    most: Extreme
-    doubt: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.scene import NEAR, Extremes, GapRows, OwnSizes, Scales, Scene
-from fcdm_opt.design.sizes import Sizes
-from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
+from fcdm_opt.design.fixed_pose.scene import NEAR, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.sizes import SCALES, Sizes
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.measures import least_vector
+from fcdm_opt.geometry.solids import contains
 from fcdm_opt.judge.engagement import passage
+from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene as AnyScene
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
 POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
+DIFFERENCE = 1e-6  # finite differences, in sizes of the bodies
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
 
@@ -46,6 +54,8 @@ class Worst:
     problem : Problem
         Bodies, motion and weights.
     scene : Scene
+    solid : Body or None
+        The other body, where only its surface is known: a pose inside of it is none.
     low, high : float
         The window; infinite where it is open.
     limits : (k, 2) array
@@ -63,10 +73,12 @@ class Worst:
     limits: Array = field(default_factory=lambda: np.empty((0, 2)))
     active: Array = field(default_factory=lambda: np.empty((0, 0)))
     keep_out: tuple[Worst, ...] = ()
+    solid: Body | None = None
+    is_program: ClassVar[bool] = False  # whether a linear program tells the best pose
 
     def __post_init__(self) -> None:
         if not len(self.limits):
-            self.limits = np.array(self.problem.limits)
+            self.limits = np.array([own.limits for own in self.problem.coordinates])
         if not self.active.size:
             corners = isinstance(self.scene, Scales) and self.scene.sizes.pairs is None
             self.active = np.array(self.scene.sizes.corners) if corners else np.empty((0, len(self.scene.sizes.box)))
@@ -75,13 +87,7 @@ class Worst:
     def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float) -> Worst:
         """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
         if sizes is not None:
-            ends = sizes.box.copy()
-            ends[1] = 1.0  # of a keep-out, whose own scales its obstacles have
-            pairs = None if sizes.pairs is None else np.column_stack([sizes.pairs[:, 0], np.ones(len(sizes.pairs))])
-            near = tuple(
-                cls(problem, Scales(problem.movable, body, Sizes(ends, pairs=pairs)), gap, np.inf)
-                for body, gap in obstacles(problem)
-            )
+            near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
             return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
         movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
@@ -101,11 +107,10 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        own, kept = tuple(size for size in problem.sizes if size.body == "movable"), list[Worst]()
-        for body, gap in obstacles(problem):
-            alone = OwnSizes(movable, body, own, places) if own else Scales(movable, body, Sizes(np.ones((2, 2))))
-            kept.append(cls(problem, alone, gap, np.inf, limits))
-        return cls(problem, OwnSizes(movable, static, problem.sizes, places), low, high, limits, keep_out=tuple(kept))
+        bodies, names = OwnSizes(movable, static, problem.sizes, places), [size.name for size in problem.sizes]
+        kept = (own for own, _ in _kept_clear(problem, bodies.sizes, names, own=True, places=places))
+        near = tuple(replace(own, limits=limits) for own in kept)
+        return cls(problem, bodies, low, high, limits, keep_out=near)
 
     def leave_out_standing(self) -> None:
         """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""
@@ -124,13 +129,67 @@ class Worst:
 
     def off(self, q: Array) -> Off:
         """Return how far the worst gap is off at parameters q, over all sizes."""
-        rows = self.scene.rows(self.pose(q))
+        rows = self.rows(q)
         found = self.scene.extremes(rows)
         self._remember(found)
         off = max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
+        if off <= 0.0 and self.solid is not None and self._inside(q):
+            off = self.scene.size
         overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
         clear = overlap <= self.problem.contact_slack
         return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
+
+    def rows(self, q: Array) -> Any:
+        """Return the rows of the gap at parameters q."""
+        return self.scene.rows(self.pose(q))
+
+    def _inside(self, q: Array) -> bool:
+        """Tell whether one body is within the other, of bodies whose surfaces are apart."""
+        assert self.solid is not None
+        one, two, T = self.scene.movable, self.solid, self.transform(q)
+        moved = T[:3, :3] @ one.vertices[0] + T[:3, 3]
+        back = (two.vertices[0] - T[:3, 3]) @ T[:3, :3]
+        return bool(contains(two, moved[None]).any() or contains(one, back[None]).any())
+
+    @cached_property
+    def weights(self) -> Array:
+        """Amount a unit of each parameter."""
+        return np.array([own.weight for own in self.problem.coordinates])
+
+    @cached_property
+    def natural(self) -> Array:
+        """What makes lengths of turns: how far they move the movable body."""
+        return self.problem.motion.weights(self.scene.movable.size / 2.0)
+
+    def linear(self, q: Array) -> tuple[Array, Array, Flags]:
+        """Return functions of which none may exceed 0 in the window, values and slopes (f, k), and which keep clear.
+
+        They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit. The largest
+        of those that do not keep clear of keep-outs is how far the worst gap is off.
+        """
+        pairs = self.scene.rows(self.pose(q), NEAR * self.scene.size).pairs
+        centre, slopes = self.differences(lambda at: self.scene.of_pairs(self.pose(at), pairs, self.active), q)
+        owners, columns = centre.argmin(axis=0), np.arange(len(self.active))
+        values = np.append(self.low - centre, centre[owners, columns] - self.high)
+        return self._with_keep_outs(q, values, np.concatenate([-slopes.reshape(-1, len(q)), slopes[owners, columns]]))
+
+    def differences(self, gaps: Callable[[Array], Array], q: Array, far: float = DIFFERENCE) -> tuple[Array, Array]:
+        """Return gaps at q, and their slopes by differences of this share of the size, (..., k)."""
+        centre = gaps(q)
+        slopes = np.zeros((*centre.shape, len(q)))
+        for k, step in enumerate((far * self.scene.size / self.natural).tolist()):
+            ends = np.tile(q, (2, 1))
+            ends[:, k] = np.clip([q[k] + step, q[k] - step], *self.limits[k])
+            if ends[0, k] > ends[1, k]:
+                with np.errstate(invalid="ignore"):
+                    slopes[..., k] = (gaps(ends[0]) - gaps(ends[1])) / (ends[0, k] - ends[1, k])
+        return centre, slopes
+
+    def _with_keep_outs(self, q: Array, values: Array, rates: Array) -> tuple[Array, Array, Flags]:
+        known = np.isfinite(values) & np.isfinite(rates).all(axis=1)
+        others = [own.linear(q)[:2] for own in self.keep_out]
+        values, rates = (np.concatenate(own) for own in zip((values[known], rates[known]), *others, strict=True))
+        return values, rates, np.arange(len(values)) >= known.sum()
 
     def _remember(self, found: Extremes) -> None:
         for rho in (found.least.rho, found.most.rho):
@@ -141,7 +200,7 @@ class Worst:
 
     def amount(self, q: Array) -> float:
         """Return the weighted amount of a motion."""
-        return float(np.linalg.norm(self.problem.weights * q))
+        return float(np.linalg.norm(self.weights * q))
 
     @property
     def floor(self) -> float:
@@ -149,16 +208,124 @@ class Worst:
         return (self.low - self.high) / 2.0
 
 
-def obstacles(problem: Problem) -> list[tuple[Body, float]]:
-    """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them."""
+@dataclass(eq=False)
+class WorstContacts(Worst):
+    """The same of all contacts as drawn, of two parts or of an assembly, whose rows are a program of the pose.
+
+    Where the motion only shifts it is a linear one: its best pose is the best there is.
+    """
+
+    problem: Any
+    scene: Any
+    columns: tuple[list[int], ...] = ()
+
+    @classmethod
+    def asked(cls, question: AnyScene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
+        """Return it of a question and all sizes that its parts may have, by their names."""
+        own = [*names] == [size.name for size in question.sizes]
+        kept = [*_kept_clear(question, sizes, names, own=own)]
+        gaps = ContactGaps(question, sizes, names, own=own)
+        columns = tuple(whose for _, whose in kept)
+        return cls(question, gaps, low, high, keep_out=tuple(worst for worst, _ in kept), columns=columns)
+
+    def claims(self, q: Array, *, failed: bool) -> GapClaims:
+        """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed."""
+        gaps = self.scene
+        first, *others = gaps.claims(gaps.transforms(q))
+        for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
+            claim = gaps.claim(kept.problem, columns, kept.transform(q))
+            others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
+        return replace(first, beside=others)
+
+    def bound(self, slack: float, *, amounts: bool) -> float | None:
+        """Return what no pose has less of, its amount or how far its worst gap is off; None where the motion turns."""
+        from scipy.optimize import linprog
+
+        if not self.problem.shifts:
+            return None
+        rest = np.zeros(len(self.limits))
+        values, slopes, kept = self.linear(rest)  # without what is kept clear of no pose is worse
+        values, slopes = values[~kept], slopes[~kept]
+        if amounts:
+            q = least_motion(values - slack, slopes, rest, self.weights, self.limits)
+            return np.inf if q is None else self.amount(q)
+        step = linprog([0.0] * len(rest) + [1.0], A_ub=np.column_stack([slopes, -np.ones(len(values))]), b_ub=-values,
+                       bounds=[*self.limits.tolist(), (None, None)], method="highs")  # fmt: skip
+        return float(step.x[-1]) if step.status == 0 else None
+
+    @cached_property
+    def is_program(self) -> bool:  # type: ignore[override]
+        """Whether the motions only shift."""
+        return self.problem.shifts
+
+    @cached_property
+    def natural(self) -> Array:
+        """As of one body, of half the size."""
+        turns = np.array([own.kind == "rotation" for own in self.problem.coordinates])
+        return np.where(turns, self.scene.size / 2.0, 1.0)
+
+    def rows(self, q: Array) -> Any:
+        """Return the rows of all contacts at parameters q."""
+        return self.scene.rows(self.scene.transforms(q))
+
+    def linear(self, q: Array) -> tuple[Array, Array, Flags]:
+        """Return the functions of the contacts' least and largest gaps, and of what is kept clear of."""
+        far = 1.0 if self.problem.shifts else DIFFERENCE
+        ends, slopes = self.differences(lambda at: np.array(self.scene.ends(self.rows(at))), q, far)
+        return self._with_keep_outs(
+            q, np.append(self.low - ends[0], ends[1] - self.high), np.concatenate([-slopes[0], slopes[1]])
+        )
+
+    def _remember(self, found: Extremes) -> None:
+        """Its rows tell all sizes."""
+
+
+def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: Array) -> Array | None:
+    """Return the motion of the least amount, steps from q, at which no function exceeds 0; None if there is none."""
+    identity = np.eye(len(q))
+    G = np.vstack([-slopes, identity, -identity]) / weights
+    h = np.concatenate([values - slopes @ q, q + steps[:, 0], -(q + steps[:, 1])])
+    used = np.isfinite(h)
+    found = least_vector(G[used], h[used])
+    return None if found is None else found / weights
+
+
+def _kept_clear(
+    question: AnyScene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
+) -> Iterator[tuple[Worst, list[int]]]:
+    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
+    asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]
+    if isinstance(question, Assembly):
+        asked = [(pair, relation, True) for pair, relation in question.questions.items() if relation.goal == "clear"]
+        for part in question.motions if question.keep_out else ():
+            clear = JoinedPair(part, question.follows[question.chain(part)[0]], CLEAR)
+            asked.append((clear[:2], question.problem(clear, tuple(question.motions)), False))
+    for pair, relation, partner in asked:
+        whose = columns_of(pair, relation, names, own=own)
+        drawn = relation.request if own else vars(relation)
+        one, two = drawn["movable"], drawn["static"]
+        others = [(two, relation.clearance, two if two.is_surface else None)] if partner else obstacles(relation)
+        mine = tuple(size for size in relation.sizes if own and (partner or size.body == "movable"))
+        box, listed = np.ones((2, 2)) if own else sizes.box[whose], None if own else sizes.pairs
+        if not partner:  # whose own scales its obstacles have
+            box = np.vstack([box[0], np.ones(2)])
+            listed = None if listed is None else np.column_stack([listed[:, 0], np.ones(len(listed))])
+        for body, gap, solid in others:
+            both = OwnSizes(one, body, mine, places) if mine else Scales(one, body, Sizes(box, pairs=listed))
+            yield Worst(relation, both, gap, np.inf, solid=solid), whose
+
+
+def obstacles(problem: Problem) -> list[tuple[Body, float, Body | None]]:
+    """Return the keep-outs of a problem as bodies, over all of their scales, and how far to keep clear of them.
+
+    With the solid itself, where only its surface is known.
+    """
     found = []
     for own in problem.keep_out:
-        if own.body.is_surface:
-            what = "one pose for all pairs looks at solids, and of this keep-out only the surface is known"
-            raise InputError(what, key="keep_out", found=own.name, allowed='decomposition = "exact"')
         seed = own.body.seed
         parts = [seed + scale * (part.vertices - seed) for part, scale in own.obstacles]
-        found.append((Body.from_parts(parts, seed=seed, name=own.name), own.clearance))
+        solid = own.body if own.body.is_surface else None
+        found.append((Body.from_parts(parts, seed=seed, name=own.name), own.clearance, solid))
     return found
 
 

@@ -83,7 +83,7 @@ def allocated(
         if size.name in cost and not top > 0.0:
             raise InputError("a size without width has no cost", key=f"cost.{size.name}", found=size.tolerance)
     wide = [replace(s, tolerance=(s.middle - top, s.middle + top)) for s, top in zip(sizes, most.tolist(), strict=True)]
-    around = TouchingSizes.of(*touching.bodies, wide, transform=touching.transform)
+    around = touching.widened(wide)
     middle = np.array([size.middle for size in sizes])
     pairs = [
         np.column_stack([pair.values[:, 0] + pair.values[:, 1:] @ middle, pair.values[:, 1:]]) for pair in around.pairs
@@ -116,7 +116,7 @@ def allocated(
         replace(size, tolerance=(size.middle - own, size.middle + own))
         for size, own in zip(sizes, t.tolist(), strict=True)
     ]
-    result = TouchingSizes.of(*touching.bodies, made, transform=touching.transform, least=False)
+    result = touching.widened(made, least=False)
     deviation = None
     if share is not None:
         held = lowers or [pair[0] for pair in pairs]

@@ -146,8 +146,7 @@ def drawn_from(touching: TouchingSizes) -> TouchingSizes:
         wider.append(replace(size, tolerance=ends, distribution=source) if ends != (low, high) else size)
     if all(one is other for one, other in zip(wider, touching.sizes, strict=True)):
         return touching
-    bodies, pose = touching.bodies, touching.transform
-    return TouchingSizes.of(*bodies, wider, transform=pose, standing=False)
+    return touching.widened(wider, standing=False)
 
 
 def moments(sources: Sequence[Distribution | float]) -> tuple[Array, Array]:

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
+from fcdm_opt.design.stack.loops import Loop, assembly_loop, pair_loop
 from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
+from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
@@ -22,6 +25,7 @@ from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.arguments import interval
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import known_sizes
 from fcdm_opt.tolerances import DEFAULT
@@ -137,11 +141,14 @@ class StackUp:
         Of the gap: what it must lie within.
     unit : str
         Of lengths.
+    loop : Loop or None
+        Of rows of contacts as drawn: which pair they are of, and what stays closed.
     """
 
     touching: TouchingSizes
     limits: tuple[float, float]
     unit: str = ""
+    loop: Loop | None = None
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
@@ -223,8 +230,7 @@ class StackUp:
         if not ((each >= low) & (each <= high)).all():
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
             wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
-            bodies, pose = self.touching.bodies, self.touching.transform
-            return TouchingSizes.of(*bodies, wider, transform=pose, least=False, standing=False).gap(values)
+            return self.touching.widened(wider, least=False, standing=False).gap(values)
         return self.touching.gap(values)
 
     @cached_property
@@ -283,16 +289,20 @@ class StackUp:
     def _claims(self, pairs: Sequence[Array]) -> GapClaims:
         """Return the claims of a gap that is the least over pairs of the largest of their rows."""
         worst = self.worst()
+        least = worst.least, np.array([*worst.at_least.values()])
+        largest = worst.largest, np.array([*worst.at_largest.values()])
 
         def told(places: Array) -> Array:
             return np.min([(rows[:, 1:] @ places.T + rows[:, :1]).max(axis=0) for rows in pairs], axis=0)
 
+        if self.loop is not None:
+            return self.loop.claims(least, largest, told)
         return GapClaims(
             bodies=self.touching.bodies,
             sizes=self.sizes,
             transform=self.touching.transform,
-            least=(worst.least, np.array([*worst.at_least.values()])),
-            largest=(worst.largest, np.array([*worst.at_largest.values()])),
+            least=least,
+            largest=largest,
             box=self.touching.box,
             told=told,
             standing=[pair.parts for pair in self.touching.standing],
@@ -381,34 +391,52 @@ class StackUp:
 
 
 @known_arguments
-def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: Any = None) -> StackUp:
+def stack_up(
+    problem: Problem | Assembly, *, limits: Sequence[float] | None = None, pose: Any = None, of: Any = None
+) -> StackUp:
     """Return how the gap of a problem's bodies depends on its sizes, at a pose.
 
     Contacts that are closed whatever the sizes are, as a flange on its plate, say nothing of them: the gap is that of
     all others, and `StackUp.standing` names them. What the problem's goal makes of them plays no part: of contacts that
-    it restores together too the gap is the least.
+    it restores together too the gap is the least. Of bodies kept as surfaces, and of scales that turn faces, contacts
+    as drawn are looked at, each along its normal.
+
+    Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
+    contacts closed by motions, which must only shift.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
         With sizes, each with a tolerance. Its bodies count as drawn, whatever it says is made.
     limits : (float, float), optional
         Least and largest gap that will do; default the problem's clearance and infinity.
     pose : (4, 4) array, optional
         Of the movable body; default as drawn.
+    of : (name, name), optional
+        The two parts of an assembly; by default those of the only contact that sizes open.
 
     Raises
     ------
     InputError
-        Where there are no sizes or one has no tolerance, where one scale turns faces, where a body of several parts
-        changes its shape within the tolerances, which names size and face, and for keep-outs.
+        Where there are no sizes or one has no tolerance, where a scale turns the faces of a contact, where a body of
+        several parts changes its shape within the tolerances, which names size and face, and for keep-outs.
     """
-    expected(problem, Problem, "problem")
+    expected(problem, (Problem, Assembly), "problem")
     if problem.keep_out:
         what = "a stack-up is of the gap of two bodies, and does not look at keep-outs"
         found = [own.name for own in problem.keep_out]
         raise InputError(what, key="keep_out", found=found, allowed="problem.changed(keep_out=())")
-    between = (problem.clearance, np.inf) if limits is None else interval(limits, "limits")
-    drawn = problem.request["movable"], problem.request["static"]
-    touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)
-    return StackUp(touching, between, problem.unit)
+    between = (getattr(problem, "clearance", 0.0), np.inf) if limits is None else interval(limits, "limits")
+    if isinstance(problem, Assembly):
+        if pose is not None:
+            raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")
+        loop = assembly_loop(problem, of)
+    elif of is not None:
+        raise InputError("two parts are named of an assembly", key="of", found=of, allowed="no such argument")
+    elif problem.sizes and by_contacts(problem, named=False):
+        loop = pair_loop(problem, rigid_transform(pose))
+    else:
+        drawn = problem.request["movable"], problem.request["static"]
+        touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)
+        return StackUp(touching, between, problem.unit)
+    return StackUp(loop.touching, between, problem.unit, loop)

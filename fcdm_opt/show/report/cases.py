@@ -171,7 +171,7 @@ def _stack(problem: Problem) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, of a problem whose sizes have tolerances; None where there is none."""
     from fcdm_opt.design.stack.stack_up import stack_up
 
-    if problem.partial or not any(size.tolerance for size in problem.sizes):
+    if not any(size.tolerance for size in problem.sizes):
         return None
     try:
         with pacing.within(STACKED, share=1.0):

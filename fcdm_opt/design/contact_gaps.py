@@ -1,0 +1,349 @@
+"""Gaps of contacts as drawn, row by row: affine in the sizes, and in the parameters of motions that only shift.
+
+A row is the separation of the two elements that touch as drawn, along their normal: of bodies cut into parts or kept as
+surfaces, of two parts or all those of an assembly that are to meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from operator import itemgetter
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.contact import Joint
+from fcdm_opt.curve.decision_curve import relative_pose
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, least_of
+from fcdm_opt.design.sizes import SCALES, Sizes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import Resizing, vertex_rates
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
+from fcdm_opt.model.task import Task, lines_of
+from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.tolerances import DEFAULT
+
+ENDS = {F1V2: (0, 3), E1E2: (0, 2)}  # a point of either body in `FeaturePoints.points`; else the first and the second
+SITES = {F1V2: "FV", E1E2: "EE"}
+_STILL = np.empty((3, 0)), np.empty((3, 0))
+
+
+class _Line(NamedTuple):
+    """A row's contact: whose it is, and how its elements move a unit of each of the pair's sizes, (3, k) each."""
+
+    relation: int
+    feature: Feature
+    line: FeaturePoints
+    moves: tuple[Array, Array]
+
+
+class AffineGaps(NamedTuple):
+    """Rows at a pose: gap with sizes of 0 and rate by each size, (m, 1 + k); normals from body 1 to body 2, (m, 3)."""
+
+    values: Array
+    normals: Array
+
+    def heights(self, sizes: Array) -> Array:
+        """Return the gap of each row at sizes, (m, n)."""
+        return np.asarray(self.values[:, :1] + self.values[:, 1:] @ np.asarray(sizes, float).T)
+
+    def gaps(self, sizes: Array) -> Array:
+        """Return the least gap of all contacts at sizes, (n,)."""
+        return np.asarray(self.heights(sizes).min(axis=0))
+
+
+class Extreme(NamedTuple):
+    """An extreme gap: its sizes, where it is taken, by which part pair, along which direction (from body 1 to 2)."""
+
+    gap: float
+    rho: Array
+    parts: tuple[int, int]
+    way: Array
+
+
+class Extremes(NamedTuple):
+    """The least and the largest gap over all sizes; `doubt`: no gap is larger than the largest by more."""
+
+    least: Extreme
+    most: Extreme
+    doubt: float = 0.0
+
+
+class ContactGaps:
+    """The contacts of a question as drawn, with all sizes that its parts may have.
+
+    Attributes
+    ----------
+    relations : tuple of Problem
+        The two parts each contact is of, in the parameters of all motions.
+    sizes : Sizes
+    names : tuple of str
+        Of the sizes: scales of parts, or the question's own.
+    lines : list
+    size : float
+        Length that relative tolerances refer to.
+    """
+
+    standing: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
+    standing_in_words = ()
+    covers = True
+
+    def __init__(self, scene: Scene, sizes: Sizes, names: Sequence[str], *, own: bool) -> None:
+        self.sizes, self.names, self.size, self.own = sizes, tuple(names), scene.size, own
+        asked = {pair: own for pair, own in relations_of(scene).items() if pair == SCALES or own.goal != "clear"}
+        self.relations = tuple(asked.values())
+        self.tasks = [Task.of(_restoring(relation, own=own)) for relation in self.relations]
+        self.columns = [columns_of(pair, relation, names, own=own) for pair, relation in asked.items()]
+        self.lines = [
+            _Line(k, joint.feature, line, _moves(self.relations[k], task, line) if own else _STILL)
+            for k, task in enumerate(self.tasks)
+            for joint in task.joints
+            for line in _lines(task, joint)
+        ]
+
+    def transforms(self, q: Array) -> list[Array]:
+        """Return the pose of body 1 of each relation."""
+        return [own.motion.transform(q, own.movable.seed, own.static.seed) for own in self.relations]
+
+    def rows(self, transforms: Sequence[Array]) -> AffineGaps:
+        """Return the rows at the pose of body 1 of each relation, (4, 4)."""
+        values, normals = np.zeros((len(self.lines), 1 + len(self.names))), np.empty((len(self.lines), 3))
+        poses = [relative_pose(own.movable, own.static, T) for own, T in zip(self.tasks, transforms, strict=True)]
+        for row, (k, _, line, (one, two)) in enumerate(self.lines):
+            task, R = self.tasks[k], transforms[k][:3, :3]
+            at = Tracked.at(task.movable, task.static, poses[k], line.parts, line.site, line.sign)
+            normals[row], (a, b, c) = at.normal, at.line.tolist()
+            values[row, 0] = c - a - b if self.own else c
+            rates = at.normal @ two - at.normal @ R @ one if self.own else np.array([-a, -b])
+            values[row, 1 + np.array(self.columns[k], int)] = rates
+        return AffineGaps(values, normals)
+
+    def ends(self, rows: AffineGaps) -> tuple[Array, Array]:
+        """Return the least and the largest gap of each row over all sizes, (m,) each."""
+        if self.sizes.pairs is not None:
+            heights = rows.heights(self.sizes.pairs)
+            return heights.min(axis=1), heights.max(axis=1)
+        middle, half = rows.heights(self.sizes.middle[None])[:, 0], np.abs(rows.values[:, 1:]) @ self.sizes.half
+        return middle - half, middle + half
+
+    def extremes(self, rows: AffineGaps) -> Extremes:
+        """Return the least and the largest gap over all contacts and sizes."""
+        lows, highs = self.ends(rows)
+
+        def end(row: int, gap: float, sign: float) -> Extreme:
+            rates = rows.values[row, 1:]
+            if self.sizes.pairs is not None:
+                place = self.sizes.pairs[np.abs(rows.heights(self.sizes.pairs)[row] - gap).argmin()]
+            else:
+                drawn = np.clip(0.0 if self.own else 1.0, *self.sizes.box.T)
+                place = np.where(rates, self.sizes.middle + sign * np.sign(rates) * self.sizes.half, drawn)
+            return Extreme(gap, frozen(place), self._parts(self.lines[row]), frozen(rows.normals[row]))
+
+        low, high = int(lows.argmin()), int(highs.argmax())
+        return Extremes(end(low, float(lows[low]), -1.0), end(high, float(highs[high]), 1.0))
+
+    def feature(self, rows: AffineGaps, extreme: Extreme) -> Feature:
+        """Return the contact that has an extreme."""
+        off = np.abs(rows.heights(extreme.rho[None])[:, 0] - extreme.gap)
+        return self.lines[int(off.argmin())].feature
+
+    @property
+    def contacts(self) -> dict[tuple[int, Feature], list[int]]:
+        """The rows of each contact, by its relation and feature."""
+        found = dict[tuple[int, Feature], list[int]]()
+        for row, own in enumerate(self.lines):
+            found.setdefault((own.relation, own.feature), []).append(row)
+        return found
+
+    def ranges(self, rows: AffineGaps) -> dict[str, tuple[float, float]]:
+        """Return the range of the gap of each contact over all sizes, by its words."""
+        ends = np.array(self.ends(rows))
+        return {
+            self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max()))
+            for of, own in self.contacts.items()
+        }
+
+    def words(self, relation: int, feature: Feature) -> str:
+        """Return a contact in words."""
+        return feature.in_words(self.tasks[relation].movable, self.tasks[relation].static)
+
+    def claim(self, relation: Problem, columns: list[int], transform: Array) -> GapClaims:
+        """Return the claims of two parts without what is told of their gap."""
+        drawn, listed = relation.request if self.own else vars(relation), self.sizes.pairs
+        return GapClaims(
+            bodies=(drawn["movable"], drawn["static"]),
+            sizes=relation.sizes if self.own else (),
+            transform=transform,
+            box=self.sizes.box[columns],
+            listed=None if listed is None else listed[:, columns],
+        )
+
+    def claims(self, transforms: Sequence[Array]) -> list[GapClaims]:
+        """Return what `verify` looks at: the gap of each contact over all sizes."""
+        rows, found = self.rows(transforms), list[GapClaims]()
+        for (k, feature), own in self.contacts.items():
+            claim = self.claim(self.relations[k], self.columns[k], transforms[k])
+            values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
+            least, largest = _range(values, claim.box, claim.listed)
+            contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
+            name = self.words(k, feature) if len(self.contacts) > 1 else ""
+            told = partial(_separation, values)
+            found.append(replace(claim, least=least, largest=largest, told=told, contact=contact, name=name))
+        return found
+
+    def _parts(self, own: _Line) -> tuple[int, int]:
+        """Return the part pair of a row, by number in the whole bodies."""
+        task, (i, j) = self.tasks[own.relation], own.line.parts
+        return _whole(task.movable, i), _whole(task.static, j)
+
+    def touching(self, transforms: Sequence[Array], relation: int = 0) -> TouchingSizes:
+        """Return the rows of one relation's contacts as those of a stack-up."""
+        rows, pairs, task = self.rows(transforms), [], self.tasks[relation]
+        for (k, feature), own in self.contacts.items():
+            if k == relation:
+                lines = [self.lines[row].line for row in own]
+                parts = task.movable.parts[lines[0].parts[0]], task.static.parts[lines[0].parts[1]]
+                elements = [[*zip(SITES.get(x.site[0], "VF"), x.site[1:], strict=True)] for x in lines]
+                for which, kind in enumerate((feature.one.kind, feature.two.kind) if len(own) == 1 else ()):
+                    if kind == "F":
+                        out = rows.normals[own[0]] * (1.0, -1.0)[which]
+                        elements[0][which] = ("F", int((parts[which].normals @ out).argmax()))
+                both = [(one, two) for one, two in elements]
+                pairs.append(PairRows(lines[0].parts, rows.values[own], rows.normals[own], both))
+        bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
+        return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
+
+
+def by_contacts(scene: Scene, *, named: bool = True) -> str:
+    """Return why a question about all sizes looks at contacts as drawn, not at the gap of whole bodies; "" if not.
+
+    With `named` because it names them, too.
+    """
+    if not isinstance(scene, Problem):
+        return "an assembly is of contacts"
+    if named and (scene.contacts or scene.goal == FIT):
+        return "contacts are named"
+    if scene.partial:
+        return "not all parts of the bodies are looked at"
+    turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz")
+    return next((told for own in turning if (told := _resizing(scene.request[own.body], own).inclined())), "")
+
+
+def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
+    """Return what is asked of every two parts, by their names; of two bodies by those of their scales."""
+    return {SCALES: scene} if isinstance(scene, Problem) else dict(scene.relations)
+
+
+def columns_of(pair: tuple[str, str], relation: Problem, names: Sequence[str], *, own: bool) -> list[int]:
+    """Return which of all sizes two parts have: their own, by name, or their scales."""
+    return [names.index(name) for name in ([size.name for size in relation.sizes] if own else pair)]
+
+
+def _restoring(relation: Problem, *, own: bool) -> Problem:
+    """Return the question of two parts as drawn that restores all contacts they have, if it names none."""
+    asked: dict[str, Any] = {"made": {}} if own and relation.sizes else {}
+    if not relation.contacts:
+        pair = relation.nominal_pair.tolist()
+        plain = dict.fromkeys(("path", "features", "requirement", "tolerance"))
+        asked |= {"goal": "at", "contacts": "all", "pair": "any", "target": pair, **plain}
+    try:
+        return relation.changed(**asked) if asked else relation
+    except InputError as reason:
+        what = f"{by_contacts(relation, named=False) or 'an assembly is of contacts'}, and here are none as drawn"
+        raise InputError(what, key="contacts", found=reason.what, allowed="parts that touch as drawn") from reason
+
+
+def _lines(task: Task, joint: Joint) -> list[FeaturePoints]:
+    """Return the lines of a contact: on a face that along its normal, of each corner on it where the motion turns."""
+    movable, static = task.movable, task.static
+    lines = [*lines_of(movable, static, joint)]
+    if "F" not in joint.feature.kind:
+        return lines
+    found, n = dict[tuple[int, ...], FeaturePoints](), joint.normals[0]
+    for i, j in joint.carriers if not task.motion.shifts else ():
+        parts = movable.parts[i], static.parts[j]
+        for kind, face in ((F1V2, 0), (V1F2, 1)):
+            held, other, out = parts[face], parts[1 - face], (-n, n)[1 - face]
+            k = int((held.normals @ out).argmax())
+            corners = held.vertices[list(held.loops[k])]
+            inward = np.cross(out, np.roll(corners, -1, axis=0) - corners)
+            apart = other.vertices[:, None] - corners
+            inside = np.einsum("vkx,kx->vk", apart, inward).min(axis=1) >= -DEFAULT.snap * task.size**2
+            for v in np.flatnonzero(inside & (np.abs(apart[:, 0] @ out) <= DEFAULT.snap * task.size)).tolist():
+                site = (kind, k, v) if face == 0 else (kind, v, k)
+                line = feature_points(movable, static, site, (i, j), n, np.eye(3))
+                found.setdefault((kind, *other.elements["V"][v].vertices), line)
+    return [*found.values()] or lines[:1]
+
+
+def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, Array]:
+    """Return how the points with which both bodies touch move by each size, (3, k); refuse what turns normals."""
+    found, starts = [], ENDS.get(line.kind, (0, 1))
+    for k, (role, body) in enumerate(zip(("movable", "static"), (task.movable, task.static), strict=True)):
+        points = line.points.T[starts[k] : 4 if k else starts[1]]
+        sides = points[1:] - points[0]
+        moves = np.zeros((3, len(relation.sizes)))
+        facet = line.site[1 + k] if len(points) == 3 else None
+        for column, size in enumerate(relation.sizes):
+            if size.body != role:
+                continue
+            move = _move(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
+            turned = np.linalg.matrix_rank(np.vstack([sides, sides @ size.directions()]), tol=DEFAULT.tie * body.size)
+            if move is None or turned > len(sides):
+                what = "turns the faces of" if move is not None else "parts a corner of"
+                raise InputError(
+                    f"size '{size.name}' {what} this contact, whose gap does not change in proportion", key="sizes",
+                    found=task.named(line.parts), allowed="a scale that the contact's faces are along or across",
+                )  # fmt: skip
+            moves[:, column] = move
+        found.append(moves)
+    return found[0], found[1]
+
+
+def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
+    """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
+    if not size.is_length:
+        return np.asarray((point - body.seed) @ size.directions())
+    if body.is_surface:
+        rates = vertex_rates(body, {}, size)
+        return None if rates is None else rates[int(np.abs(body.vertices - point).sum(axis=1).argmin())]
+    own = _resizing(body, size).parts[part]
+    if facet is not None:
+        return np.asarray(own.part.normals[facet] * own.offsets[facet, 0])
+    moves = own.moves[own.vertices == int(np.abs(own.part.vertices - point).sum(axis=1).argmin()), :, 0]
+    return None if np.ptp(moves, axis=0).max() > DEFAULT.nominal else moves[0]
+
+
+@lru_cache(maxsize=32)
+def _resizing(body: Body, size: Size) -> Resizing:
+    return Resizing.of(body, (size,))
+
+
+def _whole(body: Body, part: int) -> int:
+    """Return the number of a part in the whole body."""
+    return part if body.full_body is None else body.part_indices[part]
+
+
+def _range(values: Array, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
+    """Return the least and the largest separation of a contact over all sizes, and where."""
+    if listed is not None:
+        gaps = _separation(values, listed)
+        return (float(gaps.min()), listed[gaps.argmin()]), (float(gaps.max()), listed[gaps.argmax()])
+    most, high = least_of(-values, box)
+    return min((least_of(row[None], box) for row in values), key=itemgetter(0)), (-most, high)
+
+
+def _separation(values: Array, places: Array) -> Array:
+    """Return the least gap of a contact's rows at sizes, (n,)."""
+    return np.asarray((values[:, :1] + values[:, 1:] @ places.T).min(axis=0))

@@ -1,0 +1,158 @@
+"""Which sizes of all parts of an assembly open a gap: loops of contacts, by their linear rows.
+
+Where motions only shift, gaps of contacts are affine in the sizes p and the motions q. Parts rest on each other: all
+contacts but the one that is asked about stay closed, c + S p + D q = 0, by the least motions q(p) with which they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import TouchingSizes, check_sizes
+from fcdm_opt.design.contact_gaps import ContactGaps, relations_of
+from fcdm_opt.design.sizes import Sizes, tolerance_boxes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.judge.sampled_sizes import GapClaims
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The rows of a gap in all sizes, and what is told of the pair that it is of and of contacts that stay closed.
+
+    Attributes
+    ----------
+    touching : TouchingSizes
+    pair : GapClaims
+        Without what is told of the gap.
+    closed : tuple of GapClaims
+    """
+
+    touching: TouchingSizes
+    pair: GapClaims
+    closed: tuple[GapClaims, ...] = ()
+
+    def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
+        """Return what `verify` looks at."""
+        return replace(self.pair, least=least, largest=largest, told=told, beside=self.closed)
+
+
+def pair_loop(problem: Problem, pose: Array) -> Loop:
+    """Return the rows of the contacts of two bodies as drawn, at a pose of the movable one."""
+    names = [size.name for size in problem.sizes]
+    gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), names, own=True)
+    touching = gaps.touching([pose])
+    claims = gaps.claims([pose])
+    if len(claims) == 1:
+        return Loop(touching, claims[0])
+    return Loop(touching, replace(claims[0], contact=None), tuple(claims))
+
+
+def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
+    """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With sizes, each with a tolerance. Its parts count as drawn.
+    of : (name, name), optional
+        Which two parts the gap is of; by default those of the only contact that sizes open.
+
+    Raises
+    ------
+    InputError
+        Where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
+    """
+    check_sizes(assembly.sizes)
+    if not assembly.shifts:
+        what = "loops of contacts are linear in the sizes where motions only shift, and one of these turns"
+        raise InputError(what, key="motions", found=list(assembly.motions), allowed="translations")
+    names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
+    gaps, rest = ContactGaps(assembly, Sizes(box), names, own=True), np.zeros(len(assembly.coordinates))
+    base = gaps.rows(gaps.transforms(rest))
+    slopes = np.column_stack([gaps.rows(gaps.transforms(q)).values[:, 0] for q in np.eye(len(rest))])
+    slopes -= base.values[:, :1]
+    relations = relations_of(assembly)
+    asked = [pair for pair in relations if relations[pair] in gaps.relations]
+
+    def opened(chosen: int) -> tuple[Array, Array]:
+        """Return the motions that close all other contacts, and the rows of one relation, by all sizes."""
+        own = np.array([line.relation == chosen for line in gaps.lines], bool)
+        motions = _closed(assembly, base.values[~own], slopes[~own], box)
+        return motions, base.values[own] + slopes[own] @ motions
+
+    if of is None:
+        found = [k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie]
+        if len(found) != 1:
+            what = "not one gap that sizes open while all other contacts are closed"
+            told = " or ".join(" - ".join(pair) for pair in asked)
+            raise InputError(what, key="of", found=len(found), allowed=f"two parts, as {told}")
+        pair = asked[found[0]]
+    else:
+        one, two = arguments.items(of) if len(arguments.items(of)) == 2 else (of, of)
+        named = [own for own in relations if {*own} == {one, two}]
+        if not named:
+            allowed = " or ".join(" - ".join(own) for own in relations)
+            raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
+        pair = named[0]
+    motions, values = opened(asked.index(pair) if pair in asked else -1)
+    relation = relations[pair]
+    claim = _claim(gaps, relation, motions, assembly.sizes)
+    pose, moved = claim.transform, np.asarray(claim.shift)
+    if pair in asked:
+        touching = gaps.touching([pose] * len(asked), asked.index(pair))
+        first = np.cumsum([0, *(len(own.values) for own in touching.pairs)]).tolist()
+        pairs = [own._replace(values=values[a:b]) for own, a, b in zip(touching.pairs, first, first[1:], strict=False)]
+    else:
+        drawn, count = (relation.request["movable"], relation.request["static"]), len(relation.sizes)
+        touching = TouchingSizes.of(*drawn, relation.sizes, transform=pose, shifts=(moved, box), standing=False)
+        pairs = []
+        for own in touching.pairs:
+            wide = own.values[:, [0, *range(1 + count, 1 + count + len(names))]].copy()
+            for k, size in enumerate(relation.sizes):
+                wide[:, 1 + names.index(size.name)] += own.values[:, 1 + k]
+            pairs.append(own._replace(values=wide))
+    rows = replace(touching, sizes=assembly.sizes, pairs=tuple(pairs), ranges=np.empty((0, 2)), as_drawn=True)
+    others = (k for k, other in enumerate(asked) if other != pair)
+    still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
+    return Loop(rows, claim, still)
+
+
+def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:
+    """Return what is told of two parts, moved as sizes do, but for their gap."""
+    moved = motions.T @ relation.motion.ways(relation.movable.seed, relation.static.seed)  # (1 + k, 3)
+    pose, mine = np.eye(4), {size.name: size for size in relation.sizes}
+    pose[:3, 3] = moved[0]
+    every = tuple(mine.get(own.name) or replace(own, body="another part") for own in sizes)
+    return replace(gaps.claim(relation, [*range(len(sizes))], pose), sizes=every, shift=moved[1:])
+
+
+def _claims(gaps: ContactGaps, chosen: int, motions: Array, sizes: Sequence[Size]) -> Iterator[GapClaims]:
+    """Yield what is told of each contact of a relation that stays closed."""
+    middle, claim = gaps.sizes.middle, _claim(gaps, gaps.relations[chosen], motions, sizes)
+    for own in gaps.claims(gaps.transforms(motions[:, 0])):
+        if own.bodies == claim.bodies and own.contact is not None:
+            ends = (0.0, middle)
+            yield replace(claim, contact=own.contact, name=f"closed: {own.name}", least=ends, largest=ends,
+                          told=lambda places: np.zeros(len(places)))  # fmt: skip
+
+
+def _closed(assembly: Assembly, values: Array, slopes: Array, box: Array) -> Array:
+    """Return the least motions that close contacts, (q, 1 + k): at sizes of 0, and by each."""
+    weights = np.array([own.weight for own in assembly.coordinates])
+    motions = -(np.linalg.pinv(slopes / weights, rcond=DEFAULT.nominal) @ values) / weights[:, None]
+    left = np.abs(values + slopes @ motions)
+    open_ = left[:, 0] + left[:, 1:] @ np.abs(box).max(axis=1)
+    if open_.max(initial=0.0) > DEFAULT.touch * assembly.size:
+        what = "the other contacts cannot all be closed at once within these tolerances"
+        raise InputError(what, key="of", found=float(open_.max()), allowed="two parts whose contacts close this loop")
+    return np.asarray(motions)
