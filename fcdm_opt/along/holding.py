@@ -219,8 +219,11 @@ class Holding:
         return [*groups, closings] if closings else groups
 
     def near_features(self) -> list[tuple[Parts, Feature]]:
-        """Return the part pairs that are just as far apart as they must be, each with what of them meets there."""
-        near = self._near_pairs(every=True)
+        """Return the part pairs that are just as far apart as they must be, each with what of them meets there.
+
+        But for those that contacts say all of which are closed.
+        """
+        near = self._near_pairs(every=not self.task.joints or self.task.goal == FIT)
         return [(parts, self._met(parts, ways[0], DEFAULT.touch).feature) for parts, ways in near.items()]
 
     def _near_pairs(self, *, every: bool = False) -> dict[Parts, list[Facing]]:

@@ -122,7 +122,7 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bo
             if is_assembly(path):
                 if not assemblies:
                     what = "a file of an assembly, and this command is about two parts"
-                    takers = "solve, range, whatif and study take assemblies, report where all files are of them"
+                    takers = "solve, range, whatif, map and study take assemblies, report where all files are of them"
                     allowed = f"a problem file; {takers}"
                     raise InputError(what, allowed=allowed)
                 several = AssemblyFile.read(path)

@@ -40,7 +40,8 @@ JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; wit
 LEAST = 0.1  # seconds that a map gets in any case
 Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
-Sizes = Annotated[Path | None, option("--sizes", "CSV", "Measured pairs of parts; default: the tolerance box.")]
+MEASURED = "Measured pairs of parts, of [[size]] tables their deviations; default: the tolerance box."
+Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
 Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
 Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
@@ -55,7 +56,10 @@ BUDGET = (
     "case's own limits does."
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
-OVER = "Two sizes of the file, in place of both scales; the others stay as made. Default: where there are just two."
+OVER = (
+    "Two sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others stay as "
+    "made. Default: where there are just two."
+)
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
@@ -167,24 +171,27 @@ def map_command(
 ) -> None:
     """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
 
-    The sizes are the scales of both parts, or two [[size]] tables of the file. The grid, one by the other, is written
-    as CSV and as a page to print.
+    The sizes are the scales of both parts, or two [[size]] tables of the file, of an assembly too, or scales of its
+    parts. The grid, one by the other, is written as CSV and as a page to print.
     """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
+    from fcdm_opt.design.sizes import chosen_sizes, sources
     from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
     from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
 
-    covered, pairs = _box(box), _pairs(sizes, columns, nominals)
+    covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
     pictures = inquiry.pictures
 
-    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+    def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
+        if pairs is not None:  # refused before a map is made
+            sources(pairs, positive=[name in problem.nominal_scales for name in chosen_sizes(problem, names)])
         spent = min(seconds, max(pacing.left(), LEAST))
         with pacing.unlimited():  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
@@ -198,8 +205,11 @@ def map_command(
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
-            own = [size for name in found.over for size in problem.sizes if size.name == name]
-            scattered: Any = tuple(spreads(own) if own else ends) if pairs is None else pairs
+            own = [size for size in problem.sizes if size.name in found.over]
+            told = dict(zip(found.over, ends, strict=True)) | {
+                size.name: spread for size, spread in zip(own, spreads(own), strict=True)
+            }
+            scattered: Any = tuple(told.values()) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
@@ -415,7 +425,7 @@ def _box(text: str | None) -> Any:
     return (a, b), (c, d)
 
 
-def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
+def _pairs(path: Path | None, columns: str, nominals: str, *, deviations: bool = False) -> Any:
     """Return measured pairs of sizes, (n, 2), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
@@ -424,4 +434,4 @@ def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
     names = [name.strip() for name in columns.split(",")]
     if len(names) != 2:
         raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
-    return read_columns(path, names, _two(nominals, "--nominals"))
+    return read_columns(path, names, _two(nominals, "--nominals"), deviations=deviations)

@@ -92,13 +92,18 @@ class Feature:
         return cls(*elements)
 
     @staticmethod
-    def all_in_words(text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body]) -> str:
-        """Return a text with `in_words` in place of each label; "keep-out 'post' " before one says what body 2 is."""
+    def all_in_words(
+        text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body], head: str = ""
+    ) -> str:
+        """Return a text with `in_words` in place of each label after `head`, which is left out.
+
+        "keep-out 'post' " before a label says what body 2 is.
+        """
 
         def told(found: re.Match[str]) -> str:
             return Feature.from_label(found[2]).in_words(movable, keep_outs.get(found[1] or "", static))
 
-        return re.sub(rf"(?:keep-out '([^']*)' )?({_LABEL.pattern})", told, text)
+        return re.sub(rf"{re.escape(head)}(?:keep-out '([^']*)' )?({_LABEL.pattern})", told, text)
 
     def merged(self, other: Feature) -> Feature | None:
         """Return the contact feature in which two features of one part pair meet, None if they share nothing."""

@@ -29,7 +29,6 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
 from fcdm_opt.model.task import Task, lines_of
-from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -243,7 +242,7 @@ def by_contacts(scene: Scene, *, named: bool = True) -> str:
 
 def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
     """Return what is asked of every two parts, by their names; of two bodies by those of their scales."""
-    return scene.questions if isinstance(scene, Assembly) else {SCALES: scene.relations[0]}
+    return {SCALES: scene} if isinstance(scene, Problem) else dict(scene.relations)
 
 
 def columns_of(pair: tuple[str, str], relation: Problem, names: Sequence[str], *, own: bool) -> list[int]:

@@ -187,7 +187,9 @@ class Measured(_Drawn):
 Distribution = Uniform | Normal | Measured
 
 
-def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[float] | None = None) -> Array:
+def read_columns(
+    path: str | Path, columns: Sequence[str], nominals: Sequence[float] | None = None, *, deviations: bool = False
+) -> Array:
     """Read measured sizes from a CSV file.
 
     The file is text in UTF-8 with comma-separated columns and decimal points; its first line names the columns. Lines
@@ -200,11 +202,13 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
         Names of the columns to read.
     nominals : sequence of float, optional
         What each column is divided by. Default: 1.
+    deviations : bool
+        Whether numbers may be 0 and less, as deviations of sizes are.
 
     Returns
     -------
     array (rows, columns)
-        Numbers > 0.
+        Numbers > 0, or of deviations any.
 
     Raises
     ------
@@ -218,17 +222,17 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
     if len(nominals) != len(columns):
         raise InputError("one nominal size a column", key="nominals", found=nominals)
     divisors = [positive(nominal, "nominal") for nominal in nominals]
-    return read(path, lambda text: _table(text, columns)) / np.array(divisors)
+    return read(path, lambda text: _table(text, columns, -np.inf if deviations else 0.0)) / np.array(divisors)
 
 
-def _table(text: str, columns: Sequence[str]) -> Array:
-    """Return the numbers > 0 in some columns of a CSV text, (rows, columns)."""
+def _table(text: str, columns: Sequence[str], above: float) -> Array:
+    """Return the numbers in some columns of a CSV text, (rows, columns)."""
     rows = csv.reader(io.StringIO(text), strict=True)
     filled = (row for row in rows if any(cell.strip() for cell in row))
     try:
         header = [name.strip() for name in next(filled, [])]
         places = [_place(header, column) for column in columns]
-        table = [[_size(row, place, header, rows.line_num) for place in places] for row in filled]
+        table = [[_size(row, place, header, rows.line_num, above) for place in places] for row in filled]
     except csv.Error as reason:
         raise InputError(f"not a CSV file: {reason}", key=f"row {rows.line_num}") from reason
     if not table:
@@ -246,8 +250,8 @@ def _place(header: list[str], column: str) -> int:
     raise InputError(what, key=f"column {column!r}", allowed=f"one of {', '.join(map(repr, header))}")
 
 
-def _size(row: list[str], place: int, header: list[str], line: int) -> float:
-    """Return the number > 0 in a cell."""
+def _size(row: list[str], place: int, header: list[str], line: int, above: float) -> float:
+    """Return the number in a cell."""
     key = f"row {line}, column {header[place]!r}"
     if len(row) != len(header):
         what = f"this row has {len(row)} cells and the line of names {len(header)}"
@@ -256,9 +260,9 @@ def _size(row: list[str], place: int, header: list[str], line: int) -> float:
         value = float(row[place].replace("_", "?"))  # Python takes 1_000
     except ValueError:
         value = float("nan")
-    if not 0.0 < value < float("inf"):
+    if not above < value < np.inf:
         found = row[place] or "nothing"
-        raise InputError("not a size", key=key, found=found, allowed="a finite number > 0")
+        raise InputError("not a size", key=key, found=found, allowed=f"a finite number{' > 0' * (above == 0.0)}")
     return value
 
 

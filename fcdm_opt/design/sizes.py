@@ -18,10 +18,10 @@ from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import SCALES as SCALES  # as those that speak of pairs know it
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 
-SCALES = ("rho_1", "rho_2")  # names of the pair that is spoken of, unless two of the problem's own sizes are
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
@@ -69,41 +69,49 @@ class Sizes(Plain):
         return np.asarray((self.box[:, 1] - self.box[:, 0]) / 2.0)
 
 
-def tolerance_box(problem: Problem) -> Array:
-    """Return the sizes that a problem's tolerance allows, (2, 2): nominal * (1 - minus) to nominal * (1 + plus).
+def tolerance_box(problem: Scene) -> Array:
+    """Return the scales that a problem's tolerance allows, (2, 2): nominal * (1 - minus) to nominal * (1 + plus).
 
     Raises
     ------
     InputError
-        If the problem has none (it was given a target), or one of 100 % and more.
+        If the problem has none (it was given a target, or is an assembly), or one of 100 % and more.
     """
-    if problem.tolerance is None:
+    if not isinstance(problem, Problem) or problem.tolerance is None:
         allowed = (
             "a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
             "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV"
         )
-        raise InputError("the problem has no tolerance, so no box of sizes follows from it", key="box", allowed=allowed)
+        what = "there is no tolerance of the scales, so no box of sizes follows from it"
+        raise InputError(what, key="box", allowed=allowed)
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
     return size_box(ends, "tolerance")
 
 
-def chosen_sizes(problem: Problem, over: Any) -> tuple[Size, ...]:
-    """Return the two sizes of a problem that a pair is of, none for the scales of both bodies.
+def chosen_sizes(scene: Scene, over: Any) -> tuple[str, str]:
+    """Return the names of the two sizes, or scales, that a pair is of.
 
     Parameters
     ----------
-    problem : Problem
+    scene : Problem or Assembly
     over : (name, name) or None
-        None: the scales where the problem has a tolerance of them or no sizes, else the only two sizes.
+        None: the only two sizes, where there are some and no tolerance of the scales; else the only two scales.
     """
-    names = [size.name for size in problem.sizes]
-    if over is None and (not names or problem.tolerance is not None):
-        return ()
-    found = list(names if over is None else arguments.items(over))
-    if len(found) != 2 or found[0] == found[1] or not set(found) <= set(names):
-        allowed = f"two of {', '.join(names) or 'its sizes, of which there are none'}"
-        raise InputError("not two sizes of this problem", key="over", found=over, allowed=allowed)
-    return tuple(problem.sizes[names.index(name)] for name in found)
+    own, scales = tuple(size.name for size in scene.sizes), tuple(scene.nominal_scales)
+    found = tuple((own if by_name(scene) else scales) if over is None else arguments.items(over))
+    if len(found) != 2 or found[0] == found[1] or not {*found} <= {*own, *scales}:
+        allowed = f"two of {', '.join((*own, *scales))}"
+        raise InputError("not two sizes or scales", key="over", found=over, allowed=allowed)
+    return found[0], found[1]
+
+
+def box_over(scene: Scene, names: Sequence[str], box: Any = None) -> Array:
+    """Return the box of two sizes or scales, (2, 2): the one given, or what their tolerances leave open."""
+    if box is not None:
+        return size_box(box, "box", positive=[name in scene.nominal_scales for name in names])
+    own = {size.name: size for size in scene.sizes}
+    scales = {} if {*names} <= {*own} else dict(zip(scene.nominal_scales, tolerance_box(scene), strict=True))
+    return frozen([scales[name] if name in scales else tolerance_boxes([own[name]])[0] for name in names])
 
 
 def by_name(scene: Scene, sizes: Any = None, box: Any = None) -> bool:
@@ -120,31 +128,35 @@ def tolerance_boxes(sizes: Sequence[Size]) -> Array:
     return frozen([size.tolerance for size in sizes])
 
 
-def size_box(value: Any, key: str, *, positive: bool = True) -> Array:
+def size_box(value: Any, key: str, *, positive: bool | Sequence[bool] = True) -> Array:
     """Return a box of sizes, > 0 unless they are deviations; a range may be a single size."""
-    ends = numbers(value, key)
-    allowed = f"((low_1, high_1), (low_2, high_2)) with {'0 < ' * positive}low <= high, finite"
+    ends, scales = numbers(value, key), np.broadcast_to(positive, 2)
+    allowed = f"((low_1, high_1), (low_2, high_2)) with {'0 < ' * bool(scales.any())}low <= high, finite"
     if ends.shape != (2, 2) or not np.isfinite(ends).all():
         raise InputError("unusable box of sizes", key=key, found=value, allowed=allowed)
-    if positive and not (ends > 0).all():
+    if not (ends[scales] > 0).all():
         raise InputError("a size in the box is not positive", key=key, found=ends.tolist(), allowed=allowed)
     if not (ends[:, 0] <= ends[:, 1]).all():
         raise InputError("empty box of sizes", key=key, found=ends.tolist(), allowed=allowed)
     return frozen(ends)
 
 
-def sources(value: Any, *, positive: bool = True) -> tuple[Distribution, Distribution] | Array:
-    """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite.
+def sources(
+    value: Any, *, positive: bool | Sequence[bool] = True
+) -> tuple[Distribution, Distribution] | Array:
+    """Return a distribution for each of two sizes, or a list of pairs of them, (n, 2), n > 0, all finite.
 
     Sizes are > 0 unless they are deviations.
     """
-    pair = "(rho_1, rho_2) > 0" if positive else "of deviations"
-    allowed = f"an (n, 2) array of measured pairs {pair}, or a distribution for each {'body' if positive else 'size'}"
+    scales = np.broadcast_to(positive, 2)
+    pair = "(rho_1, rho_2) > 0" if scales.all() else "of deviations" if not scales.any() else "of scales > 0 and sizes"
+    each = "body" if scales.all() else "size"
+    allowed = f"an (n, 2) array of measured pairs {pair}, or a distribution for each {each}"
     if isinstance(value, list | tuple) and any(isinstance(item, Distribution) for item in value):
         if len(value) != 2 or not all(isinstance(item, Distribution) for item in value):
             raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
-        for source in value:
-            if positive and not source.range[0] > 0.0:
+        for source, scale in zip(value, scales.tolist(), strict=True):
+            if scale and not source.range[0] > 0.0:
                 raise InputError("sizes must be > 0", key="sizes", found=source)
         return value[0], value[1]
     pairs = numbers(value, "sizes")
@@ -152,10 +164,10 @@ def sources(value: Any, *, positive: bool = True) -> tuple[Distribution, Distrib
         raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
     if pairs.ndim != 2 or pairs.shape[1] != 2:
         raise InputError("sizes are not pairs", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
-    bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | (not positive))).all(axis=1))
+    bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | ~scales)).all(axis=1))
     if bad.size:
         found = pairs[bad[0]].tolist()
-        what = f"a size is not a {'positive' if positive else 'finite'} number"
+        what = f"a size is not a {'positive' if scales.any() else 'finite'} number"
         raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
     return frozen(pairs)
 
@@ -204,7 +216,9 @@ def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...
     return Sizes(frozen(np.tile(ends, (len(parts), 1)))), parts
 
 
-def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool = True) -> tuple[Array, str]:
+def drawn_pairs(
+    sizes: Any, box: Any, count: int, seed: int, *, positive: bool | Sequence[bool] = True
+) -> tuple[Array, str]:
     """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
 
     Parameters
@@ -213,14 +227,14 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool =
         None: all sizes of the box, equally likely.
     box : (2, 2) array, or (k, 2) of more sizes than two
     count, seed : int
-    positive : bool
+    positive : bool, or one for each size
         Whether sizes are scales, > 0; else deviations.
     """
     given = None if sizes is None else sources(sizes, positive=positive)
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
     count = arguments.whole(count, "count", "number of draws", 1, MOST)
-    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2 if given else len(box)))
+    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, len(given or box)))
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])

@@ -226,6 +226,14 @@ def _face_offsets(body: Body, sizes: Sequence[Size]) -> Array:
     return np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
 
 
+def each_resized(bodies: Mapping[str, Body], values: Mapping[Size, float]) -> dict[str, Body]:
+    """Return bodies, by the names that sizes have for them, with each its own sizes off by as much."""
+    return {
+        name: resized(body, {size: x for size, x in values.items() if size.body == name})
+        for name, body in bodies.items()
+    }
+
+
 def _surface_resized(body: Body, offsets: Array) -> Body:
     """Return a body kept as its surface with its faces moved outward, (faces,): corners stay where the same faces meet.
 

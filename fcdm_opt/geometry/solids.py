@@ -328,7 +328,7 @@ class PlacedSolids:
         either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
         cross, or where only a way round leads out.
         """
-        pieces = self._deepest_pieces()
+        pieces = [piece for piece in self._deepest_pieces() if _thickness(piece) > DEFAULT.tie * self.size]
         thickest = sorted(pieces, key=_thickness)[-STARTS:]
         facets = [(corners[rows].mean(axis=1), len(rows)) for corners, rows in thickest]
         on_facets = [middles[:: -(-count // FACETS)] for middles, count in facets]

@@ -348,10 +348,12 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
 
 
 def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit: float) -> float:
-    """Return the signed distance of two solids, some kept as surfaces: minus their depth where they overlap.
+    """Return the signed distance of two solids: minus their depth where they overlap.
 
-    Whether they do is told by the parts near each other, and by what winds round what.
+    Whether surfaces do is told by the parts near each other, and by what winds round what.
     """
+    if not kept_as_surface(movable, static):
+        return judged_gaps(scaled_pair(movable, static), rho[None], transform, limit)[0]
     one, two, outside = WholeSurfaces(movable, static, rho, transform).looked_at()
     gap = judged_gaps(scaled_pair(one, two), rho[None], transform, limit)[0]
     if outside.inside or gap < -limit:

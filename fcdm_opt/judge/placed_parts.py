@@ -10,12 +10,9 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.judge.certificate import (
     PROOF,
     RESTORED,
-    judged_gaps,
     keep_out_check,
     left_by_mesh,
     proof_checks,
@@ -53,10 +50,7 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
     made, scales = assembly.bodies_made, assembly.scales
     for one, two in assembly.pairs():
         bodies, rho, seen = (made[one], made[two]), np.array([scales[one], scales[two]]), _seen(poses, one, two)
-        if kept_as_surface(*bodies):
-            gap = solids_gap(*bodies, rho, seen, limit)
-        else:
-            gap = judged_gaps(scaled_pair(*bodies), rho[None], seen, limit)[0]
+        gap = solids_gap(*bodies, rho, seen, limit)
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
     for part in assembly.motions:
         for keep_out in assembly.keep_out:

@@ -18,9 +18,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.judge.certificate import solids_gap
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
 
@@ -210,19 +211,19 @@ class MotionClaims:
 
     Attributes
     ----------
-    problem : Problem
-    sizes : tuple of Size
-        As of `GapClaims`.
+    scene : Problem or Assembly
+    over : sequence of str
+        What numbers of a place are: names of sizes, or of scales; all others are as made.
     places : (n, k) array
     parameters, amounts : (n, p) and (n,) arrays
         The motions told there; nan where there is none.
     errors : (n, 2) array
-        Of the amount, and of the displacement of a vertex.
+        Of the amount, and of the displacement of a vertex of a part that moves.
     share : ShareClaim
     """
 
-    problem: Problem
-    sizes: tuple[Size, ...]
+    scene: Scene
+    over: Sequence[str]
     places: Array
     parameters: Array
     amounts: Array
@@ -230,25 +231,37 @@ class MotionClaims:
     share: ShareClaim = field(repr=False)
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what the collision library says of the parts made and moved so."""
-        problem, goal, worst, count = self.problem, self.problem.goal, np.zeros(2), 0
-        bodies = problem.request["movable"], problem.request["static"]
+        """Return what the collision library says of the parts made and moved so, every two that are to meet."""
+        worst, count, weights = np.zeros(2), 0, np.array([own.weight for own in self.scene.coordinates])
+        weighted = all(problem.amount == "weighted" for problem in self.scene.relations.values())
         rows = zip(self.places, self.parameters, self.amounts.tolist(), self.errors.tolist(), strict=True)
         for place, q, amount, (error, displaced) in rows:
-            if not np.isfinite([*q, amount]).all():
-                continue
-            made, scales = made_at(bodies, self.sizes, place)
-            T = problem.motion.transform(q, made[0].seed, made[1].seed)
-            gap = float(scaled_pair(*made).signed_distances(scales, T[None])[0])
-            off = abs(gap) if goal == "touch" else max(problem.clearance - gap, 0.0) if goal == "clear" else 0.0
-            told = float(np.linalg.norm(problem.weights * q)) if problem.amount == "weighted" else amount
-            worst, count = np.maximum(worst, [off - displaced, abs(told - amount) - error]), count + 1
-        slack, note = 10.0 * problem.contact_slack, f"beyond the error told, at {count} sizes with a motion"
+            if not np.isfinite([*q, amount, error, displaced]).all():
+                continue  # no motion, or nothing is told of its error
+            off = self._missed(place, q, displaced)
+            told = float(np.linalg.norm(weights * q)) if weighted else amount
+            worst, count = np.maximum(worst, [off, abs(told - amount) - error]), count + 1
+        slack, note = 10.0 * self.scene.contact_slack, f"beyond the error told, at {count} sizes with a motion"
         return (
             _at_most("gap after the motion", worst[0], slack, note),
-            _at_most("amount of the motion", worst[1], slack + DEFAULT.nominal * problem.length, note),
+            _at_most("amount of the motion", worst[1], slack + DEFAULT.nominal * self.scene.size, note),
             _share(self.share),
         )
+
+    def _missed(self, place: Array, q: Array, displaced: float) -> float:
+        """Return how far gaps after a motion are from what is asked, by more than vertices may be displaced."""
+        scene, most = self.scene, 0.0
+        values = {**(scene.made or {}), **dict(zip(self.over, place.tolist(), strict=True))}
+        scales = scene.scales_at(values)
+        made = each_resized(scene.drawn, {size: values.get(size.name, 0.0) for size in scene.sizes})
+        for pair, problem in scene.relations.items():
+            one, two = (made[part] for part in pair)
+            rho, T = np.array([scales[part] for part in pair]), problem.motion.transform(q, one.seed, two.seed)
+            gap = solids_gap(one, two, rho, T, problem.contact_slack)
+            state = problem.goal if problem.goal in ("touch", "clear") else problem.pair
+            off = abs(gap) if state == "touch" else max(problem.clearance - gap, 0.0) if state == "clear" else 0.0
+            most = max(most, off - displaced * sum(part in scene.moving for part in pair))
+        return most
 
 
 def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:
@@ -256,12 +269,8 @@ def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> t
     if not sizes:
         return bodies, np.asarray(place, float)[None] if len(place) else np.ones((1, 2))
     values = dict(zip(sizes, np.asarray(place, float).tolist(), strict=True))
-    own = (
-        resized(body, {size: x for size, x in values.items() if size.body == role})
-        for role, body in zip(("movable", "static"), bodies, strict=True)
-    )
-    movable, static = own
-    return (movable, static), np.ones((1, 2))
+    made = each_resized({"movable": bodies[0], "static": bodies[1]}, values)
+    return (made["movable"], made["static"]), np.ones((1, 2))
 
 
 def _spread(box: Array) -> Array:

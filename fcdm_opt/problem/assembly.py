@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.resizing import fit_for_sizes, resized
+from fcdm_opt.geometry.resizing import each_resized, fit_for_sizes
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
@@ -34,6 +34,9 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Coordinate, Scene
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.motion.kinematics import Kinematics
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
@@ -143,6 +146,7 @@ class Assembly(Scene):
     fixed: tuple[str, ...]
     request: Mapping[str, Any] = field(repr=False)
     _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
+    _alike: Assembly | None = field(repr=False)  # of other scales, whose problems are asked again for these
 
     @known_arguments
     def __init__(
@@ -219,9 +223,14 @@ class Assembly(Scene):
         for key, value in own.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "_problems", {})
-        for k, pair in enumerate(joined, 1):
+        object.__setattr__(self, "_alike", None)
+        self._check_contacts()
+
+    def _check_contacts(self) -> None:
+        """Refuse what cannot be asked of two parts."""
+        for k, pair in enumerate(self.contacts, 1):
             with placed(key=f"contacts[{k}] '{pair}'"):
-                self.problem(pair)  # what cannot be asked of two parts is refused here
+                self.problem(pair)
 
     @property
     def size(self) -> float:
@@ -231,10 +240,7 @@ class Assembly(Scene):
     @cached_property
     def bodies_made(self) -> dict[str, Body]:
         """The parts at the sizes made, unscaled."""
-        return {
-            part: resized(body, {size: self.made[size.name] for size in self.sizes if size.body == part})
-            for part, body in self.parts.items()
-        }
+        return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -258,9 +264,31 @@ class Assembly(Scene):
         return tuple(found)
 
     @property
-    def relations(self) -> tuple[Problem, ...]:
-        """Those of `questions`."""
-        return tuple(self.questions.values())
+    def relations(self) -> dict[tuple[str, str], Problem]:
+        """`questions`."""
+        return self.questions
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Those of `motions`."""
+        return tuple(self.motions)
+
+    @property
+    def scales_made(self) -> Mapping[str, float]:
+        """`scales`."""
+        return self.scales
+
+    @property
+    def nominal_scales(self) -> dict[str, float]:
+        """As drawn, by where cases have them, "scales.PART"."""
+        return {f"scales.{part}": 1.0 for part in self.parts}
+
+    @cached_property
+    def kinematics(self) -> dict[str, Kinematics]:
+        """Of what carries each part."""
+        around = {part: JoinedPair(part, self.fixed[0], {}) for part in self.motions}
+        ways = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
+        return {part: way.kinematics(np.zeros(3), np.zeros(3)) for part, way in ways.items()}
 
     @property
     def shifts(self) -> bool:
@@ -288,8 +316,26 @@ class Assembly(Scene):
         return self.unit
 
     def changed(self, **arguments: Any) -> Assembly:
-        """Return the same question with other arguments; raises as the constructor does."""
+        """Return the same question with other arguments; raises as the constructor does.
+
+        Of what does not depend on scales nothing is worked out again where these alone are others.
+        """
+        if arguments.keys() == {"scales"}:
+            return self._rescaled(arguments["scales"])
         return Assembly(**{**self.request, **arguments})
+
+    def _rescaled(self, scales: Mapping[str, float] | None) -> Assembly:
+        other = object.__new__(Assembly)
+        own = {"scales": dict.fromkeys(self.parts, 1.0) | _numbers(scales, "scales", self.parts)}
+        known = {"request": {**self.request, "scales": scales}, "_alike": self._alike or self, "_problems": {}}
+        other.__dict__.update(vars(self) | own | known)
+        other._check_contacts()
+        return other
+
+    def with_sizes(self, values: Mapping[str, float]) -> Assembly:
+        """Return the same question with other sizes or scales made; raises as the constructor does."""
+        made = {name: values.get(name, own) for name, own in self.made.items()}
+        return self.changed(scales=self.scales_at(values), **({"made": made} if made != self.made else {}))
 
     def with_limits(self, name: str, limits: tuple[float, float]) -> Assembly:
         """Return the same question with other limits of a coordinate."""
@@ -426,9 +472,11 @@ class Assembly(Scene):
         return self._problems[key]
 
     def _asked(self, pair: JoinedPair, parts: Sequence[str] | None) -> Problem:
+        target = (self.scales[pair.one], self.scales[pair.two])
+        if self._alike is not None:
+            return self._alike.problem(pair, parts).changed(target=target)
         shown = {"name": f"{self.name}: {pair}" if self.name else str(pair), "unit": self.unit}
         bodies = {role: self.parts[part] for role, part in zip(ROLES, pair[:2], strict=True)}
-        target = (self.scales[pair.one], self.scales[pair.two])
         named = {part: role for role, part in zip(ROLES, pair[:2], strict=True)}
         sizes = [replace(size, body=named[size.body]) for size in self.sizes if size.body in named]
         made = dict[str, Any]()

@@ -16,6 +16,7 @@ from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.keys import by_name, each, unlike_names
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
 
@@ -172,6 +173,11 @@ class AssemblyFile(Entry, title="Assembly file"):
             "resolution": {part: own for part, own in steps.items() if own},
             "unit": unit,
         }
+
+
+def scene_of(data: Mapping[str, Any]) -> Problem | Assembly:
+    """Return the problem or assembly of plain data; raises `InputError` as their `from_dict` does."""
+    return Assembly.from_dict(data) if "part" in data else Problem.from_dict(data)
 
 
 def is_assembly(path: Path) -> bool:

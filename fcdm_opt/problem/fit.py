@@ -215,12 +215,12 @@ def _wall(part: ConvexPart, normal: Array) -> Element | None:
 
 def mismatched(scene: Scene) -> bool:
     """Tell whether two parts of a scene do not go together, see `misfit`."""
-    return any(misfit(problem) is not None for problem in scene.relations)
+    return any(misfit(problem) is not None for problem in scene.relations.values())
 
 
 def verdict(scene: Scene) -> str:
     """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
-    return next(filter(None, map(_verdict, scene.relations)), "")
+    return next(filter(None, map(_verdict, scene.relations.values())), "")
 
 
 def _verdict(problem: Problem) -> str:

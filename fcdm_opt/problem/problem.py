@@ -56,6 +56,10 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from casadi import SX, Function
 
+    from fcdm_opt.motion.kinematics import Kinematics
+
+SCALES = ("rho_1", "rho_2")
+"""Names of the scales of the movable and of the static body."""
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
@@ -234,15 +238,40 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return {"movable": self.request["movable"], "static": self.request["static"]}
 
     @property
+    def bodies_made(self) -> dict[str, Body]:
+        """`movable` and `static`, by their roles."""
+        return {"movable": self.movable, "static": self.static}
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """The movable body."""
+        return ("movable",)
+
+    @property
+    def scales_made(self) -> dict[str, float]:
+        """The target pair, by roles."""
+        return dict(zip(self.drawn, self.target.tolist(), strict=True))
+
+    @property
+    def nominal_scales(self) -> dict[str, float]:
+        """The nominal pair, by `SCALES`."""
+        return dict(zip(SCALES, self.nominal_pair.tolist(), strict=True))
+
+    @property
+    def kinematics(self) -> dict[str, Kinematics]:
+        """Of the movable body."""
+        return {"movable": self.motion.kinematics(self.movable.seed, self.static.seed)}
+
+    @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The motion's parameters with weights and limits."""
         rows = zip(self.motion.parameters, self.weights.tolist(), self.limits.tolist(), strict=True)
         return tuple(Coordinate(*own, weight, (low, high)) for own, weight, (low, high) in rows)
 
     @property
-    def relations(self) -> tuple[Problem, ...]:
+    def relations(self) -> dict[tuple[str, str], Problem]:
         """The problem itself: it is about two parts."""
-        return (self,)
+        return {("movable", "static"): self}
 
     @property
     def shifts(self) -> bool:
@@ -307,6 +336,15 @@ class Problem(NominalContact, Scene, NotebookRepr):
         if same:
             return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
+
+    def with_sizes(self, values: Mapping[str, float]) -> Problem:
+        """Return the same question for a target pair, or other sizes made, or both."""
+        given: dict[str, Any] = {"goal": self.goal}
+        if not values.keys().isdisjoint(SCALES):
+            given |= {"target": [*self.scales_at(values).values()], "requirement": None, "tolerance": None}
+        if made := {name: x for name, x in values.items() if name not in SCALES}:
+            given["made"] = {**(self.made or {}), **made}
+        return self.changed(**given)
 
     def with_limits(self, name: str, limits: tuple[float, float]) -> Problem:
         """Return the same question with other limits of a parameter."""

@@ -12,6 +12,7 @@ from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.keep_out import KeepOut
 
 if TYPE_CHECKING:
+    from fcdm_opt.motion.kinematics import Kinematics
     from fcdm_opt.problem.problem import Problem
 
 
@@ -55,13 +56,38 @@ class Scene(ABC):
 
     @property
     @abstractmethod
+    def bodies_made(self) -> Mapping[str, Body]:
+        """The parts at the sizes made, unscaled, by the same names."""
+
+    @property
+    @abstractmethod
+    def moving(self) -> tuple[str, ...]:
+        """The parts with a motion, by the same names."""
+
+    @property
+    @abstractmethod
+    def scales_made(self) -> Mapping[str, float]:
+        """The scales of the parts made, by the same names."""
+
+    @property
+    @abstractmethod
+    def nominal_scales(self) -> Mapping[str, float]:
+        """The nominal scales of the parts, in their order, by what they are called beside `sizes`."""
+
+    @property
+    @abstractmethod
+    def kinematics(self) -> Mapping[str, Kinematics]:
+        """The pose change in the world of each part that moves, by the parameters of all motions."""
+
+    @property
+    @abstractmethod
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The parameters of all motions, in order."""
 
     @property
     @abstractmethod
-    def relations(self) -> tuple[Problem, ...]:
-        """What is asked of every two parts that may meet, in the parameters of all motions."""
+    def relations(self) -> Mapping[tuple[str, str], Problem]:
+        """What is asked of every two parts that may meet, in the parameters of all motions; by the parts' names."""
 
     @property
     @abstractmethod
@@ -92,6 +118,15 @@ class Scene(ABC):
     def changed(self, **arguments: Any) -> Self:
         """Return the same question with other arguments."""
 
+    def scales_at(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the scales of the parts, by their names, where some sizes and scales have values: others as made."""
+        named = zip(self.nominal_scales, self.scales_made.items(), strict=True)
+        return {part: values.get(name, scale) for name, (part, scale) in named}
+
+    @abstractmethod
+    def with_sizes(self, values: Mapping[str, float]) -> Self:
+        """Return the same question with other sizes or scales made, by the names of these."""
+
     @abstractmethod
     def with_limits(self, name: str, limits: tuple[float, float]) -> Self:
         """Return the same question with other limits of a coordinate."""
@@ -103,6 +138,10 @@ class Scene(ABC):
     @abstractmethod
     def deviating(self, share: float) -> Self:
         """Return the same question with a share of the deviation from nominal, or from drawn."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the question as plain data."""
 
     @property
     @abstractmethod

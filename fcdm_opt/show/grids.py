@@ -11,10 +11,8 @@ import numpy as np
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.moved_files import to_csv, write
 from fcdm_opt.design.question import ROLES
-from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.problem.fit import drawn_bodies
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
 
@@ -45,7 +43,7 @@ class Grid(NamedTuple):
     cells: Sequence[Sequence[str]]
 
 
-def grids(found: CompensationMap, problem: Problem, *, lines: int = LINES) -> list[Grid]:
+def grids(found: CompensationMap, scene: Scene, *, lines: int = LINES) -> list[Grid]:
     """Return a grid for each parameter of a map's motion: lengths in its unit, angles in degrees.
 
     Scales of parts whose unit is known are told as the length of a part along the axis in which it is longest.
@@ -54,32 +52,53 @@ def grids(found: CompensationMap, problem: Problem, *, lines: int = LINES) -> li
     points = found.at(sizes[0][:, None], sizes[1][None])
     motion, unknown = points.parameters, points.undecided.tolist()
     heads = [
-        [_size_text(off, length, unit, found.unit) for off in np.round(values, 9).tolist()]
+        [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
-        else [f"{longest * value:.6g} {found.unit}" for value in values]
+        else [f"{own.length * value:.6g} {found.unit}" for value in values]
         if found.unit
         else [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
-        for values, nominal, unit, (longest, _), length in zip(
-            sizes, found.nominal, units_over(found), _longest(problem), _drawn(found, problem), strict=True
+        for values, nominal, unit, own in zip(
+            sizes, found.nominal, units_over(found), _measured(found, scene), strict=True
         )
     ]
     made = []
-    for k, (name, kind) in enumerate(problem.motion.parameters):
-        turned = kind == "rotation"
+    for k, own in enumerate(scene.coordinates):
+        turned = own.kind == "rotation"
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
         cells = [
             ["?" if open_ else number(0.0 if abs(x) <= small else x) for x, open_ in zip(*row, strict=True)]
             for row in zip(values.tolist(), unknown, strict=True)
         ]
-        made.append(Grid(name, "deg" if turned else found.unit, heads[0], heads[1], cells))
+        made.append(Grid(own.name, "deg" if turned else found.unit, heads[0], heads[1], cells))
     return made
 
 
-def _drawn(found: CompensationMap, problem: Problem) -> list[float]:
-    """Return what the sizes that a map is over measure as drawn; nan where that is not one length."""
-    bodies, own = dict(zip(ROLES, drawn_bodies(problem), strict=True)), {size.name: size for size in problem.sizes}
-    return [own[name].drawn(bodies[own[name].body]) if name in own else np.nan for name in found.over]
+class _Length(NamedTuple):
+    """What is measured of a size as drawn, nan where that is not one length; of a scale the part, where it is longest.
+
+    `name` says what it is of, `off` what it is told as where that is no length.
+    """
+
+    name: str
+    length: float
+    off: str
+
+
+def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
+    """Return what is measured of both sizes that a map is over."""
+    own, made = {size.name: size for size in scene.sizes}, list[_Length]()
+    for name in found.over:
+        if name in own:
+            length = own[name].drawn(scene.drawn[own[name].body])
+            made.append(_Length(name, length, "off drawn" if np.isnan(length) else ""))
+            continue
+        part = [*scene.drawn][[*scene.nominal_scales].index(name)]
+        extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
+        told = scene.drawn[part].name or (f"the {part} part" if part in ROLES else part)
+        along = f", length along {'xyz'[int(extents.argmax())]}" if found.unit else ""
+        made.append(_Length(f"{told}{along}", float(extents.max()), "" if found.unit else "off nominal"))
+    return made
 
 
 def _size_text(off: float, length: float, unit: str, whole: str) -> str:
@@ -91,26 +110,19 @@ def _size_text(off: float, length: float, unit: str, whole: str) -> str:
 
 def units_over(found: CompensationMap) -> list[str]:
     """Return the units of what a map is over: none of scales, which are shares, and where none is known."""
-    scales = {size["name"] for size in (found.problem or {}).get("size", ()) if "scale" in size} | set(SCALES)
-    return ["" if name in scales else found.unit for name in found.over]
+    shares = {size["name"] for size in (found.problem or {}).get("size", ()) if "scale" in size}
+    named = zip(found.over, found.scaled, strict=True)
+    return ["" if scale or name in shares else found.unit for name, scale in named]
 
 
-def _longest(problem: Problem) -> list[tuple[float, str]]:
-    """Return how long either part is drawn along the axis in which it is longest, and that axis."""
-    extents = [np.ptp(body.vertices, axis=0) for body in (problem.movable, problem.static)]
-    return [(float(own.max()), "xyz"[int(own.argmax())]) for own in extents]
-
-
-def write_grids(found: CompensationMap, problem: Problem, base: Path, *, title: str) -> list[Path]:
+def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str) -> list[Path]:
     """Write the grids of a map as CSV and as a page to print, named after `base`; return both paths."""
-    tables = grids(found, problem)
-    bodies = zip((problem.movable, problem.static), ("movable", "static"), _longest(problem), strict=True)
-    parts = [(body.name or f"the {role} part", axis) for body, role, (_, axis) in bodies]
-    moved, names = parts[0][0], list(found.over)
-    off = "off drawn" if np.isnan(_drawn(found, problem)).any() else "in brackets how far off drawn"
-    if tuple(found.over) == SCALES:
-        names = [f"{name}, length along {axis}" if found.unit else name for name, axis in parts]
-        off = "" if found.unit else "off nominal"
+    tables, own = grids(found, scene), _measured(found, scene)
+    names = [one.name for one in own]
+    off = ", ".join(sorted({one.off for one in own if one.off}))
+    off = off or "in brackets how far off drawn" * (not found.scaled.all())
+    moved = scene.drawn[scene.moving[0]].name or "the movable part"
+    moved = moved if scene.moving == ROLES[:1] else "the parts named before a dot"
     lines: list[list[str]] = []
     for table in tables:
         told = f"{table.name}, {table.unit}" if table.unit else table.name

@@ -7,34 +7,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.problem import SCALES, SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.grids import units_over
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
+from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import share_text
 from fcdm_opt.show.verdict import labels_in_words
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
-    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.scene import Scene
 
 FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
 """Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
 below which one gets no number in the picture."""
 
-HIGHEST, WIDEST = 1.18, 1.25
-"""How far the axes go, relative to the highest bar and to a share of 1: room for the words there."""
+HIGHEST, WIDEST, NAMED = 1.18, 1.25, 22
+"""How far the axes go, relative to the highest bar and to a share of 1: room for the words there; and letters beside
+bars."""
 
 INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"))
 """Kinds of shares of the variance: name, colour and hatch."""
 
 
 @styled
-def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title: str = "", caption: str = "") -> Figure:
+def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
     Boundaries at which the motion jumps are double lines; where there is no motion, or none is known, the plane is
@@ -44,7 +45,7 @@ def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title:
     Parameters
     ----------
     sizes : CompensationMap
-    problem : Problem, optional
+    problem : Problem or Assembly, optional
         What the map is of: then contacts are told by names of faces, not by labels.
     title, caption : str
         Text above and below the picture.
@@ -55,8 +56,11 @@ def map_figure(sizes: CompensationMap, problem: Problem | None = None, *, title:
     margin = 0.04 * np.ptp(box, axis=1)
     plane(axes, box + np.outer(margin, [-1.0, 1.0]))
     if sizes.over != SCALES:
-        named = zip(sizes.over, units_over(sizes), strict=True)
-        told = [literal(f"{name} (off drawn{f', {unit}' if unit else ''})") for name, unit in named]
+        named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
+        told = [
+            literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
+            for name, unit, scale in named
+        ]
         axes.set(xlabel=told[0], ylabel=told[1])
     axes.grid(visible=False)
     _fill(sheet.figure, axes, bar, sizes)
@@ -223,6 +227,6 @@ def _number(axes: Any, row: float, end: float, text: str) -> None:
 
 def _rows(axes: Any, names: list[str]) -> None:
     """Name the bars, from the top."""
-    axes.set_yticks(range(len(names)), [*map(literal, names)])
+    axes.set_yticks(range(len(names)), [literal(wrapped(name, NAMED)) for name in names])
     axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(0.0, WIDEST), xticks=[0.0, 0.25, 0.5, 0.75, 1.0])
     axes.spines[["top", "right"]].set_visible(False)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Solution
 
 CONTACTS, NAME = 3, 32
@@ -216,13 +217,16 @@ def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
     return f"{words} of {name_of(problem, 1)}{more}"
 
 
-def labels_in_words(text: str, problem: Problem) -> str:
-    """Return a text with the labels of contacts in it as names of faces, edges and corners of a problem's bodies."""
+def labels_in_words(text: str, scene: Scene) -> str:
+    """Return a text with the labels of contacts in it as names of faces, edges and corners of a scene's bodies."""
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.problem.fit import drawn_bodies
 
-    keep_outs = {own.name: own.body for own in problem.keep_out}
-    return Feature.all_in_words(text, *drawn_bodies(problem), keep_outs)
+    for pair, problem in scene.relations.items():
+        keep_outs = {own.name: own.body for own in problem.keep_out}
+        head = "" if problem is scene else f"{' - '.join(pair)}: "
+        text = Feature.all_in_words(text, *drawn_bodies(problem), keep_outs, head)
+    return text
 
 
 def _the(element: str) -> str:

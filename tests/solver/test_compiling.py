@@ -231,9 +231,12 @@ print(compiling._left[0])
 def test_two_processes_beside_each_other_both_compiled_one_kernel(tmp_path: Path) -> None:
     (tmp_path / "caller.py").write_text(CALLER)
     (tmp_path / "callee.py").write_text(CALLEE.format(kind="kernel", factor=2.0, share=0.0))
-    program = CALL.replace("print(whole(1.0))", "from fcdm_opt import beside; beside.allow(); ")
+    program = CALL.replace("print(whole(1.0))", "from fcdm_opt import process_pool; process_pool.allow(); ")
     done = subprocess.run(
-        [sys.executable, "-c", f"{LOGGED}{program}print([x() for x in beside.each(whole, (1.0, 1.0))])", str(tmp_path)],
+        [
+            sys.executable, "-c", f"{LOGGED}{program}print([x() for x in process_pool.each(whole, (1.0, 1.0))])",
+            str(tmp_path),
+        ],
         env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert (done.stdout, done.stderr.count("compiling")) == ("[2.0, 2.0]\n", 1)
@@ -245,13 +248,13 @@ def test_plain_python_of_processes_beside_was_never_noted_so_that_asking_again_n
 ) -> None:
     program = """
 import numpy as np
-from fcdm_opt import beside, compiling
+from fcdm_opt import compiling, process_pool
 from fcdm_opt.curve.kernels import interval
 compiling.NOTED = 0.0
 def ask(k):
     return interval(np.array([[1.0, 0.5, 1.0 + k]]), np.zeros(2), np.ones(2), (1e-12, 1e-12, 1e-9, 1e-6))
-beside.allow()
-print(len({answer() for answer in beside.each(ask, (0, 1))}))
+process_pool.allow()
+print(len({answer() for answer in process_pool.each(ask, (0, 1))}))
 print(len(compiling._kept_in(compiling.NOTE).read_text().split()))
 """
     done = subprocess.run(

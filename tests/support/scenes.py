@@ -69,6 +69,8 @@ class Scene:
         The question, for how much the parts made are off.
     amount : function
         The least amount, for what each of two sizes is off: the scales of both bodies, or `sizes`.
+    of_moving : function, optional
+        Of an assembly without sizes the same for what the scales of its two parts that move are off, all others drawn.
     sizes : tuple of str
         Names of two sizes of its own, of which the first is off; none where the scales are, both.
     signs : (int, int)
@@ -91,6 +93,7 @@ class Scene:
 
     ask: Callable[[float], Question]
     amount: Callable[[float, float], float]
+    of_moving: Callable[[Any, Any], Any] | None = None
     sizes: tuple[str, ...] = ()
     signs: tuple[int, int] = (1, 1)
     direction: str = "TZ"
@@ -148,6 +151,16 @@ def _assembly(parts: dict[str, fo.Body], contacts: Any, motions: Any, **given: A
 FLOOR = box((-5, -5, -1), (5, 5, 0), "floor", seed=(0, 0, -0.5))
 LOWER, UPPER = (box((-1, -1, k), (1, 1, k + 1), name) for k, name in enumerate(("lower", "upper")))
 LEFT, RIGHT = (box((k - 1, 0, 0), (k, 1, 1), name) for k, name in enumerate(("left", "right")))
+
+
+def _chain_off(d: Any, e: Any) -> Any:
+    """By how much the lower part goes up, and the upper one on it."""
+    return np.hypot(0.5 * d, 0.5 * (d + e))
+
+
+def _loop_off(d: Any, e: Any) -> Any:
+    """By how much each goes up, and both apart: each by a half."""
+    return np.sqrt((0.5 * d) ** 2 + (0.5 * e) ** 2 + 2.0 * (0.25 * (d + e)) ** 2)
 
 
 def _chain(look: Callable[[fo.Body], fo.Body], **given: Any) -> Callable[[float], fo.Assembly]:
@@ -265,26 +278,26 @@ SCENES = {
     ),
     # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
     "chain": Scene(
-        ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), direction="lower.TZ",
+        ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),  # until the lower part has no size
         touches=(-3.01, -2.01, -0.99, 0.01),
         worst=0.01,
     ),
     "loop": Scene(
-        ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ",
+        ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(-10 / 11, 1.0),  # until the left one, an eleventh of its size, is beside the floor; over the other
         touches=(-2.01, -1.01, 0.01, 1.01),
         worst=0.01,
     ),
     # to the first contacts of each pair
     "chain, large meshes": Scene(
-        ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), direction="lower.TZ",
+        ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-2.01, -0.99, 0.01),
         worst=0.01,
     ),
     "loop, large meshes": Scene(
-        ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), direction="left.TZ",
+        ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(0.5 / (0.5 + 5.0 * (sqrt(2) - 1.0)) - 1.0, 1.0),  # until it is beside the floor where that is cut out
         touches=(-1.01, 0.01, 1.01),
         worst=0.01,

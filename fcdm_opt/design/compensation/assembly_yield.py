@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.distributions import Distribution, Measured
-from fcdm_opt.design.sizes import SCALES, drawn_pairs, proportion_interval, sources
+from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import by_parameter, interval, length, real
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import SCALES
 from fcdm_opt.tolerances import DEFAULT
 
 BLOCK = 2**14
@@ -42,7 +42,7 @@ class Contribution(Plain):
     Attributes
     ----------
     body : str
-        "movable" or "static"; of a map over two named sizes the size.
+        "movable" or "static"; of a map over two named sizes the size, of an assembly's scales "scales.PART".
     first_order, total : float
         Sobol indices of the amount: the share of its variance that goes when this body's size is fixed, on average, and
         the share that stays when only this size varies; they differ by what both sizes do together. Pairs without a
@@ -137,28 +137,19 @@ class AssemblyYield(Plain, NotebookRepr):
         InputError
             Where it is of a map that does not know what it is a map of.
         """
-        told = getattr(self.sizes_map, "problem", None)
-        if told is None:
+        if getattr(self.sizes_map, "problem", None) is None:
             what = "a yield is judged by the motions of its map, which knows no problem"
             raise InputError(what, key="sizes_map", found=type(self.sizes_map).__name__, allowed="a CompensationMap")
-        problem, over = Problem.from_dict(told), self.sizes_map.over
-        scales = over == SCALES
-        given = sources(self.sizes, positive=scales)
-        pairs, _ = drawn_pairs(given, None, LOOKED_UP, SEED, positive=scales)
+        pairs, _ = drawn_pairs(self.sizes, None, LOOKED_UP, SEED, positive=self.sizes_map.scaled)
         names = self.sizes_map.table.names
         limits = {names.index(name): ends for name, ends in self.limits.items()}
         passed = _looked_up(self.sizes_map, self.budget, limits, *pairs.T).passed
         places = pairs[:: max(len(pairs) // SAMPLED, 1)]
         points = self.sizes_map.at(*places.T)
-        sizes = () if scales else problem.sizes
-        made = [[(problem.made or {}).get(size.name, 0.0) for size in sizes]] * len(places)
-        full = places if scales else np.array(made)
-        for k, name in enumerate(() if scales else over):
-            full[:, [size.name for size in sizes].index(name)] = places[:, k]
         return MotionClaims(
-            problem=problem,
-            sizes=sizes,
-            places=full,
+            scene=self.sizes_map.scene,
+            over=self.sizes_map.over,
+            places=places,
             parameters=points.parameters,
             amounts=points.amount,
             errors=np.column_stack([points.error, points.displacement_error]),
@@ -230,11 +221,10 @@ def assembly_yield(
     kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
     real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
     looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
-    over = getattr(sizes_map, "over", SCALES)
-    scales = over == SCALES
-    given = sources(sizes, positive=scales)
+    over, scaled = getattr(sizes_map, "over", SCALES), getattr(sizes_map, "scaled", True)
+    given = sources(sizes, positive=scaled)
     scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
-    drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scales)
+    drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scaled)
     scattered = looked_up(*drawn.T)
     pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(*given.T))
     even = len(drawn) // 2 * 2
@@ -250,7 +240,7 @@ def assembly_yield(
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
-    for k, body in enumerate(BODIES if scales else over):
+    for k, body in enumerate(BODIES if over == SCALES else over):
         held = pairs.T.copy()
         held[k] = scatter[k].quantile(0.5)
         (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()

@@ -19,19 +19,17 @@ from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler,
 from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
-from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr
-from fcdm_opt.motion.kinematics import Kinematics
-from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real, positive, whole
-from fcdm_opt.problem.keys import ProblemFile
-from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import checked
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.assembly_file import scene_of
+from fcdm_opt.problem.problem import SCALES, Problem
+from fcdm_opt.problem.scene import Scene
 
 BUDGET = 20_000
 SECONDS = 120.0
@@ -83,9 +81,10 @@ class CompensationMap(Plain, NotebookRepr):
     Attributes
     ----------
     problem : dict
-        The problem as plain data, None where it cannot be written down (an amount of one's own).
+        The problem or assembly as plain data, None where it cannot be written down (an amount of one's own).
     over : (str, str)
-        The sizes: "rho_1" and "rho_2", the scales, or two names of the problem's own; these are deviations from drawn.
+        The sizes: "rho_1" and "rho_2", the scales, of an assembly's parts "scales.PART", or names of its own sizes;
+        these are deviations from drawn.
     box : (2, 2) array
         Least and largest of both.
     nominal : (2,) array
@@ -138,24 +137,33 @@ class CompensationMap(Plain, NotebookRepr):
         """Unit of amounts and errors, "" where the problem names none or has an amount of its own."""
         if self.problem is None or isinstance(self.problem["case"][0].get("amount"), Mapping):
             return ""
-        return str(self.problem["bodies"]["movable"].get("unit", ""))
+        told = self.problem.get("part") or [self.problem["bodies"]["movable"]]
+        return str(told[0].get("unit", ""))
+
+    @property
+    def scaled(self) -> Flags:
+        """Which of both are scales, > 0; the others are deviations from drawn."""
+        return frozen(np.asarray(self.nominal) > 0.0, np.bool_)
 
     def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
         """Return the motion for pairs of sizes, with bounds of its error, see `Table.at`."""
         return replace(self.table.at(rho1, rho2), posed=None if self.problem is None else self._transforms)
 
-    def _transforms(self, parameters: Array) -> Array:
-        """Return the transforms, (..., 4, 4), of motions, (..., k)."""
-        posed = self._kinematics.transforms(parameters).reshape(*parameters.shape[:-1], 4, 4)
-        unknown = np.asarray(np.isnan(parameters).any(axis=-1))
-        return np.where(unknown[..., None, None], np.nan, posed)
-
     @cached_property
-    def _kinematics(self) -> Kinematics:
-        file = checked(ProblemFile, self.problem or {})
-        bodies, _ = file.both_bodies(None)
-        motion: Motion = file.case[0].arguments(file.defaults)["motion"]
-        return motion.kinematics(bodies.movable.seed, bodies.static.seed)
+    def scene(self) -> Problem | Assembly:
+        """What it is a map of; raises `InputError` where that cannot be written down."""
+        if self.problem is None:
+            raise InputError("the map knows no problem: its amount is one of your own", key="problem", found=None)
+        return scene_of(self.problem)
+
+    def _transforms(self, parameters: Array) -> Array | dict[str, Array]:
+        """Return the transforms, (..., 4, 4), of motions, (..., k); of an assembly by part."""
+        unknown = np.asarray(np.isnan(parameters).any(axis=-1))[..., None, None]
+        posed = {
+            part: np.where(unknown, np.nan, own.transforms(parameters).reshape(*parameters.shape[:-1], 4, 4))
+            for part, own in self.scene.kinematics.items()
+        }
+        return posed if isinstance(self.scene, Assembly) else posed["movable"]
 
     def __str__(self) -> str:
         (low_1, high_1), (low_2, high_2) = self.box
@@ -208,7 +216,7 @@ class CompensationMap(Plain, NotebookRepr):
 
 @known_arguments
 def compensation_map(
-    problem: Problem,
+    problem: Scene,
     *,
     over: Any = None,
     box: Any = None,
@@ -221,16 +229,17 @@ def compensation_map(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
         Its requirement or target is replaced by each pair of sizes. Any goal but "beyond".
     over : (name, name), optional
-        Two of the problem's own sizes; all others stay as they are made. Default: the scales (rho_1, rho_2) of both
-        bodies where the problem has a tolerance of them or no sizes of its own, else its sizes, of which it has two.
+        Two of the problem's own sizes, or of the scales of parts: "rho_1" and "rho_2", of an assembly "scales.PART".
+        All others stay as they are made. Default: its sizes, of which it has two; the scales of both bodies where it
+        has a tolerance of them or no sizes of its own.
     box : ((low_1, high_1), (low_2, high_2)), optional
         Sizes to cover; default: what the problem's tolerance leaves open about its nominal pair, or the tolerances of
-        the two sizes, as deviations from drawn.
+        the two sizes, as deviations from drawn. Scales of an assembly's parts have no tolerance, and need one.
     error : float, optional
-        Length that amount, and displacements of body 1, may be off by; default: 1e-4 of the largest amount.
+        Length that amount, and displacements of a part that moves, may be off by; default: 1e-4 of the largest amount.
     budget : int
         Number of pairs to be solved, about; when it is spent the map tells what error it reached.
     seconds : float
@@ -264,9 +273,9 @@ def compensation_map(
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
         problem=_plain(problem),
-        over=(names[0], names[1]),
+        over=names,
         box=frozen(made),
-        nominal=frozen(problem.nominal_pair if names == SCALES else np.zeros(2)),
+        nominal=frozen([problem.nominal_scales.get(name, 0.0) for name in names]),
         table=table,
         regions=_regions(table, sets),
         boundaries=tuple(_boundaries(mesh, sets)),
@@ -274,7 +283,7 @@ def compensation_map(
         reached=float(np.nan_to_num(smooth, nan=math.inf).max(initial=0.0)) if smooth else math.inf,
         solved=len(sampler.known),
         seconds=perf_counter() - start,
-        known_to=tuple(known_to(problem.movable, problem.bodies[1:], problem.unit)),
+        known_to=tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
     )
 
 
@@ -292,7 +301,7 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
         values=nodes,
         errors=np.array(errors),
         regions=np.array([sets.index(one) for one in held]),
-        names=mesh.sampler.problem.motion.names,
+        names=tuple(own.name for own in mesh.sampler.scene.coordinates),
     )
     return table, sets
 
@@ -346,7 +355,7 @@ def _chains(edges: Sequence[tuple[int, int]]) -> list[list[int]]:
     return chains
 
 
-def _plain(problem: Problem) -> dict[str, Any] | None:
+def _plain(problem: Scene) -> dict[str, Any] | None:
     try:
         return problem.to_dict()
     except InputError:

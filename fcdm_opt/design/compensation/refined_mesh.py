@@ -14,9 +14,7 @@ import numpy as np
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
-from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
@@ -38,11 +36,10 @@ class RefinedMesh(SizeMesh):
 
     def __init__(self, sampler: Sampler, error: float | None) -> None:
         self.sampler = sampler
-        problem = sampler.problem
-        self._task = Task.of(problem)
-        self._arms = problem.movable.vertices - problem.movable.seed
-        self._seed, self._walls = problem.movable.seed, problem.limits
-        self._rounding = DEFAULT.touch * problem.size
+        scene = sampler.scene
+        self._carried = [(part, scene.bodies_made[part], carrying) for part, carrying in scene.kinematics.items()]
+        self._walls = np.array([own.limits for own in scene.coordinates])
+        self._rounding = DEFAULT.touch * scene.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
         samples = sampler.samples(places)
         vertices = [
@@ -325,14 +322,15 @@ class RefinedMesh(SizeMesh):
         vertex.values = dict((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
-        """Return by what two motions differ: in amount, and in the largest displacement of a vertex of body 1."""
+        """Return by what two motions differ: in amount, and in the largest displacement of a vertex that moves."""
         if np.isnan(one[0]) or np.isnan(two[0]):
             return np.zeros(2)
-        change = self._task.transform(one[1:]) - self._task.transform(two[1:])
-        scale = self.sampler.pair(place)[0] if self.sampler.over == SCALES else 1.0
-        made = self._seed + scale * self._arms
-        moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
-        return np.array([abs(one[0] - two[0]), moved.max()])
+        scales, moved = self.sampler.scales(place), 0.0
+        for part, body, carrying in self._carried:
+            change = carrying.transform(one[1:]) - carrying.transform(two[1:])
+            made = body.seed + scales[part] * (body.vertices - body.seed)
+            moved = max(moved, float(np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1).max()))
+        return np.array([abs(one[0] - two[0]), moved])
 
 
 def _normal(start: Array, end: Array) -> Array:

@@ -16,12 +16,16 @@ from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
+from fcdm_opt.design.sizes import box_over, chosen_sizes
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
-from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.plain import plain
+from fcdm_opt.problem.assembly_file import scene_of
+from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import SCALES
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -69,28 +73,25 @@ Asking = Generator[list[Array], list[Sample], Result]
 """A search that yields places, gets the samples there, and returns its result: many such are run side by side."""
 
 
-def asked(problem: Problem, pair: Sequence[float] | Array, over: Sequence[str] = SCALES) -> Problem:
-    """Return the problem for one pair of sizes: scales, or deviations of two sizes, all others as they are made."""
-    if tuple(over) != SCALES:
-        values = dict(zip(over, map(float, pair), strict=True))
-        return problem.changed(made={**(problem.made or {}), **values}, goal=problem.goal)
-    return problem.changed(target=(float(pair[0]), float(pair[1])), requirement=None, tolerance=None, goal=problem.goal)
+def asked(scene: Scene, pair: Sequence[float] | Array, over: Sequence[str] = SCALES) -> Scene:
+    """Return the question for one pair of scales, or deviations of sizes, all others as they are made."""
+    return scene.with_sizes(dict(zip(over, map(float, pair), strict=True)))
 
 
-def sample_at(problem: Problem, pair: Pair, over: Sequence[str] = SCALES) -> Sample:
+def sample_at(scene: Scene, pair: Pair, over: Sequence[str] = SCALES) -> Sample:
     """Return the least motion for one pair of sizes."""
-    solution = solve(asked(problem, pair, over), effort="quick")
-    values = [solution.amount, *solution.parameters.values()] if solution.usable else [math.nan]
-    return Sample(active_set(solution), np.resize(values, 1 + len(problem.weights)))
+    solution = solve(asked(scene, pair, over), effort="quick")
+    values = [solution.amount, *solution.coordinates.values()] if solution.usable else [math.nan]
+    return Sample(active_set(solution), np.resize(values, 1 + len(scene.coordinates)))
 
 
 @lru_cache(maxsize=1)
-def _read(text: str) -> Problem:
-    return Problem.from_dict(json.loads(text))
+def _read(text: str) -> Scene:
+    return scene_of(json.loads(text))
 
 
 def sample_of(text: str, pair: Pair, over: Sequence[str], end: float) -> Sample | None:
-    """Return the sample of a problem in plain data, None where it is not there by `end`: what a worker process does."""
+    """Return the sample of a scene in plain data, None where it is not there by `end`: what a worker process does."""
     left = end - time()
     if left <= 0.0:
         return None
@@ -98,10 +99,10 @@ def sample_of(text: str, pair: Pair, over: Sequence[str], end: float) -> Sample 
         return sample_within(_read(text), pair, over)
 
 
-def sample_within(problem: Problem, pair: Pair, over: Sequence[str]) -> Sample | None:
+def sample_within(scene: Scene, pair: Pair, over: Sequence[str]) -> Sample | None:
     """Return the sample of a pair, None where the time given is over before it is there."""
     try:
-        return None if pacing.over() else sample_at(problem, pair, over)
+        return None if pacing.over() else sample_at(scene, pair, over)
     except pacing.TimeOverError:
         return None
 
@@ -114,7 +115,7 @@ class Sampler:
     when of the time given (`pacing.within`) as little is left as finishing takes, it is `spent`.
     """
 
-    problem: Problem
+    scene: Scene
     box: Array
     budget: int
     jobs: int = 1
@@ -148,6 +149,10 @@ class Sampler:
         place = np.asarray(place, dtype=float)
         return np.asarray(self.box[:, 0] * (1.0 - place) + self.box[:, 1] * place)
 
+    def scales(self, place: Array) -> dict[str, float]:
+        """Return the scales of all parts at a place, by the names that the scene has for parts."""
+        return self.scene.scales_at(dict(zip(self.over, self.pair(place).tolist(), strict=True)))
+
     def samples(self, places: Sequence[Array], *, last: bool = False) -> list[Sample | None]:
         """Return the samples at some places; None for those that the time is too short for that refining may take.
 
@@ -178,44 +183,40 @@ class Sampler:
     def _sample(self, pair: Pair, waiting: int) -> Sample | None:
         """Return the sample of a pair, None where it takes all the time; of the first ones where it takes its share."""
         with pacing.sharing(1.0 if self.known else 1.0 / waiting):
-            return sample_within(self.problem, pair, self.over)
+            return sample_within(self.scene, pair, self.over)
 
     @cached_property
     def _plain(self) -> str:
-        return json.dumps(self.problem.to_dict())
+        return json.dumps(self.scene.to_dict())
 
 
-def covered(problem: Problem, box: Any, over: Any = None) -> tuple[tuple[str, ...], Array]:
+def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, str], Array]:
     """Return which two sizes a map is over, and the box of them that it covers; raises `InputError` where none is.
 
     Parameters
     ----------
-    problem : Problem
+    scene : Problem or Assembly
     box : ((low_1, high_1), (low_2, high_2)) or None
-        None: what the problem's tolerance leaves open, or that of both sizes.
+        None: what the tolerances leave open.
     over : (name, name) or None
         See `chosen_sizes`.
     """
-    expected(problem, Problem, "problem")
-    if problem.goal == "beyond":
+    expected(scene, Scene, "problem")
+    if any(problem.goal == "beyond" for problem in scene.relations.values()):
         what = "the amount of this goal jumps wherever the deviation changes sign, so it has no map"
         raise InputError(what, key="goal", found="beyond", allowed='"touch", "clear", "at" or "seat"')
-    if problem.resolution is not None:
+    if scene.resolution is not None and len(scene.resolution):
         what = "a motion in whole steps jumps from pair to pair, so it has no map"
-        allowed = "a problem without resolution"
-        raise InputError(what, key="resolution", found=problem.resolution.tolist(), allowed=allowed)
-    sizes = chosen_sizes(problem, over)
-    if box is not None:
-        made = size_box(box, "box", positive=not sizes)
-    else:
-        made = tolerance_boxes(sizes) if sizes else tolerance_box(problem)
+        raise InputError(what, key="resolution", found=plain(scene.resolution), allowed="a problem without resolution")
+    names = chosen_sizes(scene, over)
+    made = box_over(scene, names, box)
     if (np.ptp(made, axis=1) <= DEFAULT.snap * np.abs(made).max(axis=1)).any():
         allowed = "low < high, for both sizes"
         raise InputError("a box this narrow has no map", key="box", found=made.tolist(), allowed=allowed)
-    return tuple(size.name for size in sizes) or SCALES, made
+    return names, made
 
 
-def active_set(solution: Solution) -> ActiveSet:
+def active_set(solution: Bounded) -> ActiveSet:
     """Return what holds the motion of a solution, read off the geometry: the same whichever stage found it."""
     if solution.status is Status.OUTSIDE_FIT:
         return OUTSIDE
@@ -223,22 +224,22 @@ def active_set(solution: Solution) -> ActiveSet:
         return REJECTED if solution.status.found else NOTHING
     if solution.amount == 0.0:
         return SATISFIED
-    task, q = Task.of(solution.problem), np.array(list(solution.parameters.values()))
-    holding = Holding(task, q, Layout.of(task), solution.problem.limits)
-    features = [feature.label for feature in solution.features] if task.tracked else []
-    if np.isfinite(task.needs).any():
-        features += [label for label in _nearest(holding) if label not in features]
-    active = list(_side(task))
-    slack = DEFAULT.touch * task.size
-    for k, name in enumerate(solution.parameters):
-        low, high = solution.problem.limits[k]
-        for limit, which in ((low, "lower"), (high, "upper")):
-            if abs(q[k] - limit) * task.weights[k] <= slack:
-                active.append(f"{which} limit of {name}")
-    if task.tracked:
-        names = {rate.name for group in holding.groups() for rates in group for rate in rates}
-        active += sorted(name for name in names if "limit of" not in name)
-    return ActiveSet("motion", tuple(sorted(features)), tuple(active))
+    scene, q = solution.question, np.array([*solution.coordinates.values()])
+    features, sides, limits, held = list[str](), list[str](), list[str](), list[str]()
+    slack = DEFAULT.touch * scene.size
+    for x, own in zip(q.tolist(), scene.coordinates, strict=True):
+        for limit, which in zip(own.limits, ("lower", "upper"), strict=True):
+            limits += [f"{which} limit of {own.name}"] * (abs(x - limit) * own.weight <= slack)
+    for pair, problem in scene.relations.items():
+        head = "" if problem is scene else f"{' - '.join(pair)}: "
+        holding = Holding(task := Task.of(problem), q, Layout.of(task), problem.limits)
+        known = problem.tracked_features if task.tracked or (task.joints and task.goal != FIT) else ()
+        features += [f"{head}{label}" for label in _met(holding, known)]
+        sides += [f"{head}{side}" for side in _side(task)]
+        if task.tracked:
+            names = {rate.name for group in holding.groups() for rates in group for rate in rates}
+            held += sorted(f"{head}{name}" for name in names if "limit of" not in name)
+    return ActiveSet("motion", tuple(sorted(features)), (*sides, *limits, *held))
 
 
 def _side(task: Task) -> Iterator[str]:
@@ -251,17 +252,21 @@ def _side(task: Task) -> Iterator[str]:
             yield "closes a gap" if gaps[0] > 0 else "removes an overlap"
 
 
-def _nearest(holding: Holding) -> list[str]:
-    """Return the features of part pairs that are as far apart as they must be; none that are part of a flush one."""
-    task, found = holding.task, dict[int, list[tuple[str, Feature]]]()
-    for parts, feature in holding.near_features():
+def _met(holding: Holding, known: Sequence[Feature]) -> list[str]:
+    """Return known features, and those of part pairs that are as near as they may be; none that is part of a flush one.
+
+    Of the known ones all.
+    """
+    task, found = holding.task, {-1: [("", feature) for feature in known]}
+    for parts, feature in holding.near_features() if np.isfinite(task.needs).any() else ():
         keep_out = task.obstacles[parts[1]].keep_out
         found.setdefault(keep_out, []).append(("" if keep_out < 0 else f"{task.named(parts)} ", feature))
     labels = [
         f"{prefix}{feature.label}"
         for each in found.values()
         for prefix, feature in each
-        if not any(_is_within(feature, other) for _, other in each if other.kind == "F1F2" and other != feature)
+        if feature in known
+        or not any(_is_within(feature, other) for _, other in each if other.kind == "F1F2" and other != feature)
     ]
     return list(dict.fromkeys(labels))
 

@@ -42,8 +42,8 @@ class MapPoints:
     amount : array (...)
         Its amount, in length units. nan as above.
     error, displacement_error : array (...)
-        Bounds of the error of the amount, and of the largest displacement of a vertex of body 1, as made, between this
-        motion and the true one: length units.
+        Bounds of the error of the amount, and of the largest displacement of a vertex of a part that moves, as made,
+        between this motion and the true one: length units.
     region : array of int (...)
         Number of the region, from 0; -1 outside the map's box.
     """
@@ -53,11 +53,13 @@ class MapPoints:
     error: Array
     displacement_error: Array
     region: Ints
-    posed: Callable[[Array], Array] | None = field(default=None, repr=False)
+    posed: Callable[[Array], Array | dict[str, Array]] | None = field(default=None, repr=False)
 
     @property
-    def transforms(self) -> Array:
+    def transforms(self) -> Array | dict[str, Array]:
         """The same motions as transforms of the movable body, (..., 4, 4); nan where there is none.
+
+        Of an assembly those of each part that moves, in the world, by its name.
 
         Raises
         ------
