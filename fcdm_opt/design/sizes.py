@@ -234,7 +234,7 @@ def drawn_pairs(
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
     count = arguments.whole(count, "count", "number of draws", 1, MOST)
-    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, 2 if given else len(box)))
+    u = np.random.default_rng(arguments.whole(seed, "seed", "seed", 0)).random((count, len(given or box)))
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])
