@@ -511,7 +511,7 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
     said = " ".join(table.stdout.split())
     assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
     assert "base - 1.03 fixed -" in said
-    for command in ("curve", "pose"):
+    for command in ("curve",):
         refused = run(command, FILE)
         assert refused.exit_code == 2
         assert "assembly" in refused.output

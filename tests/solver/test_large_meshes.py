@@ -243,7 +243,7 @@ def test_a_body_kept_as_a_surface_is_sensitive_to_sizes() -> None:
     solution = fo.solve(problem)
     assert solution.amount == pytest.approx(0.15, rel=1e-12)
     assert solution.sensitivity.sizes == pytest.approx({"left": -1.0, "floor": 0.0}, abs=1e-12)
-    with pytest.raises(InputError, match="rows of sizes are of a solid cut into convex parts"):
+    with pytest.raises(InputError, match="here are none as drawn"):
         fo.stack_up(problem)
 
 
