@@ -22,6 +22,7 @@ import glob
 import hashlib
 import logging
 import math
+import os
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -33,7 +34,7 @@ from pathlib import Path
 from threading import local
 from time import perf_counter, thread_time
 from types import CodeType, FunctionType, ModuleType, SimpleNamespace
-from typing import IO, Any
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -259,10 +260,10 @@ def _alone(made: _Compiled) -> Iterator[None]:
 
 
 @cache
-def _locks() -> IO[bytes] | None:
-    """Return the file in which each kernel has a byte to lock, None without; closing it would free all."""
+def _locks() -> int | None:
+    """Return a descriptor of the file in which each kernel has a byte to lock, None without; open to the end."""
     with suppress(RuntimeError, OSError):  # nowhere to write
-        return _kept_in("locks").open("ab") if fcntl else None
+        return os.open(_kept_in("locks"), os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666) if fcntl else None
     return None
 
 
