@@ -139,7 +139,7 @@ class _Compiled(_Dispatcher):
         with global_compiler_lock:
             if args not in self.overloads:
                 self._find_files()
-                with _alone(self):
+                with _locked(self):
                     _NEEDED.append({})
                     try:
                         super().compile(args)
@@ -241,7 +241,7 @@ def _kept_in(name: str) -> Path:
 
 
 @contextmanager
-def _alone(made: _Compiled) -> Iterator[None]:
+def _locked(made: _Compiled) -> Iterator[None]:
     """Hold off other processes that want the same kernel: what is compiled here, they take from where it is kept."""
     locks = _locks() if made.keeps else None
     if locks is None:

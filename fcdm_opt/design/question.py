@@ -437,7 +437,7 @@ class Question:
     def check(self) -> None:
         """Refuse keys and values that no case or body has; reads and builds nothing."""
         if self.scene.assembled:
-            with _case_alone(self.name):
+            with _without_case_number(self.name):
                 checked(AssemblyFile, {**self.scene.to_dict(), "case": [self.case]})
         else:
             self.scene.check()
@@ -450,7 +450,7 @@ class Question:
         """
         scene = self.scene.drawn
         if scene.assembled:
-            with _case_alone(self.name):
+            with _without_case_number(self.name):
                 file = checked(AssemblyFile, {**scene.to_dict(), "case": [self.case]})
                 return file.assemblies(bodies=scene.bodies, keep_out=scene.kept)[0]
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
@@ -459,7 +459,7 @@ class Question:
 
 
 @contextmanager
-def _case_alone(name: str) -> Iterator[None]:
+def _without_case_number(name: str) -> Iterator[None]:
     """Leave out of an error's key that it is about the one case there is."""
     try:
         yield

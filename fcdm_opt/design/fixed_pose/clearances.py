@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
-from fcdm_opt.design.fixed_pose.scene import Extreme, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, OwnSizes, Scales
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -78,7 +78,7 @@ class EndOfRange(Plain):
         return ", ".join(told) or "as drawn"
 
     @classmethod
-    def of(cls, scene: Scene, rows: GapRows, extreme: Extreme) -> EndOfRange:
+    def of(cls, scene: BodyGaps, rows: GapRows, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
         gap, rho, parts, way = extreme
         label = scene.feature(rows, extreme).label

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt.design.fixed_pose.cells import NO_WITNESSES, Search
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
-from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.scene import BodyGaps
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
@@ -157,7 +157,7 @@ def check_proof(
     return tuple(checks)
 
 
-def _flaw(scene: Scene, own: PoseEvidence) -> str:
+def _flaw(scene: BodyGaps, own: PoseEvidence) -> str:
     """Return what keeps the witnesses from being looked at, "" if nothing does."""
     sizes, count = scene.sizes, len(own.kinds)
     if own.sizes.shape != (count, 2) or own.parts.shape != (count, 2) or own.shares.shape != (count,):

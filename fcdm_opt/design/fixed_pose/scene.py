@@ -361,4 +361,4 @@ class OwnSizes(SizedBodies):
         return there.feature(there.pairs[pair], row)
 
 
-Scene = Scales | OwnSizes
+BodyGaps = Scales | OwnSizes

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
-from fcdm_opt.design.fixed_pose.scene import NEAR, GapRows, OwnSizes, Scales, Scene
+from fcdm_opt.design.fixed_pose.scene import NEAR, BodyGaps, GapRows, OwnSizes, Scales
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
@@ -20,7 +20,7 @@ from fcdm_opt.judge.engagement import passage
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.scene import Scene as AnyScene
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
@@ -53,7 +53,7 @@ class Worst:
     ----------
     problem : Problem
         Bodies, motion and weights.
-    scene : Scene
+    scene : BodyGaps
     solid : Body or None
         The other body, where only its surface is known: a pose inside of it is none.
     low, high : float
@@ -67,7 +67,7 @@ class Worst:
     """
 
     problem: Problem
-    scene: Scene
+    scene: BodyGaps
     low: float = 0.0
     high: float = 0.0
     limits: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -220,7 +220,7 @@ class WorstContacts(Worst):
     columns: tuple[list[int], ...] = ()
 
     @classmethod
-    def asked(cls, question: AnyScene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
+    def asked(cls, question: Scene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
         kept = [*_kept_clear(question, sizes, names, own=own)]
@@ -291,7 +291,7 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
 
 
 def _kept_clear(
-    question: AnyScene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
+    question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
 ) -> Iterator[tuple[Worst, list[int]]]:
     """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
     asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]

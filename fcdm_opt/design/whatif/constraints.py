@@ -31,7 +31,7 @@ OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
 Rates = Sensitivity | AssemblySensitivity
 
 
-def _unknown(sensitivity: Rates) -> float:
+def _no_rate(sensitivity: Rates) -> float:
     return math.nan
 
 
@@ -79,7 +79,7 @@ class Constraint:
     outward: float = math.nan
     slack: float = 0.0
     kept_at_rest: bool = False
-    rate: Callable[[Any], float] = _unknown
+    rate: Callable[[Any], float] = _no_rate
 
 
 def _limit(scene: Scene, coordinate: Coordinate, label: str, sides: tuple[int, ...]) -> Constraint:
