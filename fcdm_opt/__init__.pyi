@@ -41,6 +41,14 @@ from fcdm_opt.errors import InputError as InputError
 from fcdm_opt.errors import UnsolvedError as UnsolvedError
 from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.bodies import as_body as as_body
+from fcdm_opt.geometry.primitives import Box as Box
+from fcdm_opt.geometry.primitives import Cone as Cone
+from fcdm_opt.geometry.primitives import Cylinder as Cylinder
+from fcdm_opt.geometry.primitives import Prism as Prism
+from fcdm_opt.geometry.primitives import Sphere as Sphere
+from fcdm_opt.geometry.primitives import Torus as Torus
+from fcdm_opt.geometry.primitives import cut as cut
+from fcdm_opt.geometry.primitives import joined as joined
 from fcdm_opt.geometry.size import Size as Size
 from fcdm_opt.judge.certificate import verify as verify
 from fcdm_opt.judge.certificate import verify_assembly as verify_assembly

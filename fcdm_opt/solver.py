@@ -20,6 +20,7 @@ from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
+from fcdm_opt.model.true_faces import points_of_true_faces
 from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -124,10 +125,19 @@ def _several(assembly: Assembly, how: _How) -> AssemblySolution:
 
 def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
-    if how.effort == "quick":
-        return _solved_all(problem, how)
     facets_known(problem)
-    return with_mesh_error(_solved_all(problem, how), partial(_solved_again, how))
+    solution = _solved_all(problem, how)
+    if (points := points_of_true_faces(solution, partial(_solved_all, how=_at_once(how)))) is not None:
+        found = _solved_all(problem.changed(exact_at=points), how)
+        solution = found if found.usable else solution
+    if how.effort == "quick":
+        return solution
+    return with_mesh_error(solution, partial(_solved_again, how))
+
+
+def _at_once(how: _How) -> _How:
+    """Return how a question is solved whose answer is looked at alone."""
+    return how._replace(certify=False, effort="quick", judge=False)
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
@@ -170,6 +180,8 @@ def _outside_of_solids(problem: Problem, how: _How, answer: Answer | None = None
     if problem is asked:
         return solution
     found = with_parts(asked, solution.problem.active_indices)
+    if not how.judge:
+        return replace(solution, problem=found)
     solution, certificate = judged(replace(solution, problem=found, evidence=None))
     return solution.with_certificate(certificate, solution.seconds)
 
@@ -207,6 +219,7 @@ class _How(NamedTuple):
     certify: bool
     effort: Effort
     seconds: float | None
+    judge: bool = True
 
 
 class _Watch:
@@ -238,6 +251,8 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     with pacing.telling():
         solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
     watch.lap("prove")
+    if not how.judge:
+        return solution
     if isinstance(shown := solution.evidence, Multipliers) and not shows(solution, shown):
         solution = replace(solution, evidence=None)  # more is known by other means
     solution, certificate = judged(solution)

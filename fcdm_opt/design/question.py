@@ -47,7 +47,7 @@ _EXCLUDED = {
     "pitch": ("pitch_per_deg", "pitch_per_rad"),
     "pitch_per_deg": ("pitch_per_rad", "pitch"),
     "pitch_per_rad": ("pitch_per_deg", "pitch"),
-    "file": ("vertices", "parts", "faces", "deviation", "facet_errors", "notes"),
+    "file": ("vertices", "parts", "faces", "deviation", "facet_errors", "surfaces", "notes"),
     "each": ("along",),
     "along": ("each",),
 }

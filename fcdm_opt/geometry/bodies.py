@@ -40,7 +40,7 @@ from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import errors_of_faces
+from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.tolerances import DEFAULT
@@ -204,6 +204,9 @@ class Body(_Sealed, NotebookRepr):
     facet_errors : (faces, 2) array or None
         Lengths by which each face sticks out of the surface that it stands for, and falls short of it, where a file
         says what surface that is; see `fcdm_opt.geometry.facet_errors`.
+    surfaces : tuple of (Swept, tuple of int) or None
+        The round surfaces that faces stand for, each with the rows of these, where they are told; else they are looked
+        for, see `fcdm_opt.geometry.patches`.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -217,6 +220,11 @@ class Body(_Sealed, NotebookRepr):
         The numbers, from 0, of the parts of `full_body` that these are.
     rounding : float
         Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
+    pieces : tuple of (int, int, int)
+        Convex pieces at points of round faces where the body is exact, the last of its parts: the first label of each,
+        its last one, which is inside, and the row of the face that it is of; see `exact_points`.
+    exact_of : Body or None
+        The body of facets that these pieces were added to.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
         Of all its lengths, "" where none is named; a `Problem` takes it over, and no number follows from it.
     """
@@ -229,12 +237,15 @@ class Body(_Sealed, NotebookRepr):
     outlines: tuple[tuple[int, ...], ...]
     deviation: tuple[float, float] = (0.0, 0.0)
     facet_errors: Array | None = field(default=None, repr=False)
+    surfaces: RoundFaces | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     triangles: tuple[tuple[tuple[int, ...], ...], ...] = ()
     is_surface: bool = False
     full_body: Body | None = field(default=None, repr=False)
     part_indices: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
+    pieces: tuple[tuple[int, int, int], ...] = field(default=(), repr=False)
+    exact_of: Body | None = field(default=None, repr=False)
     unit: UnitOrNone = ""
 
     @classmethod
@@ -432,13 +443,13 @@ class Body(_Sealed, NotebookRepr):
             body = cls._side_by_side(made, seed, own_name)
             return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks), unit=unit)
         out, short = body.deviation
-        errors = None
+        errors = known = None
         if read.surfaces is not None:
-            errors = frozen(errors_of_faces(*body.face_triangles, len(body.faces), read.surfaces))
+            errors, known = errors_of_faces(*body.face_triangles, len(body.faces), read.surfaces)
         own_deviation = out + read.off[0], short + read.off[1]
         notes = (*body.notes, *read.remarks)
-        body = replace(body, deviation=own_deviation, facet_errors=errors, notes=notes, rounding=read.rounding)
-        return body._in(unit)
+        body = replace(body, deviation=own_deviation, facet_errors=errors, surfaces=known, notes=notes)
+        return replace(body, rounding=read.rounding)._in(unit)
 
     @classmethod
     def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:
@@ -506,7 +517,10 @@ class Body(_Sealed, NotebookRepr):
         outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
         triangles = made.surface.triangles_of_faces()
         points = frozen(made.points)
-        return cls(name, points, seed, parts, faces, outlines, (moved, moved), None, notes, triangles, is_surface=True)
+        off = moved, moved
+        return cls(
+            name, points, seed, parts, faces, outlines, off, notes=notes, triangles=triangles, is_surface=True
+        )
 
     @cached_property
     def corners(self) -> tuple[int, ...]:
@@ -523,11 +537,18 @@ class Body(_Sealed, NotebookRepr):
         if len(self.parts) == 1 or not (self.triangles or self.outlines == self.faces):
             return True
         labels = set(element.vertices)
+        if (piece := self.piece_of(element)) is not None:
+            return piece[1] not in labels
         if element.kind == "V":
             return labels.issubset(self.corners)
         if element.kind == "E":
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
+
+    def piece_of(self, element: Element) -> tuple[int, int, int] | None:
+        """Return the one of `pieces` that an element is of; None of others."""
+        first = min(element.vertices)
+        return next((own for own in self.pieces if own[0] <= first <= own[1]), None)
 
     @cached_property
     def face_rows(self) -> dict[tuple[int, ...], int]:
@@ -645,6 +666,9 @@ class Body(_Sealed, NotebookRepr):
         errors = None if self.facet_errors is None else frozen(factor * self.facet_errors)
         out, short = (float(factor) * length for length in self.deviation)
         scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
+        shift = np.eye(4)
+        shift[:3, 3] = self.seed / factor - self.seed
+        scaled = scaled._on_surfaces(shift, float(factor))
         return replace(scaled, deviation=(out, short), facet_errors=errors)
 
     def with_seed(self, seed: Array) -> Body:
@@ -652,10 +676,22 @@ class Body(_Sealed, NotebookRepr):
         parts = tuple(replace(part, seed=seed) for part in self.parts)
         return replace(self, seed=seed, parts=parts)
 
+    def faceted(self) -> Body:
+        """Return the same body with its facets as its true faces, whatever round ones they stand for."""
+        return replace(self, facet_errors=frozen(np.zeros((len(self.faces), 2))), surfaces=(), deviation=(0.0, 0.0))
+
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
         T = rigid_transform(transform, key=f"body '{self.name}': transform")
-        return self._mapped(lambda x: x @ T[:3, :3].T + T[:3, 3])
+        return self._mapped(lambda x: x @ T[:3, :3].T + T[:3, 3])._on_surfaces(T, 1.0)
+
+    def _on_surfaces(self, transform: Array, scale: float) -> Body:
+        """Return the body with its round surfaces moved and scaled, see `Swept.placed`."""
+        if self.surfaces is None:
+            return self
+        placed = tuple((own.placed(transform, scale), rows) for own, rows in self.surfaces)
+        full = self.full_body and self.full_body._on_surfaces(transform, scale)
+        return replace(self, surfaces=placed, full_body=full)
 
     def placed_vertices(self, rho: float, transform: Array) -> Array:
         """Return all vertices, scaled about the seed and then moved, (n, 3)."""

@@ -20,13 +20,12 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import cross, least_vector, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
 from fcdm_opt.geometry.naming import FEWEST, MANY, Label, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
-from fcdm_opt.geometry.resizing import largest_ball
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED
+from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
@@ -38,9 +37,11 @@ CREASE = 0.35  # of the largest turn there, by which the turn between two facets
 MARGIN = 1.5  # on what bends tell: they change from facet to facet
 NARROW = 1e-3  # of the extent of a facet: narrower, no bend across is told
 USUAL = 0.6  # of the facets of a round face, at least so many are no flats
+ALL_OUT = 1.5  # times what faces stand out: where one meets a plane face aslant, as much is not enough
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
+_SURFACES: WeakKeyDictionary[Body, RoundFaces] = WeakKeyDictionary()
 _BOUNDS: WeakKeyDictionary[Body, tuple[Body, Body] | None] = WeakKeyDictionary()
 
 
@@ -55,6 +56,22 @@ def facet_errors(body: Body) -> Array | None:
     if body not in _KNOWN:
         _KNOWN[body] = _recognised(body)
     return _KNOWN[body]
+
+
+def round_surfaces(body: Body) -> RoundFaces:
+    """Return the round surfaces that faces stand for, each with the rows of these: told by a file, else recognised."""
+    body = body.full_body or body
+    if body.surfaces is not None:
+        return body.surfaces
+    if body not in _SURFACES:
+        errors, found = facet_errors(body), list[tuple[Swept, tuple[int, ...]]]()
+        if errors is not None and errors.any():
+            for own in round_faces(body):
+                rows = [body.face_rows[face] for face in own.faces if face in body.face_rows]
+                if kept := tuple(row for row in rows if errors[row].any()):
+                    found.append((own.surface, kept))
+        _SURFACES[body] = tuple(found)
+    return _SURFACES[body]
 
 
 def deviation_of(body: Body) -> tuple[float, float]:
@@ -259,13 +276,16 @@ def _moved(body: Body, off: Array, errors: Array) -> Body | None:
 
 
 def _parts_moved(body: Body, off: Array) -> Body | None:
-    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts stay.
+    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts outward stay.
 
     What is left of no part after an inward move is left out.
     """
     points, hulls, parts, count = [body.vertices], list[Hull](), list[ConvexPart | None](), len(body.vertices)
-    for part, owners in zip(body.parts, body.facet_faces, strict=True):
-        shift = np.array([max(off[list(own)], key=abs, default=0.0) for own in owners])
+    if off.min() < 0.0:
+        shifts = _inward(body, off)
+    else:
+        shifts = [np.array([max(off[list(own)], default=0.0) for own in owners]) for owners in body.facet_faces]
+    for part, shift in zip(body.parts, shifts, strict=True):
         if not shift.any():
             parts.append(part)
             continue
@@ -287,6 +307,30 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
     every = tuple(next(made_parts) if part is None else part for part in parts)
     faces = tuple(dict.fromkeys((*body.faces, *faces)))
     return Body(body.name, rows, body.seed, every, faces, faces, facet_errors=np.zeros((len(faces), 2)))
+
+
+def _inward(body: Body, off: Array) -> list[Array]:
+    """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out.
+
+    A part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With all
+    but the plane faces of a part moved by what any face stands out, nothing of it does.
+    """
+    far, (normals, places), (rows,) = ALL_OUT * off.min(), body.face_planes, np.nonzero(off)
+    corners, owners = body.face_triangles
+    slack = DEFAULT.cut * body.size
+    points = np.concatenate([part.vertices for part in body.parts])
+    reached = np.zeros(len(points), bool)
+    for row in rows.tolist():
+        own = corners[owners == row].reshape(-1, 3)
+        on = np.abs((points - places[row]) @ normals[row]) <= slack
+        reached |= on & ((points >= own.min(axis=0) - slack) & (points <= own.max(axis=0) + slack)).all(axis=1)
+    found, start = list[Array](), 0
+    for part, faces in zip(body.parts, body.facet_faces, strict=True):
+        its = reached[start : start + len(part.vertices)]
+        start += len(part.vertices)
+        moves = ((off[list(own)] if own else its[list(loop)]).any() for own, loop in zip(faces, part.loops, strict=True))
+        found.append(np.where(list(moves), far, 0.0))
+    return found
 
 
 def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] | None:

@@ -32,7 +32,10 @@ class Facets:
     """
 
     def __init__(self, body: Body) -> None:
-        loops = [part.loops[:1] if body.is_surface else part.loops for part in body.parts]
+        loops = [part.loops for part in body.parts]
+        if body.is_surface:
+            pyramids = len(loops) - len(body.pieces)
+            loops = [own[:1] for own in loops[:pyramids]] + loops[pyramids:]
         starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)])
         self.points = np.concatenate([part.vertices for part in body.parts]) - body.seed
         self.triangles = np.concatenate([start + fans(own) for start, own in zip(starts.tolist(), loops, strict=False)])

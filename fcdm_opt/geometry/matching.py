@@ -164,6 +164,7 @@ def _moved(body: Body, points: Array) -> Body:
         method: Method = "surface" if body.is_surface else "exact"
         made = Body.from_mesh(drawn, triangles, decomposition=method, seed=body.seed, name=body.name)
     out, short = body.deviation
-    errors = body.facet_errors if made.faces == body.faces else None
-    made = replace(made, notes=body.notes, rounding=body.rounding, facet_errors=errors, unit=body.unit)
+    if made.faces == body.faces:
+        made = replace(made, facet_errors=body.facet_errors, surfaces=body.surfaces)
+    made = replace(made, notes=body.notes, rounding=body.rounding, unit=body.unit)
     return replace(made, deviation=(out + moved, short + moved))

@@ -64,6 +64,15 @@ def least_vector(rows: Array, levels: Array) -> Array | None:
     return np.asarray(-scale * rest[:-1] / rest[-1])
 
 
+def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
+    """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
+    from scipy.optimize import linprog
+
+    rows = np.column_stack([normals, np.ones(len(levels))])
+    ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
+    return (ball.x[:3], float(ball.x[3])) if ball.status == 0 else (np.zeros(3), -np.inf)
+
+
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:
     """Return volume, centroid and a bound of the volume's rounding, by signed tetrahedra about the mean corner.
 

@@ -7,6 +7,7 @@ how the part stands as long as no corner crosses a facet that it is not on (`Res
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -20,12 +21,14 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import first_crossing
-from fcdm_opt.geometry.measures import norms, volume_and_centroid
+from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface, rims
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 HARDLY = 1e-3  # of a body's size: a small change of a length
@@ -215,10 +218,38 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     if not lengths:
         return scaled
     values = np.array(list(lengths.values()))
+    offsets = _face_offsets(body, tuple(lengths)) @ values
     if body.is_surface:
         with _at(body, tuple(lengths), values):
-            return _surface_resized(scaled, _face_offsets(body, tuple(lengths)) @ values)
-    return _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
+            found = _surface_resized(scaled, offsets)
+    else:
+        found = _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
+    return replace(found, surfaces=_moved_surfaces(scaled, found, offsets))
+
+
+def _moved_surfaces(body: Body, made: Body, offsets: Array) -> RoundFaces | None:
+    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with them.
+
+    Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
+    """
+    known = round_surfaces(body)
+    if not known or made.faces != body.faces:
+        return () if known == () else None
+    found = list[tuple[Swept, tuple[int, ...]]]()
+    corners, owners = body.face_triangles
+    for surface, rows in known:
+        own = offsets[list(rows)]
+        length, shift = float(own[0]), np.zeros(3)
+        normals = body.face_planes[0][list(rows)]
+        if np.ptp(own) > DEFAULT.nominal * body.size:
+            answer = np.linalg.lstsq(np.column_stack([np.ones(len(rows)), normals]), own)[0]
+            if np.abs(answer[0] + normals @ answer[1:] - own).max() > DEFAULT.nominal * body.size:
+                return None
+            length, shift = float(answer[0]), answer[1:]
+        first = corners[owners == rows[0]][:1].mean(axis=1)
+        outward = math.copysign(1.0, surface.misses(first)[1][0] @ normals[0])
+        found.append((surface.offset(outward * length, shift), rows))
+    return tuple(found)
 
 
 def _face_offsets(body: Body, sizes: Sequence[Size]) -> Array:
@@ -486,15 +517,6 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
         raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
     held = np.unique(on, axis=0)
     return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
-
-
-def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
-    """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
-    from scipy.optimize import linprog
-
-    rows = np.column_stack([normals, np.ones(len(levels))])
-    ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
-    return (ball.x[:3], float(ball.x[3])) if ball.status == 0 else (np.zeros(3), -np.inf)
 
 
 def _firsts(own: MovingPart) -> Ints:

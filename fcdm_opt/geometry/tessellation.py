@@ -71,6 +71,27 @@ class Swept(NamedTuple):
         ways = tube[:, None] * outward + along[:, None] * self.axis
         return long - self.radius, ways / np.maximum(long, _TINY)[:, None]
 
+    def bends(self, points: Array) -> Array:
+        """Return the second derivatives of that distance at points, (n, 3, 3)."""
+        along, across, far = self._about(points)
+        outward = across / np.maximum(far, _TINY)[:, None]
+        around = cross(np.broadcast_to(self.axis, outward.shape), outward)
+        rate, flat = 1.0 / np.maximum(far, _TINY), np.zeros((len(points), 3, 3))
+        if self.line is not None:
+            rate = self.line[0] * rate
+        else:
+            tube = far - self.ring
+            long = np.maximum(np.hypot(tube, along), _TINY)
+            normal = self.misses(points)[1]
+            turned = cross(normal, around)
+            flat = (turned[:, :, None] * turned[:, None, :]) / long[:, None, None]
+            rate = rate * tube / long
+        return np.asarray(flat + rate[:, None, None] * around[:, :, None] * around[:, None, :])
+
+    def offset(self, length: float, shift: Array) -> Self:
+        """Return it moved away from axis or tube by a length, and shifted."""
+        return self._replace(origin=self.origin + shift, radius=self.radius + length)
+
     def _about(self, points: Array) -> tuple[Array, Array, Array]:
         """Return how far points are along the axis, where across it, and how far across."""
         local = points - self.origin
@@ -166,8 +187,14 @@ class Surfaces(NamedTuple):
     within: float
 
 
-def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces) -> Array:
+RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]
+"""Round surfaces, and the rows of the faces that stand for each."""
+
+
+def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces) -> tuple[Array, RoundFaces]:
     """Return how far each face sticks out of the surface that it stands for, and falls short of it, (count, 2).
+
+    And the round surfaces, with their faces.
 
     Parameters
     ----------
@@ -183,6 +210,7 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(norms(normals), _TINY)[:, None]
     errors, known = np.zeros((len(corners), 2)), np.zeros(len(corners), bool)
+    nearest, chosen, rounds = np.full(count, np.inf), np.full(count, -1), list[Swept]()
     for surface in sorted(surfaces.known, key=lambda own: not own.flat):
         off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, 3).max(axis=1)
         (on,) = np.nonzero((off <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
@@ -190,7 +218,13 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
         known[on] = True
         if not surface.flat:
             errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
+            off, turn = surface.misses(corners[on].mean(axis=1))
+            off = np.abs(off) + (1.0 - np.abs((turn * normals[on]).sum(axis=1)))  # of two that its corners are on
+            better = off < nearest[owners[on]]
+            nearest[owners[on][better]], chosen[owners[on][better]] = off[better], len(rounds)
+            rounds.append(surface)
     errors[~known] = surfaces.other
     found = np.zeros((count, 2))
     np.maximum.at(found, owners, errors)
-    return np.where(found > surfaces.within, found, 0.0)
+    own = tuple((each, tuple(np.flatnonzero(chosen == k).tolist())) for k, each in enumerate(rounds))
+    return np.where(found > surfaces.within, found, 0.0), tuple(each for each in own if each[1])

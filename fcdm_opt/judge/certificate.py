@@ -22,10 +22,11 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
-from fcdm_opt.geometry.facet_errors import facet_errors
+from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
+from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
@@ -110,7 +111,7 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         judge = _Judge(solution, tolerances)
         found = judge.motion, judge.requirement, judge.only_motion, judge.contact
         stages = (*found, judge.sides, judge.path, judge.seats)
-        checks = (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+        checks = (finite, *(check for stage in (*stages, judge.pair, judge.true_faces, judge.scene) for check in stage()))
     stored = same_as_read(solution, checks, solution.problem.contact_slack)
     return (*checks, *stored, *_same_derivatives(solution))
 
@@ -457,7 +458,7 @@ class _Judge:
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
-            *left_by_mesh(solution, problem.bodies, slack),
+            *left_by_mesh(solution, problem.of_facets.bodies, slack),
             *self._whole_steps(),
         ]
 
@@ -722,6 +723,21 @@ class _Judge:
                     _at_least(f"path seat {k} shared", shared[size - 1][narrowest], least, at[1]),
                 ]
         return checks
+
+    def true_faces(self) -> list[Check]:
+        """Check that round faces, of which the parts are exact at some points alone, are no nearer than is asked."""
+        if self.problem.exact_at is None:
+            return []
+        problem = self.problem.of_facets
+        need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+        bodies = problem.movable, problem.static
+        off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
+        gap = gap_of_true_faces(*bodies, problem.target, self.transform, need + self.limit + 2.0 * off)
+        told = "least gap of the faces that facets stand for, on points of these"
+        found = [_at_least("true faces", gap, need - self.limit, told)]
+        if "touch" in (problem.goal, problem.pair):
+            found.append(_at_most("true faces touching", gap, self.limit, told))
+        return found
 
     def pair(self) -> list[Check]:
         """Check the state and gap of the parts actually made."""

@@ -56,6 +56,7 @@ def outside_fit(solution: Solution) -> bool:
 @lru_cache(maxsize=16)
 def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     """Tell whether a motion leaves the fit in which a problem's parts are drawn."""
+    problem = problem.of_facets
     q, bodies = np.array(parameters), (problem.movable, problem.static)
     if not q.any() or all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
@@ -71,6 +72,7 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
 
     Infinite where the parts are no fit, or touch it no deeper than sizes may change.
     """
+    problem = problem.of_facets
     if not holds(problem):
         return -np.inf, np.inf
     length, ends = float(np.linalg.norm(way)), [-np.inf, np.inf]

@@ -56,6 +56,8 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
         Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`.
     """
     problem = solution.problem
+    if problem.exact_at is not None:
+        return _at_exact_points(solution, solve)
     if not solution.usable and solution.status not in REFUSED:
         return solution
     errors = [facet_errors(body) for body in problem.bodies]
@@ -82,6 +84,24 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
         if _stays_clear(solution, outer):
             return _between(solution, solution.amount, solution.amount)
     return solution
+
+
+def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
+    """Return a solution whose parts are exact where they meet, and elsewhere within the true ones.
+
+    The motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart
+    and larger ones touch sooner, bodies about the true ones tell what is least.
+    """
+    problem, amount = solution.problem, solution.amount
+    if problem.goal == "clear" or _gap_at_rest(problem) <= problem.contact_slack:
+        return _between(solution, _least(solution, amount), amount)
+    low = 0.0
+    with suppress(pacing.TimeOverError):
+        bodies = [bounding_bodies(body) for body in problem.of_facets.bodies]
+        outer = _Scene(*(own[1] for own in bodies[:2] if own is not None), ())
+        seconds = max(SHORTEST, sum(solution.seconds.values()))
+        low = _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount)
+    return _between(solution, low, amount)
 
 
 def _comparable(problem: Problem) -> bool:

@@ -20,6 +20,7 @@ from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import SELECTORS, Size
+from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.geometry.units import Unit
 from fcdm_opt.motion.motions import PITCHES, AxisWord, Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
@@ -30,6 +31,7 @@ from fcdm_opt.problem.schema import (
     Entry,
     FacetError,
     Label,
+    Length,
     Number,
     Pair,
     Point,
@@ -43,6 +45,27 @@ Axis = AxisWord | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
 
 # ---------------------------------------------------------------------------------------------------------- bodies
+
+
+class SurfaceEntry(Entry, title="Round surfaces"):
+    """The surface that some faces stand for: a cylinder, a cone, a sphere or a torus."""
+
+    origin: Point = declared(
+        ..., "[x, y, z], length units: a point of the axis, of a cone its apex, of a sphere or torus the centre", [0, 0, 0]
+    )
+    axis: Point = declared(..., "[x, y, z], unit direction of the axis; of a sphere any", [0.0, 0.0, 1.0])
+    line: Pair | None = declared(
+        None, "[cos, sin] of the half angle of a cone, [1, 0] of a cylinder; without it a sphere or torus", [1.0, 0.0]
+    )
+    ring: Length = declared(0.0, "radius of the circle that a torus is about, length units; 0 of others", 20.0)
+    radius: Number = declared(0.0, "radius, length units, of a torus that of its tube; 0 of a cone", 5.0)
+    faces: list[Label] = declared(..., "numbers, from 1, of the faces that stand for it", [1, 2, 3])
+
+    @property
+    def surface(self) -> tuple[Swept, tuple[int, ...]]:
+        """It, and the rows of its faces."""
+        own = Swept(frozen(self.origin), frozen(self.axis), self.line, self.ring, self.radius)
+        return own, tuple(face - 1 for face in self.faces)
 
 
 class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit"))):
@@ -88,6 +111,14 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "cylinder, cone or sphere are taken for that",
         [[3, 0.0, 0.01]],
     )
+    surfaces: list[SurfaceEntry] | None = declared(
+        None,
+        "the round surfaces that faces stand for; without it those of a STEP file, or what facets are taken for",
+        [{"origin": [0, 0, 0], "axis": [0, 0, 1], "line": [1, 0], "radius": 5.0, "faces": [1, 2]}],
+    )
+    round: bool = declared(
+        True, "whether facets of a cylinder, cone, sphere or torus stand for that; false: they are the true faces", False
+    )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
     )
@@ -111,7 +142,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ["vertices", "parts", "faces", "notes", "facet_errors"], ["file_unit"]
+        drawn, read = ["vertices", "parts", "faces", "notes", "facet_errors", "surfaces"], ["file_unit"]
         (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
@@ -135,7 +166,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
 
     def body(self, role: str, folder: Path | None) -> Body:
         """Return the body, named after its role if it has no other name; in `folder` the path of a mesh file starts."""
-        return self._drawn(role) if self.file is None else self._read(folder)
+        found = self._drawn(role) if self.file is None else self._read(folder)
+        return found if self.round else found.faceted()
 
     def _read(self, folder: Path | None) -> Body:
         try:
@@ -185,6 +217,12 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
                     raise InputError("no such face", key="facet_errors", found=face, allowed=allowed)
                 errors[int(face) - 1] = own
             body = replace(body, facet_errors=frozen(errors))
+        if self.surfaces is not None:
+            body = replace(body, surfaces=tuple(own.surface for own in self.surfaces))
+            wrong = [row + 1 for _, rows in body.surfaces or () for row in rows if row >= len(body.faces)]
+            if wrong:
+                allowed = f"1 to {len(body.faces)}"
+                raise InputError("no such face", key="surfaces.faces", found=wrong[0], allowed=allowed)
         return replace(body, **{key: value for key, value in told.items() if value})
 
 
@@ -209,7 +247,12 @@ def plain_body(body: Body) -> dict[str, Any]:
     if body.facet_errors is not None:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
         told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
-    told = {key: value for key, value in told.items() if value or key == "facet_errors"}
+    if body.surfaces is not None:
+        told["surfaces"] = [
+            {key: value for key, value in plain({**own._asdict(), "faces": [row + 1 for row in rows]}).items() if value}
+            for own, rows in body.surfaces
+        ]
+    told = {key: value for key, value in told.items() if value or key in ("facet_errors", "surfaces")}
     unit = {"unit": body.unit} if body.unit else {}
     if body.is_surface:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.triangles for triangle in face for v in triangle) + 1].tolist()

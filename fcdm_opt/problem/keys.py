@@ -68,6 +68,7 @@ def _shares(tolerance: Any) -> Any:
     return tolerance
 
 
+Place = tuple[Real, Real, Real]
 Shares = Annotated[Number | Pair | tuple[Pair, Pair], AfterValidator(_shares)]
 
 # ----------------------------------------------------------------------------------------------------------------- keys
@@ -173,6 +174,12 @@ class Defaults(SizeKeys, title="Defaults of all cases"):
         'P2V2,V3,V5)", ...]; without it the one tracked, all of them with "made"',
         "all",
         ["V1F2(P1V6; P2V2,V3,V5)", "V1F2(P1V1; P2V2,V3,V5)"],
+    )
+    exact_at: dict[str, list[Place]] | None = declared(
+        None,
+        'points of round faces, as drawn, by "movable" and "static", at which parts are exact, and elsewhere within '
+        "the true ones; a solution names those that it needs",
+        {"movable": [[10.0, 0.0, 5.0]], "static": []},
     )
     snap: Length = declared(
         DEFAULT.snap, "relative distance >= 0 within which a nominal pair may be closed to the curve", 1e-06

@@ -22,6 +22,7 @@ from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
@@ -129,6 +130,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         nothing overlapping; flush ones stay flush. Goal "fit" leaves none of them overlapping and makes the largest of
         their gaps least. Default "all" for "at" and "seat" of sizes made. Attribute: tuple of `Feature`, empty where
         the goal tracks one contact, or none; with some, `path` is "free", and `pair` is "touch", of "fit" "clear".
+    exact_at : mapping of "movable", "static" to (n, 3) arrays, optional
+        Points of round faces, of the bodies of the sizes made, at which these are exact; elsewhere they are within the
+        true ones. `solve` finds those that an answer needs, see `fcdm_opt.model.true_faces`.
     snap : float
         For goals that need a nominal contact: a nominal pair off the curve is closed to the nearest point of the curve
         in the (rho_1, rho_2) plane, or to a switching point, where its gap is at most `snap` times the size of the
@@ -182,6 +186,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
     resolution: Any
     features: Any
     contacts: Any
+    exact_at: Any
     snap: float
     sizes: tuple[Size, ...]
     made: Any
@@ -214,6 +219,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         resolution: float | Mapping[str, float] | None = None,
         features: Sequence[Any] | None = None,
         contacts: Literal["all"] | list[Any] | tuple[Any, ...] | None = None,
+        exact_at: Mapping[str, Any] | None = None,
         snap: float = DEFAULT.snap,
         sizes: Sequence[Size] = (),
         made: Mapping[str, float] | Corner | None = None,
@@ -231,6 +237,11 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def bodies(self) -> tuple[Body, ...]:
         """All bodies of the question: `movable`, `static`, and those of the keep-outs."""
         return (self.movable, self.static, *(keep_out.body for keep_out in self.keep_out))
+
+    @cached_property
+    def of_facets(self) -> Problem:
+        """The same question about the parts as their files have them, without points at which they are exact."""
+        return self if self.exact_at is None else self.changed(exact_at=None)
 
     @property
     def drawn(self) -> dict[str, Body]:
@@ -505,6 +516,8 @@ def _resolved(
         parts = _parts_made(request)
     else:
         parts = {"movable": before.movable, "static": before.static, "made": before.made}
+    if before is None and asked.exact_at is not None:
+        parts |= _exact(request, parts, asked.exact_at)
     bodies = parts.get("movable", request["movable"]), parts.get("static", request["static"])
     if before is None and parts and asked.contacts is not None:
         contacts, indices = _contacts_made(request, parts)
@@ -608,6 +621,21 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     values = made_at(request["movable"], request["static"], sizes, made)
     parts = {role: resized(request[role], own) for role, own in _by_role(sizes, values).items()}
     return {**parts, "made": values}
+
+
+def _exact(
+    request: Mapping[str, Any], parts: Mapping[str, Any], points: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the bodies made, exact at points of their round faces and elsewhere within the true ones."""
+    if unknown := points.keys() - {"movable", "static"}:
+        raise InputError("no such body", key="exact_at", found=min(unknown), allowed='"movable", "static"')
+    own = {role: parts.get(role, request[role]) for role in ("movable", "static")}
+    made = {role: exact_at(body, np.reshape(points.get(role, ()), (-1, 3))) for role, body in own.items()}
+    for role, body in made.items():
+        if body is None:
+            what = "its facets stand for faces that are not known"
+            raise InputError(what, key=f"exact_at.{role}", found=own[role].name, allowed="none")
+    return made
 
 
 def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:

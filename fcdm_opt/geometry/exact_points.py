@@ -1,0 +1,117 @@
+"""Bodies within the true ones that are exact at chosen points of their round faces.
+
+Facets of a round face leave it. A body within the true one (`facet_errors.bounding_bodies`) leaves it everywhere, but
+by little: with a small convex piece of the true solid added at a point, its corner or flat there is on the true face
+and has its normal. Where bodies meet at such points, amounts are those of the true faces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.elements import Element, Elements
+from fcdm_opt.geometry.facet_errors import bounding_bodies
+from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.measures import cross, norms, units
+from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
+from fcdm_opt.tolerances import DEFAULT
+
+BENT = 0.3  # radians: how far the face turns across such a piece
+SHARE = 0.1  # of the body's size: it is no larger
+DEEP = 0.5  # of its width, and of the material there: its depth
+SMALL = 1e-6  # of the size: where no larger piece has room there is none
+PUSHES = 60  # by which a point is brought into the material
+
+
+def exact_at(body: Body, points: Array) -> Body | None:
+    """Return a body within the true one that reaches points of its round faces; None where no such body is known.
+
+    Parameters
+    ----------
+    body : Body
+    points : (n, 3) array
+        As drawn; one near no round face or its edge changes nothing.
+    """
+    found = bounding_bodies(body)
+    if found is None:
+        return None
+    inner, faces = found[0], true_faces(body)
+    pieces = [piece for point in points if (piece := _piece(faces, np.asarray(point))) is not None]
+    if not pieces:
+        return inner
+    rows, parts = [inner.vertices], list[ConvexPart]()
+    count = len(inner.vertices)
+    told = list[tuple[int, int, int]]()
+    for corners, row in pieces:
+        hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
+        used, pair = hull.used + count + 1, np.sort(hull.used[hull.edges[:, :2]], axis=1) + count + 1
+        named = Elements(
+            [Element("V", (v,)) for v in used.tolist()],
+            [Element("E", (v, w)) for v, w in pair.tolist()],
+            [Element("F", tuple(sorted(used[list(loop)].tolist()))) for loop in hull.loops],
+        )
+        edges = frozen(hull.edges, np.int64)
+        parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, edges, named))
+        told.append((count + 1, count + len(corners), row))
+        count += len(corners)
+        rows.append(corners)
+    points, every = frozen(np.concatenate(rows)), (*inner.parts, *parts)
+    return replace(inner, name=body.name, vertices=points, parts=every, pieces=tuple(told), exact_of=body)
+
+
+def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
+    """Return corners of a convex piece of the true solid at a point, those on the face first, and the face's row."""
+    size = faces.body.size
+    off = np.array([abs(own.gaps(point[None])[0][0]) for own in faces.patches])
+    near = [k for k in np.flatnonzero(off <= DEFAULT.tie * size).tolist() if faces.reaches(k, point)]
+    if not any(faces.is_round[k] for k in near):
+        return None
+    patches = [faces.patches[k] for k in near]
+    normals = np.array([own.gaps(point[None])[1][0] for own in patches])
+    middle = units(normals.sum(axis=0))
+    width = _room(faces, near, point)
+    bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
+    width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
+    depth = DEEP * min(width, faces.depth(point, -middle))
+    if not min(width, depth) > SMALL * size:
+        return None
+    if len(patches) == 1:
+        _, frame = np.linalg.eigh(patches[0].bends(point[None])[0])
+        one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
+        ways = [one, -one, two, -two]
+    else:  # along the edge, and from it along either face
+        along = units(cross(normals[0], normals[1]))
+        ways = [along, -along, cross(normals[0], along), -cross(normals[1], along)]
+        ways = [*ways[:2], *(way * -np.sign(way @ other) for way, other in zip(ways[2:], normals[1::-1], strict=True))]
+    ring = [_within(patches, point + width * way) for way in ways]
+    corners = np.array([point, *ring, point - depth * middle])
+    return corners, faces.row_at(next(k for k in near if faces.is_round[k]), point)
+
+
+def _within(patches: Sequence[Patch], point: Array) -> Array:
+    """Return a point brought into the material of all patches, the nearest way by each in turn."""
+    for _ in range(PUSHES):
+        gaps = [own.gaps(point[None]) for own in patches]
+        gap, normal = max(((float(gap[0]), normal[0]) for gap, normal in gaps), key=lambda own: own[0])
+        if gap <= 0.0:
+            break
+        point = point - gap * normal
+    return point
+
+
+def _room(faces: TrueFaces, near: list[int], point: Array) -> float:
+    """Return how far other faces' edges are from a point."""
+    own = np.sort(near)[:2] if len(near) > 1 else None
+    ends = faces.every_edge
+    if len(ends) == 0:
+        return np.inf
+    other = np.ones(len(ends), bool) if own is None else ~(np.sort(faces.every_beside, axis=1) == own).all(axis=1)
+    ends = ends[other]
+    ways = ends[:, 1] - ends[:, 0]
+    share = np.clip(((point - ends[:, 0]) * ways).sum(axis=1) / np.maximum((ways**2).sum(axis=1), 1e-300), 0.0, 1.0)
+    return float(norms(point - ends[:, 0] - share[:, None] * ways).min(initial=np.inf))

@@ -1,0 +1,387 @@
+"""The true faces of bodies with round ones: patches of planes, cylinders, cones, spheres and tori, and their edges.
+
+A patch is a surface and the triangles that stand for it. Where two bodies come nearest on their true faces follows from
+the signed distance of a surface, which is known in closed form: the points of one feature (a patch, an edge between
+two, a corner) where the distance to a patch of the other body is least, found by Newton's method from the triangles
+that are near each other.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.polygons import distances
+from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 60  # of Newton's method
+FEWER = 12  # times that a step is halved at most
+LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
+OPPOSITE = 1e-6  # sine of the angle between normals of faces in contact
+BESIDE = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
+
+
+class Patch(NamedTuple):
+    """A face of the true solid.
+
+    Attributes
+    ----------
+    surface : Swept
+        In the body's frame as drawn.
+    side : float
+        1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore.
+    """
+
+    surface: Swept
+    side: float
+
+    def gaps(self, points: Array) -> tuple[Array, Array]:
+        """Return how far points (n, 3) are off the face, outside positive, and the outward normals there."""
+        off, normals = self.surface.misses(points)
+        return self.side * off, self.side * normals
+
+    def bends(self, points: Array) -> Array:
+        """Return the second derivatives of the gaps, (n, 3, 3)."""
+        return self.side * self.surface.bends(points)
+
+    def placed(self, transform: Array, scale: float) -> Patch:
+        """Return it moved and scaled, see `Swept.placed`."""
+        return Patch(self.surface.placed(transform, scale), self.side)
+
+
+class TrueFaces:
+    """The patches of a body, with the triangles that stand for them, and the edges and corners between them.
+
+    Attributes
+    ----------
+    patches : tuple of Patch
+    corners : (t, 3, 3) array
+        Triangles, wound outwards, as drawn.
+    owners : (t,) int array
+        The patch of each.
+    rows : (t,) int array
+        The row of `Body.faces` of each.
+    is_round : (p,) array of bool
+    edges : (m, 2, 3) array
+        Ends of the convex edges between two patches.
+    beside : (m, 2) int array
+        These.
+    tips : (v, 3) array
+        Corners, in which edges of several kinds meet.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.corners, self.rows = body.face_triangles
+        self.owners = np.full(len(self.rows), -1)
+        patches, normals = list[Patch](), unit_normals(self.corners)
+        for surface, faces in round_surfaces(body):
+            own = np.isin(self.rows, faces)
+            looks = surface.misses(self.corners[own].mean(axis=1))[1]
+            side = 1.0 if (looks * normals[own]).sum() > 0.0 else -1.0
+            self.owners[own] = len(patches)
+            patches.append(Patch(surface, side))
+        self.is_round = np.zeros(len(patches) + len(body.faces), bool)
+        self.is_round[: len(patches)] = True
+        flat = self.owners < 0
+        for face in np.unique(self.rows[flat]).tolist():
+            own = flat & (self.rows == face)
+            k = int(np.flatnonzero(own)[0])
+            self.owners[own] = len(patches)
+            patches.append(Patch(Swept(self.corners[k, 0], normals[k], (0.0, -1.0), 0.0, 0.0), 1.0))
+        self.patches, self.is_round = tuple(patches), self.is_round[: len(patches)]
+        self._join(normals)
+
+    def _join(self, normals: Array) -> None:
+        """Find the convex edges between patches."""
+        _, same = distinct_rows(self.corners.reshape(-1, 3))
+        triangles = same.reshape(-1, 3)
+        ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        of, places = np.tile(np.arange(len(triangles)), 3), np.repeat([0, 1, 2], len(triangles))
+        order = np.lexsort((ends.max(axis=1), ends.min(axis=1)))
+        low, high = np.sort(ends[order], axis=1).T
+        pair = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]))
+        one, two = order[pair], order[pair + 1]
+        other = self.owners[of[one]] != self.owners[of[two]]
+        one, two = one[other], two[other]
+        self.every_edge = np.stack([self.corners[of[one], places[one]], self.corners[of[one], (places[one] + 1) % 3]], 1)
+        self.every_beside = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
+        far = self.corners[of[two], (places[two] + 2) % 3]
+        start = self.corners[of[one], places[one]]
+        convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
+        self.edges, self.beside = self.every_edge[convex], self.every_beside[convex]
+        tips, spot = distinct_rows(self.edges.reshape(-1, 3))
+        kinds = np.repeat(np.unique(np.sort(self.beside, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
+        meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
+        self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
+
+    def covers(self, k: int, points: Array) -> Flags:
+        """Tell which points of a patch are on the piece of it that its triangles stand for."""
+        return _hit(points, self.patches[k].gaps(points)[1], self.corners[self.owners == k]).any(axis=1)
+
+    def _distances(self, k: int, point: Array) -> tuple[Array, Ints]:
+        """Return how far the triangles of a patch are from a point, and their numbers."""
+        own = np.flatnonzero(self.owners == k)
+        return distances(point[None], self.corners[own])[:, 0], own
+
+    def reaches(self, k: int, point: Array) -> bool:
+        """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
+        room = DEFAULT.nominal * self.body.size + max(self.body.deviation)
+        return bool(self._distances(k, point)[0].min() <= room)
+
+    def row_at(self, k: int, point: Array) -> int:
+        """Return the row of the body's face that stands for a patch at a point."""
+        off, own = self._distances(k, point)
+        return int(self.rows[own[off.argmin()]])
+
+    def depth(self, point: Array, way: Array) -> float:
+        """Return how far it is from a point of the surface, through the material, to the other side of the solid."""
+        hit = _lengths(point[None], way[None], self.corners)[0]
+        return float(hit[hit > DEFAULT.nominal * self.body.size + 2.0 * max(self.body.deviation)].min(initial=np.inf))
+
+    @property
+    def any_round(self) -> bool:
+        """Whether any patch is no plane."""
+        return bool(self.is_round.any())
+
+
+_KNOWN: WeakKeyDictionary[Body, TrueFaces] = WeakKeyDictionary()
+
+
+def true_faces(body: Body) -> TrueFaces:
+    """Return the true faces of a body, worked out once."""
+    body = body.full_body or body
+    if body not in _KNOWN:
+        _KNOWN[body] = TrueFaces(body)
+    return _KNOWN[body]
+
+
+
+class Meeting(NamedTuple):
+    """Where two bodies come nearest, or overlap most, on their true faces.
+
+    Attributes
+    ----------
+    gap : float
+        Negative where they overlap there.
+    points : (2, 3) array
+        The point of either body, as drawn.
+    normal : (3,) array
+        Unit normal of one of the faces there.
+    """
+
+    gap: float
+    points: Array
+    normal: Array
+
+
+class _Placed:
+    """True faces of a body where it is, at its scale."""
+
+    def __init__(self, faces: TrueFaces, scale: float, transform: Array) -> None:
+        seed, turn = faces.body.seed, transform[:3, :3]
+        self.faces, self.scale, self.turn, self.seed, self.centre = faces, scale, turn, seed, turn @ seed + transform[:3, 3]
+        rigid = np.eye(4)
+        rigid[:3, :3], rigid[:3, 3] = turn, self.centre / scale - turn @ seed
+        self.patches = [own.placed(rigid, scale) for own in faces.patches]
+        self.corners, self.edges, self.tips = map(self.there, (faces.corners, faces.edges, faces.tips))
+
+    def there(self, points: Array) -> Array:
+        """Return points as drawn where they are."""
+        return self.centre + self.scale * (points - self.seed) @ self.turn.T
+
+    def drawn(self, points: Array) -> Array:
+        """Return points as drawn that are there."""
+        return self.seed + (points - self.centre) @ self.turn / self.scale
+
+    def covers(self, k: int, points: Array) -> Flags:
+        """Tell which points of a patch are on the piece of it that its triangles stand for."""
+        corners = self.corners[self.faces.owners == k]
+        return _hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1)
+
+    def outside(self, k: int, points: Array, gaps: Array) -> Flags:
+        """Tell which points are behind a patch, and nearer before another one: beyond a thin wall."""
+        found = np.zeros(len(points), bool)
+        for j, own in enumerate(self.patches):
+            before, _ = own.gaps(points)
+            rows = np.flatnonzero((before > 0.0) & (before < -gaps) & ~found) if j != k else ()
+            if len(rows):
+                found[rows] = self.covers(j, points[rows])
+        return found
+
+    def crossed(self, pair: Array, points: Array) -> Flags:
+        """Tell which points of the curve between two patches are on an edge of the body."""
+        own = self.edges[(self.faces.beside == pair).all(axis=1)]
+        ways = own[:, 1] - own[:, 0]
+        share = ((points[:, None] - own[:, 0]) * ways).sum(axis=2) / (ways**2).sum(axis=1)
+        off = norms(points[:, None] - own[:, 0] - share[:, :, None] * ways)
+        return ((share > -BESIDE) & (share < 1.0 + BESIDE) & (off <= norms(ways))).any(axis=1)
+
+
+def _lines(points: Array, ways: Array, corners: Array) -> tuple[Flags, Array]:
+    """Tell which lines through points (n, 3) meet triangles (t, 3, 3), and how far along: both (n, t)."""
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    start = points[:, None] - corners[:, 0]
+    across = cross(ways[:, None], two[None])
+    turned = cross(start, np.broadcast_to(one, start.shape))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / (across * one).sum(axis=2)
+        u, v = (start * across).sum(axis=2) * inverse, (turned * ways[:, None]).sum(axis=2) * inverse
+        far = (turned * two).sum(axis=2) * inverse
+        return (u >= -BESIDE) & (v >= -BESIDE) & (u + v <= 1.0 + BESIDE), far
+
+
+def _hit(points: Array, ways: Array, corners: Array) -> Flags:
+    """Tell which triangles stand for points of their surface with these normals, (n, t)."""
+    met, far = _lines(points, ways, corners)
+    longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
+    return met & (np.abs(far) <= longest)  # not the far side of a cylinder
+
+
+def _lengths(points: Array, ways: Array, corners: Array) -> Array:
+    """Return how far along lines the triangles are that they meet, infinite where they meet none, (n, t)."""
+    met, far = _lines(points, ways, corners)
+    return np.where(met, far, np.inf)
+
+
+def meetings(one: Body, two: Body, scales: Array, transform: Array, band: float) -> list[Meeting]:
+    """Return where bodies come nearest on their true faces, where a round one takes part.
+
+    Parameters
+    ----------
+    one, two : Body
+    scales : (2,) array
+    transform : (4, 4) array
+        Pose change of body 1.
+    band : float
+        Pairs of triangles up to this distance are looked at.
+    """
+    placed = _Placed(true_faces(one), scales[0], transform), _Placed(true_faces(two), scales[1], np.eye(4))
+    found = list[Meeting]()
+    for k, (own, other) in enumerate((placed, placed[::-1])):
+        for gap, normal, point, foot in _nearest(own, other, band, both=k == 0):
+            found += [
+                Meeting(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), n)
+                for g, n, x, y in zip(gap, normal, point, foot, strict=True)
+            ]
+    return sorted(found, key=lambda meeting: meeting.gap)
+
+
+def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool):
+    """Yield where features of one body come nearest to patches of the other."""
+    faces, others = own.faces, other.faces
+    features = (
+        (own.corners, faces.owners[:, None]),
+        (own.edges, faces.beside),
+        (own.tips[:, None], np.empty((len(own.tips), 0), np.int64)),
+    )
+    for points, of in features:
+        if not len(points):
+            continue
+        low, high = points.min(axis=1), points.max(axis=1)
+        lows, highs = other.corners.min(axis=1) - band, other.corners.max(axis=1) + band
+        group = np.repeat([0, 1], [len(points), len(other.corners)])
+        pairs = [
+            np.column_stack([np.minimum(i, j), np.maximum(i, j) - len(points)])
+            for i, j in overlapping(np.concatenate([low, lows]), np.concatenate([high, highs]), group)
+        ]
+        if not pairs:
+            continue
+        near = np.concatenate(pairs)
+        near = np.unique(np.column_stack([near[:, 0], others.owners[near[:, 1]]]), axis=0)
+        round_ = faces.is_round[of[near[:, 0]]].any(axis=1) | others.is_round[near[:, 1]]
+        if of.shape[1] == 1:  # of two round patches once; a plane has its nearest points at its edges
+            round_ &= faces.is_round[of[near[:, 0], 0]]
+            if not both:
+                round_ &= ~others.is_round[near[:, 1]]
+        near = near[round_]
+        keys = np.column_stack([of[near[:, 0]], near[:, 1]])
+        for key in np.unique(keys, axis=0).tolist():
+            rows = near[(keys == key).all(axis=1), 0]
+            start = points[rows].mean(axis=1)
+            *on, against = key
+            reach = float(norms(np.ptp(points[rows], axis=(0, 1))))
+            x = lowest(start, [own.patches[k] for k in on], other.patches[against], reach)
+            if len(on) == 1:
+                kept = own.covers(on[0], x)
+            elif on:
+                kept = own.crossed(np.array(on), x)
+            else:
+                kept = np.ones(len(x), bool)
+            x = x[kept]
+            gap, normal = other.patches[against].gaps(x)
+            foot = x - gap[:, None] * normal
+            kept = other.covers(against, foot) & (np.abs(gap) <= band)
+            if len(on) == 1:
+                kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
+            kept[kept] &= ~other.outside(against, x[kept], gap[kept])
+            if kept.any():
+                x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
+                order = np.argsort(gap, kind="stable")
+                tight, chosen = DEFAULT.nominal * faces.body.size, list[int]()
+                for j in order.tolist():
+                    if all(norms(x[j] - x[i]) > tight for i in chosen):
+                        chosen.append(j)
+                yield gap[chosen], normal[chosen], x[chosen], foot[chosen]
+
+
+def lowest(points: Array, on: list[Patch], against: Patch, reach: float) -> Array:
+    """Return points of a patch, or of the curve between two, where the gap to another is least, from some start.
+
+    Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
+    """
+    points = _onto(points, on)
+    free = 3 - len(on)
+    if not free:
+        return points
+    gap, normal = against.gaps(points)
+    for _ in range(STEPS):
+        if on:
+            own = np.stack([each.gaps(points)[1] for each in on], axis=1)
+            tangents = np.linalg.svd(own)[2][:, len(on) :]
+            pull = np.linalg.solve(own @ own.transpose(0, 2, 1), own @ normal[:, :, None])
+            bends = against.bends(points) - sum(pull[:, k, :, None] * each.bends(points) for k, each in enumerate(on))
+        else:
+            tangents, bends = np.broadcast_to(np.eye(3), (len(points), 3, 3)), against.bends(points)
+        slope = (tangents @ normal[:, :, None])[..., 0]
+        values, ways = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
+        along = (ways.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
+        share = along / np.maximum(np.abs(values), LEAST_BEND / reach)
+        share *= np.minimum(1.0, 0.5 * reach / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
+        move = np.einsum("kji,kj->ki", tangents, -(ways @ share[:, :, None])[..., 0])
+        moved, factor = points, np.ones(len(points))
+        better = np.zeros(len(points), bool)
+        for _ in range(FEWER):
+            trial = _onto(points + factor[:, None] * move, on)
+            trial_gap, trial_normal = against.gaps(trial)
+            new = ~better & (trial_gap < gap)
+            moved = np.where(new[:, None], trial, moved)
+            gap, normal = np.where(new, trial_gap, gap), np.where(new[:, None], trial_normal, normal)
+            better |= new
+            if better.all():
+                break
+            factor = np.where(better, factor, 0.5 * factor)
+        points = moved
+        if not better.any():
+            break
+    return points
+
+
+def _onto(points: Array, on: list[Patch]) -> Array:
+    """Return points moved onto surfaces, the nearest way."""
+    for _ in range(8 if on else 0):
+        off, normals = zip(*(each.gaps(points) for each in on), strict=True)
+        rows, gap = np.stack(normals, axis=1), np.stack(off, axis=1)
+        step = rows.transpose(0, 2, 1) @ np.linalg.solve(rows @ rows.transpose(0, 2, 1), gap[:, :, None])
+        points = points - step[..., 0]
+        if np.abs(gap).max(initial=0.0) < 1e-14 * np.abs(points).max(initial=0.0):
+            break
+    return points

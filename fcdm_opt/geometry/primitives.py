@@ -1,0 +1,388 @@
+"""Bodies without a file: boxes, prisms, cylinders, cones, spheres and tori, and what is cut out of them or joined.
+
+The round ones are drawn with facets whose corners lie on the surface, and know what that surface is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, numbers
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.tessellation import Surfaces, Swept, errors_of_faces
+from fcdm_opt.geometry.units import UnitOrNone
+from fcdm_opt.tolerances import DEFAULT
+
+FACETS = 32
+"""A turn has as many facets where nothing else is asked: as many as in STEP files, see `Tolerances.tessellation_turn`."""
+STEPS = 12  # of Newton's method, onto a curve or a corner
+X_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@known_arguments
+def Box(  # noqa: N802
+    size: ArrayLike, *, centre: ArrayLike = (0.0, 0.0, 0.0), name: str = "box", unit: UnitOrNone = ""
+) -> Body:
+    """Return a box with faces along the axes.
+
+    Parameters
+    ----------
+    size : (3,) array
+        Lengths along x, y and z, > 0.
+    centre : (3,) array
+        Its middle.
+    name : str
+        Used in messages and pictures.
+    unit : "m", "cm", "mm", "um", "in", "ft" or ""
+        Of all lengths.
+
+    Raises
+    ------
+    InputError
+        For what is no size or no place.
+    """
+    lengths = np.array([_length(x, name, "size") for x in _vector(size, name, "size")])
+    corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    return Body.convex(_vector(centre, name, "centre") + corners * lengths, name=name, unit=unit)
+
+
+@known_arguments
+def Prism(  # noqa: N802
+    outline: ArrayLike,
+    height: float,
+    *,
+    base: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = Z_AXIS,
+    name: str = "prism",
+    unit: UnitOrNone = "",
+) -> Body:
+    """Return a polygon drawn out along an axis.
+
+    Parameters
+    ----------
+    outline : (n, 2) array
+        Corners of the polygon in order; it need not be convex. Square to the axis z they are x and y.
+    height : float
+        How far it is drawn out, > 0.
+    base : (3,) array
+        Where the origin of the outline is.
+    axis : (3,) array
+        The direction in which it is drawn out.
+    name, unit
+        As in `Box`.
+
+    Raises
+    ------
+    InputError
+        For what is no polygon that bounds a piece of the plane, and no height.
+    """
+    flat, tall = numbers(outline, f"body '{name}': outline"), _length(height, name, "height")
+    if flat.ndim != 2 or flat.shape[1:] != (2,) or len(flat) < 3 or not np.isfinite(flat).all():
+        raise InputError("no polygon", key=f"body '{name}': outline", found=flat.shape, allowed="(n, 2), n >= 3")
+    on = np.roll(flat, -1, axis=0)
+    flat = flat if (flat[:, 0] * on[:, 1] - flat[:, 1] * on[:, 0]).sum() > 0.0 else flat[::-1]
+    frame = _frame(_vector(axis, name, "axis"), name)
+    start, count = _vector(base, name, "base"), len(flat)
+    points = np.concatenate([np.column_stack([flat, np.full(count, z)]) for z in (0.0, tall)])
+    sides = [(k, (k + 1) % count, count + (k + 1) % count, count + k) for k in range(count)]
+    faces = [tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides]
+    return Body.from_mesh(start + points @ frame, faces, name=name, unit=unit)
+
+
+@known_arguments
+def Cylinder(  # noqa: N802
+    radius: float,
+    height: float,
+    *,
+    base: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = Z_AXIS,
+    facets: int = FACETS,
+    name: str = "cylinder",
+    unit: UnitOrNone = "",
+) -> Body:
+    """Return a cylinder.
+
+    Parameters
+    ----------
+    radius, height : float
+        > 0.
+    base : (3,) array
+        The middle of the disc that it starts with.
+    axis : (3,) array
+        The direction from there to the other one.
+    facets : int
+        How many a turn has as drawn, >= 12; contacts are those of the true face whatever it is.
+    name, unit
+        As in `Box`.
+
+    Raises
+    ------
+    InputError
+        For what is no radius, height, place or direction.
+    """
+    return Cone(radius, radius, height, base=base, axis=axis, facets=facets, name=name, unit=unit)
+
+
+@known_arguments
+def Cone(  # noqa: N802
+    radius: float,
+    top: float,
+    height: float,
+    *,
+    base: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = Z_AXIS,
+    facets: int = FACETS,
+    name: str = "cone",
+    unit: UnitOrNone = "",
+) -> Body:
+    """Return a cone, cut off by two discs.
+
+    Parameters
+    ----------
+    radius, top : float
+        Of the discs that it starts and ends with, > 0.
+    height : float
+        Between them, > 0.
+    base, axis, facets, name, unit
+        As in `Cylinder`.
+
+    Raises
+    ------
+    InputError
+        For what is no radius, height, place or direction.
+    """
+    low, high, tall = (_length(x, name, key) for x, key in ((radius, "radius"), (top, "top"), (height, "height")))
+    frame, start = _frame(_vector(axis, name, "axis"), name), _vector(base, name, "base")
+    x, y = _turn(facets, name)
+    rings = [np.column_stack([r * x, r * y, np.full(len(x), z)]) for r, z in ((low, 0.0), (high, tall))]
+    body = Body.convex(start + np.concatenate(rings) @ frame, name=name, unit=unit)
+    slope = math.hypot(tall, high - low)
+    line = (tall / slope, (high - low) / slope)
+    apex = 0.0 if low == high else -low * tall / (high - low)
+    surface = Swept(start + apex * frame[2], frame[2], line, 0.0, low if low == high else 0.0)
+    return _with_surfaces(body, [_plane(start, -frame[2]), _plane(start + tall * frame[2], frame[2]), surface])
+
+
+@known_arguments
+def Sphere(  # noqa: N802
+    radius: float,
+    *,
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    facets: int = FACETS,
+    name: str = "sphere",
+    unit: UnitOrNone = "",
+) -> Body:
+    """Return a sphere.
+
+    Parameters
+    ----------
+    radius : float
+        > 0.
+    centre : (3,) array
+    facets, name, unit
+        As in `Cylinder`.
+
+    Raises
+    ------
+    InputError
+        For what is no radius or place.
+    """
+    r, middle = _length(radius, name, "radius"), _vector(centre, name, "centre")
+    x, y = _turn(facets, name)
+    heights = np.pi * (np.arange(1, len(x) // 2) / (len(x) // 2) - 0.5)
+    rings = [np.column_stack([math.cos(t) * x, math.cos(t) * y, np.full(len(x), math.sin(t))]) for t in heights]
+    points = np.concatenate([[[0.0, 0.0, -1.0]], *rings, [[0.0, 0.0, 1.0]]])
+    body = Body.convex(middle + r * points, seed=middle, name=name, unit=unit)
+    return _with_surfaces(body, [Swept(middle, np.array(Z_AXIS), None, 0.0, r)])
+
+
+@known_arguments
+def Torus(  # noqa: N802
+    ring: float,
+    radius: float,
+    *,
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = Z_AXIS,
+    facets: int = FACETS,
+    name: str = "torus",
+    unit: UnitOrNone = "",
+) -> Body:
+    """Return a torus: a tube about a circle.
+
+    Parameters
+    ----------
+    ring : float
+        Radius of the circle, larger than that of the tube.
+    radius : float
+        Of the tube, > 0.
+    centre, axis : (3,) array
+        Of the circle.
+    facets, name, unit
+        As in `Cylinder`; around the circle, and half as many around the tube.
+
+    Raises
+    ------
+    InputError
+        For what is no radius, place or direction, and a tube that meets itself.
+    """
+    large, small = _length(ring, name, "ring"), _length(radius, name, "radius")
+    if not small < large:
+        raise InputError("the tube meets itself", key=f"body '{name}': radius", found=radius, allowed=f"less than {ring}")
+    frame, middle = _frame(_vector(axis, name, "axis"), name), _vector(centre, name, "centre")
+    x, y = _turn(facets, name)
+    u, v = x[::2], y[::2]
+    points = np.concatenate([np.column_stack([(large + small * u) * a, (large + small * u) * b, small * v]) for a, b in zip(x, y, strict=True)])
+    n, m = len(x), len(u)
+    faces = [
+        (i * m + j, (i + 1) % n * m + j, (i + 1) % n * m + (j + 1) % m, i * m + (j + 1) % m)
+        for i in range(n)
+        for j in range(m)
+    ]
+    body = Body.from_mesh(middle + points @ frame, faces, seed=middle, name=name, unit=unit)
+    return _with_surfaces(body, [Swept(middle, frame[2], None, large, small)])
+
+
+@known_arguments
+def cut(body: Body, *tools: Body, name: str | None = None) -> Body:
+    """Return a body without what other bodies fill: a plate with a hole.
+
+    Parameters
+    ----------
+    body, *tools : Body
+    name : str, optional
+        Used in messages and pictures; default that of the body.
+
+    Raises
+    ------
+    InputError
+        Where nothing is left.
+    """
+    return _combined("cut", body, tools, name, lambda one, two: one - two)
+
+
+@known_arguments
+def joined(body: Body, *others: Body, name: str | None = None) -> Body:
+    """Return what bodies fill together: a shaft with its collar.
+
+    Parameters
+    ----------
+    body, *others : Body
+    name : str, optional
+        Used in messages and pictures; default that of the first.
+
+    Raises
+    ------
+    InputError
+        For what is no body.
+    """
+    return _combined("joined", body, others, name, lambda one, two: one + two)
+
+
+def _combined(
+    what: str, body: Body, others: Sequence[Body], name: str | None, combine: Callable[[Any, Any], Any]
+) -> Body:
+    from manifold3d import Manifold, Mesh64
+
+    def solid(own: Body) -> Any:
+        if not isinstance(own, Body):
+            raise InputError("wrong kind of argument", key=what, found=type(own).__name__, allowed="a Body")
+        first, same = distinct_rows(own.face_triangles[0].reshape(-1, 3))
+        points = own.face_triangles[0].reshape(-1, 3)[first]
+        return Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(same.reshape(-1, 3), np.uint64)))
+
+    found = reduce(combine, map(solid, others), solid(body)).to_mesh64()
+    points, triangles = np.array(found.vert_properties)[:, :3], np.array(found.tri_verts, np.int64)
+    if not len(triangles):
+        raise InputError("nothing is left of it", key=what, found=body.name)
+    points, surfaces = _onto_surfaces(points, triangles, (body, *others))
+    made = Body.from_mesh(points, triangles, name=body.name if name is None else name, unit=body.unit)
+    return _with_surfaces(made, surfaces)
+
+
+def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> tuple[Array, list[Swept]]:
+    """Return corners of triangles moved onto the surfaces that these stand for, and all of these.
+
+    A triangle stands for what a face of a source in its plane does. Where facets cut each other, corners come to lie on
+    these alone, beside the curve in which the true faces meet.
+    """
+    normals = unit_normals(points[triangles])
+    levels = (normals * points[triangles[:, 0]]).sum(axis=1)
+    near = DEFAULT.nominal * float(norms(np.ptp(points, axis=0)))
+    surfaces, of = list[Swept](), np.full(len(triangles), -1)
+    for own in sources:
+        turns, places = own.face_planes
+        for surface, faces in round_surfaces(own):
+            rows = list(faces)
+            cosines = normals @ turns[rows].T
+            heights = (turns[rows] * places[rows]).sum(axis=1)
+            same = (np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (np.abs(levels[:, None] - np.sign(cosines) * heights) <= near)
+            of[same.any(axis=1)] = len(surfaces)
+            surfaces.append(surface)
+    (flat,) = np.nonzero(of < 0)
+    planes = [_plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
+    of[flat] = len(surfaces) + np.arange(len(flat))
+    corners, owners = triangles.ravel(), np.repeat(of, 3)
+    touched = np.unique(corners[owners < len(surfaces)])
+    moved = points.copy()
+    for v in touched.tolist():
+        own = [(*surfaces, *planes)[k] for k in np.unique(owners[corners == v]).tolist()]
+        for _ in range(STEPS):
+            off, ways = zip(*(each.misses(moved[v][None]) for each in own), strict=True)
+            moved[v] -= np.linalg.lstsq(np.concatenate(ways), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+    return moved, [*surfaces, *planes]
+
+
+def _plane(point: Array, normal: Array) -> Swept:
+    return Swept(point, normal, (0.0, -1.0), 0.0, 0.0)
+
+
+def _with_surfaces(body: Body, surfaces: Sequence[Swept]) -> Body:
+    """Return a body that knows which surfaces its faces stand for."""
+    known = Surfaces(tuple(surfaces), 0.0, DEFAULT.cut * body.size)
+    errors, rounds = errors_of_faces(*body.face_triangles, len(body.faces), known)
+    off = tuple(np.maximum(errors.max(axis=0), body.deviation).tolist())
+    return replace(body, facet_errors=errors, surfaces=rounds, deviation=off)
+
+
+def _turn(facets: int, name: str) -> tuple[Array, Array]:
+    """Return cosines and sines around a circle; a multiple of four, so that axes are met exactly."""
+    if isinstance(facets, bool) or not isinstance(facets, int) or not 12 <= facets <= 1_000:
+        raise InputError("not a number of facets", key=f"body '{name}': facets", found=facets, allowed="12 to 1000")
+    count = 4 * math.ceil(facets / 4)
+    quarter = np.arange(count // 4) * (2.0 * np.pi / count)
+    x, y = np.cos(quarter), np.sin(quarter)
+    return np.concatenate([x, -y, -x, y]), np.concatenate([y, x, -y, -x])
+
+
+def _frame(axis: Array, name: str) -> Array:
+    """Return rows x, y, z of a frame whose z is an axis; that of the world for the world's."""
+    if not np.linalg.norm(axis) > 0.0:
+        raise InputError("no direction", key=f"body '{name}': axis", found=axis.tolist(), allowed="not (0, 0, 0)")
+    z = units(axis)
+    x = units(cross(np.array((0.0, 1.0, 0.0)), z)) if abs(z[1]) < 0.9 else np.array(X_AXIS)
+    x = units(x - (x @ z) * z)
+    return np.array([x, cross(z, x), z])
+
+
+def _vector(value: ArrayLike, name: str, key: str) -> Array:
+    found = numbers(value, f"body '{name}': {key}")
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise InputError("not a vector", key=f"body '{name}': {key}", found=value, allowed="three finite numbers")
+    return found
+
+
+def _length(value: float, name: str, key: str) -> float:
+    found = numbers(value, f"body '{name}': {key}")
+    if found.shape != () or not 0.0 < float(found) < math.inf:
+        raise InputError("not a length", key=f"body '{name}': {key}", found=value, allowed="a finite number > 0")
+    return float(found)

@@ -1,0 +1,99 @@
+"""Motions for the true faces of round parts: facets are made exact where the parts meet.
+
+Both parts are taken within the true ones, which ask for no more than these, and the motion that they need is found.
+Where the true faces overlap after it, the parts are made exact at those points, and it is found anew, until they overlap
+nowhere: then it is right for the true ones too. This is the exchange method for infinitely many constraints (Hettich and
+Kortanek, Semi-infinite programming, SIAM Review 35, 1993): each point of a round face is one, and few matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.patches import Meeting, meetings, true_faces
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
+
+ROUNDS = 30  # of making parts exact where they overlap
+SEVERAL = 8  # points at a time
+TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
+FAR = 0.05  # of the size: nearer points of a time are one
+
+
+def points_of_true_faces(
+    solution: Solution, solve: Callable[[Problem], Solution]
+) -> dict[str, list[list[float]]] | None:
+    """Return the points at which a problem's parts are to be exact, see `Problem.exact_at`.
+
+    None where all faces are plane, where what they are is not known, or no motion is found so.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of parts as their facets are.
+    solve : callable
+        Solves the same question about other parts.
+    """
+    problem = solution.problem
+    if problem.exact_at is not None or not _asks(problem):
+        return None
+    points: dict[str, list[list[float]]] = {"movable": [], "static": []}
+    for _ in range(ROUNDS):
+        current = solve(problem.changed(exact_at=points))
+        if current.transform is None:
+            return None
+        worst = [own for own in _overlaps(problem, current.transform) if not _there(own, points, problem)]
+        if not worst:
+            return points
+        for own in worst:
+            for role, point in zip(points, own.points.tolist(), strict=True):
+                points[role].append(point)
+    return None
+
+
+def _asks(problem: Problem) -> bool:
+    """Tell whether round faces matter, and a goal is about the bodies, not about one contact."""
+    if problem.goal not in ("touch", "clear") or problem.contacts or problem.keep_out:
+        return False
+    bodies = problem.movable, problem.static
+    return any(true_faces(own).any_round for own in bodies) and all(bounding_bodies(own) is not None for own in bodies)
+
+
+def _overlaps(problem: Problem, transform: np.ndarray) -> list[Meeting]:
+    """Return where true faces are nearer than they may be after a motion, the worst first, a few."""
+    need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+    bodies = problem.movable, problem.static
+    band = need + sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
+    band += DEFAULT.snap * problem.size
+    found = meetings(*bodies, problem.target, transform, band)
+    chosen = list[Meeting]()
+    for own in found:
+        if own.gap >= need - TIGHT * problem.contact_slack or len(chosen) == SEVERAL:
+            break
+        if not any(_same(own, other, problem) for other in chosen):
+            chosen.append(own)
+    return chosen
+
+
+def _there(own: Meeting, points: dict[str, list[list[float]]], problem: Problem) -> bool:
+    """Tell whether parts are exact there: what overlaps is rounding."""
+    if own.gap < -problem.contact_slack:
+        return False
+    near = DEFAULT.snap * problem.size
+    return all(
+        bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
+        for there, point in zip(points.values(), own.points, strict=True)
+    )
+
+
+def _same(one: Meeting, two: Meeting, problem: Problem) -> bool:
+    """Tell whether two points show the same: near each other, or on one line of contact of parts that only shift."""
+    if norms(one.points[0] - two.points[0]) <= FAR * problem.size:
+        return True
+    alike = abs(one.gap - two.gap) <= problem.contact_slack and one.normal @ two.normal > 1.0 - DEFAULT.nominal
+    return problem.motion.shifts and bool(alike)
