@@ -28,7 +28,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import EFFORTS, Bounded, Effort, Solution, Status
+from fcdm_opt.problem.solution import EFFORTS, IMPOSSIBLE, Bounded, Effort, Solution, Status
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.contact_system import check_uniqueness, proof_of
@@ -129,7 +129,8 @@ def _answered(problem: Problem, how: _How) -> Solution:
     solution = _solved_all(problem, how)
     if (points := points_of_true_faces(solution, partial(_solved_all, how=_at_once(how)))) is not None:
         found = _solved_all(problem.changed(exact_at=points), how)
-        solution = found if found.usable else solution
+        refused = problem.goal == "clear" and found.status in IMPOSSIBLE
+        solution = found if found.usable or refused else solution
     if how.effort == "quick":
         return solution
     return with_mesh_error(solution, partial(_solved_again, how))

@@ -74,6 +74,16 @@ def round_surfaces(body: Body) -> RoundFaces:
     return _SURFACES[body]
 
 
+def errors_about(body: Body, surfaces: RoundFaces, others: Array) -> Array:
+    """Return the errors of faces that stand for known surfaces, (faces, 2), with those of all others as given."""
+    errors, (corners, owners) = np.array(others), body.face_triangles
+    for surface, rows in surfaces:
+        own = np.isin(owners, rows)
+        errors[list(rows)] = 0.0
+        np.maximum.at(errors, owners[own], surface.offsets(corners[own]))
+    return frozen(errors)
+
+
 def deviation_of(body: Body) -> tuple[float, float]:
     """Return how far a body sticks out of the true one, and falls short of it, at most: `Body.deviation`, or more."""
     errors = facet_errors(body)

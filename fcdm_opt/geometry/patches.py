@@ -25,7 +25,7 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS = 60  # of Newton's method
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
-OPPOSITE = 1e-6  # sine of the angle between normals of faces in contact
+LEVEL = 1e-13  # slope of the gap along a face under which it is least
 BESIDE = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
@@ -165,7 +165,7 @@ def true_faces(body: Body) -> TrueFaces:
 
 
 
-class Meeting(NamedTuple):
+class NearestPoints(NamedTuple):
     """Where two bodies come nearest, or overlap most, on their true faces.
 
     Attributes
@@ -252,7 +252,7 @@ def _lengths(points: Array, ways: Array, corners: Array) -> Array:
     return np.where(met, far, np.inf)
 
 
-def meetings(one: Body, two: Body, scales: Array, transform: Array, band: float) -> list[Meeting]:
+def nearest_on_faces(one: Body, two: Body, scales: Array, transform: Array, band: float) -> list[NearestPoints]:
     """Return where bodies come nearest on their true faces, where a round one takes part.
 
     Parameters
@@ -265,14 +265,14 @@ def meetings(one: Body, two: Body, scales: Array, transform: Array, band: float)
         Pairs of triangles up to this distance are looked at.
     """
     placed = _Placed(true_faces(one), scales[0], transform), _Placed(true_faces(two), scales[1], np.eye(4))
-    found = list[Meeting]()
+    found = list[NearestPoints]()
     for k, (own, other) in enumerate((placed, placed[::-1])):
         for gap, normal, point, foot in _nearest(own, other, band, both=k == 0):
             found += [
-                Meeting(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), n)
+                NearestPoints(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), n)
                 for g, n, x, y in zip(gap, normal, point, foot, strict=True)
             ]
-    return sorted(found, key=lambda meeting: meeting.gap)
+    return sorted(found, key=lambda own: own.gap)
 
 
 def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool):
@@ -338,40 +338,39 @@ def lowest(points: Array, on: list[Patch], against: Patch, reach: float) -> Arra
 
     Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
     """
+    if not on:
+        return points  # corners
     points = _onto(points, on)
-    free = 3 - len(on)
-    if not free:
-        return points
     gap, normal = against.gaps(points)
+    moving = np.arange(len(points))
     for _ in range(STEPS):
-        if on:
-            own = np.stack([each.gaps(points)[1] for each in on], axis=1)
-            tangents = np.linalg.svd(own)[2][:, len(on) :]
-            pull = np.linalg.solve(own @ own.transpose(0, 2, 1), own @ normal[:, :, None])
-            bends = against.bends(points) - sum(pull[:, k, :, None] * each.bends(points) for k, each in enumerate(on))
-        else:
-            tangents, bends = np.broadcast_to(np.eye(3), (len(points), 3, 3)), against.bends(points)
-        slope = (tangents @ normal[:, :, None])[..., 0]
+        here, pulled = points[moving], normal[moving]
+        own = np.stack([each.gaps(here)[1] for each in on], axis=1)
+        tangents = np.linalg.svd(own)[2][:, len(on) :]
+        slope = (tangents @ pulled[:, :, None])[..., 0]
+        steep = np.abs(slope).max(axis=1) > LEVEL
+        moving, here, own, tangents, slope, pulled = (x[steep] for x in (moving, here, own, tangents, slope, pulled))
+        if not len(moving):
+            break
+        pull = np.linalg.solve(own @ own.transpose(0, 2, 1), own @ pulled[:, :, None])
+        bends = against.bends(here) - sum(pull[:, k, :, None] * each.bends(here) for k, each in enumerate(on))
         values, ways = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
-        along = (ways.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
-        share = along / np.maximum(np.abs(values), LEAST_BEND / reach)
+        share = (ways.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
+        share /= np.maximum(np.abs(values), LEAST_BEND / reach)
         share *= np.minimum(1.0, 0.5 * reach / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
         move = np.einsum("kji,kj->ki", tangents, -(ways @ share[:, :, None])[..., 0])
-        moved, factor = points, np.ones(len(points))
-        better = np.zeros(len(points), bool)
-        for _ in range(FEWER):
-            trial = _onto(points + factor[:, None] * move, on)
-            trial_gap, trial_normal = against.gaps(trial)
-            new = ~better & (trial_gap < gap)
-            moved = np.where(new[:, None], trial, moved)
-            gap, normal = np.where(new, trial_gap, gap), np.where(new[:, None], trial_normal, normal)
-            better |= new
-            if better.all():
+        lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
+        for halved in range(FEWER):
+            trial = _onto(here[trying] + 0.5**halved * move[trying], on)
+            its_gap, its_normal = against.gaps(trial)
+            less = its_gap < gap[moving[trying]]
+            rows = moving[trying[less]]
+            points[rows], gap[rows], normal[rows] = trial[less], its_gap[less], its_normal[less]
+            lower[trying[less]] = True
+            trying = trying[~less]
+            if not len(trying):
                 break
-            factor = np.where(better, factor, 0.5 * factor)
-        points = moved
-        if not better.any():
-            break
+        moving = moving[lower]
     return points
 
 

@@ -21,7 +21,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import first_crossing
-from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
@@ -224,20 +224,28 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
             found = _surface_resized(scaled, offsets)
     else:
         found = _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
-    return replace(found, surfaces=_moved_surfaces(scaled, found, offsets))
+    return _with_faces_moved(scaled, found, offsets)
 
 
-def _moved_surfaces(body: Body, made: Body, offsets: Array) -> RoundFaces | None:
+def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
+    """Return a body made with faces moved outward, (faces,), with what its facets stand for, where that is known."""
+    errors = facet_errors(body)
+    if errors is None or made.faces != body.faces:
+        return made
+    surfaces = _moved_surfaces(body, offsets)
+    if surfaces is None:
+        return made
+    return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors))
+
+
+def _moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
     """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with them.
 
     Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
     """
-    known = round_surfaces(body)
-    if not known or made.faces != body.faces:
-        return () if known == () else None
     found = list[tuple[Swept, tuple[int, ...]]]()
     corners, owners = body.face_triangles
-    for surface, rows in known:
+    for surface, rows in round_surfaces(body):
         own = offsets[list(rows)]
         length, shift = float(own[0]), np.zeros(3)
         normals = body.face_planes[0][list(rows)]
@@ -277,8 +285,7 @@ def _surface_resized(body: Body, offsets: Array) -> Body:
     if made is None:
         anew = pyramids(places, surface.triangles, body.name)
         made = Body._of_surface(anew, body.seed, body.name, notes=body.notes, moved=0.0)
-    errors = body.facet_errors if made.faces == body.faces else None
-    return replace(made, deviation=body.deviation, facet_errors=errors, unit=body.unit)
+    return replace(made, deviation=body.deviation, unit=body.unit)
 
 
 def _surface_moves(body: Body, offsets: Array) -> Array:
@@ -427,8 +434,7 @@ def _offset(moving: Resizing, values: Array) -> Body:
         else:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
-    errors = body.facet_errors if made.faces == body.faces else None
-    return replace(made, notes=body.notes, deviation=body.deviation, facet_errors=errors, unit=body.unit)
+    return replace(made, notes=body.notes, deviation=body.deviation, unit=body.unit)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
 BLOCK = 2_000  # points at a time
 ROUNDING = 1e-12  # of areas
 SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
+FEWEST = 6  # times at least; then until it tells no more
 SLACK = 1e-9  # of the band: nearer to a rim a point is on it
 KEPT = 6  # points about which it is made finer, of each two surfaces
 
@@ -128,7 +129,7 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
     surface, side = other.patches[k]
     which, shares = np.repeat(np.arange(len(triangles)), len(shares)), np.tile(shares, (len(triangles), 1))
     deepest, width = -np.inf, 1.0
-    for _ in range(TIMES):
+    for turn in range(TIMES):
         points = own.onto(j, np.einsum("nk,nki->ni", shares, triangles[which]))
         height, ways = _height(surface, points)
         depth = -side * height
@@ -142,7 +143,9 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
                 inside[rows] = ~there.beside(places[rows], face, np.broadcast_to(far, inside.shape)[rows], slack)
         if not inside.any():
             break
-        deepest = max(deepest, float(depth[inside].max()))
+        before, deepest = deepest, max(deepest, float(depth[inside].max()))
+        if turn >= FEWEST and deepest - before <= 1e-12 * float(np.abs(points).max()):
+            break
         best = np.flatnonzero(inside)[np.argsort(-depth[inside])[:KEPT]]
         width *= FINER
         moves = width * np.array([(u, v) for u in (-1.0, 0.0, 1.0) for v in (-1.0, 0.0, 1.0)])

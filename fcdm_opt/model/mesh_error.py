@@ -93,6 +93,8 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     and larger ones touch sooner, bodies about the true ones tell what is least.
     """
     problem, amount = solution.problem, solution.amount
+    if not solution.usable:
+        return replace(solution, amount_low=math.inf, amount_high=math.inf)
     if problem.goal == "clear" or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)
     low = 0.0

@@ -8,15 +8,16 @@ Kortanek, Semi-infinite programming, SIAM Review 35, 1993): each point of a roun
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.patches import Meeting, meetings, true_faces
+from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 30  # of making parts exact where they overlap
@@ -43,17 +44,26 @@ def points_of_true_faces(
     if problem.exact_at is not None or not _asks(problem):
         return None
     points: dict[str, list[list[float]]] = {"movable": [], "static": []}
+    need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+    slack = problem.contact_slack
+    _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if own.gap <= need + slack])
     for _ in range(ROUNDS):
         current = solve(problem.changed(exact_at=points))
-        if current.transform is None:
-            return None
-        worst = [own for own in _overlaps(problem, current.transform) if not _there(own, points, problem)]
+        if current.transform is None:  # what parts within the true ones cannot do, these cannot
+            return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
+        nearest = _nearest(problem, current.transform, need - TIGHT * slack)
+        new = [own for own in nearest if not _there(own, points, problem)]
+        worst = [own for own in new if own.gap < need - TIGHT * slack]
+        _add(points, worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
-        for own in worst:
-            for role, point in zip(points, own.points.tolist(), strict=True):
-                points[role].append(point)
     return None
+
+
+def _add(points: dict[str, list[list[float]]], found: Sequence[NearestPoints]) -> None:
+    for own in found:
+        for role, point in zip(points, own.points.tolist(), strict=True):
+            points[role].append(point)
 
 
 def _asks(problem: Problem) -> bool:
@@ -61,26 +71,24 @@ def _asks(problem: Problem) -> bool:
     if problem.goal not in ("touch", "clear") or problem.contacts or problem.keep_out:
         return False
     bodies = problem.movable, problem.static
-    return any(true_faces(own).any_round for own in bodies) and all(bounding_bodies(own) is not None for own in bodies)
+    return any(map(round_surfaces, bodies)) and all(bounding_bodies(own) is not None for own in bodies)
 
 
-def _overlaps(problem: Problem, transform: np.ndarray) -> list[Meeting]:
-    """Return where true faces are nearer than they may be after a motion, the worst first, a few."""
-    need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
+def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPoints]:
+    """Return where true faces are nearer than so much after a motion, the worst first, a few; or the nearest place."""
     bodies = problem.movable, problem.static
-    band = need + sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
-    band += DEFAULT.snap * problem.size
-    found = meetings(*bodies, problem.target, transform, band)
-    chosen = list[Meeting]()
-    for own in found:
-        if own.gap >= need - TIGHT * problem.contact_slack or len(chosen) == SEVERAL:
+    band = max(least, 0.0) + DEFAULT.snap * problem.size
+    band += sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
+    chosen = list[NearestPoints]()
+    for own in nearest_on_faces(*bodies, problem.target, transform, band):
+        if (chosen and own.gap >= least) or len(chosen) == SEVERAL:
             break
         if not any(_same(own, other, problem) for other in chosen):
             chosen.append(own)
     return chosen
 
 
-def _there(own: Meeting, points: dict[str, list[list[float]]], problem: Problem) -> bool:
+def _there(own: NearestPoints, points: dict[str, list[list[float]]], problem: Problem) -> bool:
     """Tell whether parts are exact there: what overlaps is rounding."""
     if own.gap < -problem.contact_slack:
         return False
@@ -91,7 +99,7 @@ def _there(own: Meeting, points: dict[str, list[list[float]]], problem: Problem)
     )
 
 
-def _same(one: Meeting, two: Meeting, problem: Problem) -> bool:
+def _same(one: NearestPoints, two: NearestPoints, problem: Problem) -> bool:
     """Tell whether two points show the same: near each other, or on one line of contact of parts that only shift."""
     if norms(one.points[0] - two.points[0]) <= FAR * problem.size:
         return True

@@ -1,0 +1,203 @@
+"""Contacts of round faces: amounts of closed forms, whatever facets the parts are drawn with."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.geometry.exact_points import exact_at
+from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.judge.true_faces import gap_of_true_faces
+
+X, Y, Z = (fo.Translation(axis) for axis in np.eye(3))
+NEAR = {"rel": 1e-9, "abs": 1e-12}
+
+
+def asked(movable: fo.Body, static: fo.Body, motion: fo.Motion, **more) -> fo.Problem:
+    return fo.Problem(movable, static, motion=motion, **{"target": (1.0, 1.0), "goal": "touch", **more})
+
+
+def plate(radius: float, height: float = 20.0, wide: float = 40.0) -> fo.Body:
+    box = fo.Box((wide, wide, height), centre=(0, 0, height / 2))
+    return fo.cut(box, fo.Cylinder(radius, height + 2, base=(0, 0, -1)), name="plate")
+
+
+def pin(radius: float, *, facets: int = 32, at: tuple[float, float] = (0.0, 0.0)) -> fo.Body:
+    return fo.Cylinder(radius, 30, base=(*at, -5), facets=facets, name="pin")
+
+
+def usable(problem: fo.Problem, **how) -> fo.Solution:
+    solution = fo.solve(problem, **how)
+    assert solution.usable, solution.certificate
+    return solution
+
+
+@pytest.mark.parametrize(("play", "facets"), [(0.1, 32), (0.01, 28)])
+@pytest.mark.parametrize("angle", [0.1, 2.3])
+def test_a_pin_meets_its_bore_after_its_play_along_any_direction(play: float, facets: int, angle: float) -> None:
+    """Facets of .05 stand out and fall short of the cylinders: the amount was 8 % off, or the pin did not fit."""
+    way = fo.Translation((math.cos(angle), math.sin(angle), 0.0))
+    solution = usable(asked(pin(10.0 - play, facets=facets), plate(10.0), way), effort="quick")
+    assert solution.amount == pytest.approx(play, **NEAR)
+
+
+def test_a_pin_beside_its_bore_is_cleared_to_where_it_just_fits() -> None:
+    """Two parameters: the nearest point of a disc; parts that overlap need no less than those within them."""
+    solution = usable(asked(pin(9.9, at=(0.2, 0.1)), plate(10.0), X >> Y, goal="clear"))
+    truth = math.hypot(0.2, 0.1) - 0.1
+    assert solution.amount == pytest.approx(truth, rel=1e-7)
+    assert solution.amount_low == pytest.approx(truth, rel=1e-6)
+    assert solution.amount_high == solution.amount
+
+
+def test_line_to_line_is_a_contact_all_round() -> None:
+    """A shaft and a bore of one diameter, of other facets: as drawn they touch, and fit."""
+    shaft, bore = pin(10.0, facets=28), plate(10.0)
+    for goal in ("touch", "clear"):
+        solution = fo.solve(asked(shaft, bore, Z, goal=goal), effort="quick")
+        assert solution.status is fo.Status.ALREADY_SATISFIED
+        assert solution.pair_gap == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_taper_sticks_out_by_its_scale_times_its_length_to_the_apex() -> None:
+    slope, tall = 0.025, 64.0
+    plug = fo.Cone(9.0 - slope * tall, 9.0, tall).with_seed(np.array([0.0, 0.0, tall]))
+    hole = fo.Cone(9.0 - slope * (tall + 0.1), 9.0 + slope * 0.1, tall + 0.2, base=(0, 0, -0.1))
+    solution = usable(asked(plug, fo.cut(fo.Cylinder(15.0, tall), hole), Z, target=(1.001, 1.0)))
+    assert solution.amount == pytest.approx(0.001 * 9.0 / slope, **NEAR)
+    assert solution.amount_low == pytest.approx(solution.amount, rel=1e-6)
+
+
+def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
+    screw = fo.joined(fo.Cone(3, 6, 3, base=(0, 0, -3)), fo.Cylinder(3, 17.5, base=(0, 0, -20)), name="screw")
+    drilled = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, -3)), fo.Cylinder(3.3, 10, base=(0, 0, -8)))
+    sunk = fo.cut(drilled, fo.Cone(2.6, 6.6, 4, base=(0, 0, -3)), name="plate")
+    assert usable(asked(screw, sunk, Z), effort="quick").amount == pytest.approx(0.4, **NEAR)
+
+
+@pytest.mark.parametrize("half", [30.0, 60.0])
+@pytest.mark.parametrize("off", [-0.05, 0.1])
+def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> None:
+    """Of radius r its axis is r / sin(half the angle) above the corner."""
+    a, tall, r = math.radians(half), 30.0, 8.0
+    wide = tall * math.tan(a)
+    block = fo.Prism([(-60, -9), (60, -9), (60, tall), (wide, tall), (0, 0), (-wide, tall), (-60, tall)], 60.0)
+    roller = fo.Cylinder(r, 50.0, base=(0, r / math.sin(a) + off, 5.0))
+    assert usable(asked(roller, block, Y), effort="quick").amount == pytest.approx(abs(off), **NEAR)
+
+
+def test_a_ball_meets_planes_cones_and_its_socket() -> None:
+    floor = fo.Box((40, 40, 10), centre=(0, 0, -5))
+    lifted = usable(asked(fo.Sphere(5.0, centre=(1, 2, 4.3), facets=16), floor, Z), effort="quick")
+    assert lifted.amount == pytest.approx(0.7, **NEAR)
+    half = math.radians(30.0)
+    funnel = fo.Cone(4.0, 9.0, 5.0 / math.tan(half), base=(0, 0, 4.0 / math.tan(half)), facets=16)
+    cup = fo.cut(fo.Box((30, 30, 8), centre=(0, 0, 11.5)), funnel)
+    fallen = usable(asked(fo.Sphere(5.0, centre=(0, 0, 10.2), facets=16), cup, Z), effort="quick")
+    assert fallen.amount == pytest.approx(0.2, **NEAR)
+    socket = fo.cut(fo.Box((40, 40, 20), centre=(0, 0, -10)), fo.Sphere(10.0, facets=16))
+    way = fo.Translation((0.0, -0.6, -0.8))
+    assert usable(asked(fo.Sphere(9.8, facets=16), socket, way), effort="quick").amount == pytest.approx(0.2, **NEAR)
+
+
+def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
+    """A torus bent both ways; along the axis the ball meets the edge of the groove, a circle."""
+    ring, tube, r, outer = 20.0, 5.2, 5.0, 18.0
+    race = fo.cut(fo.Cylinder(outer, 10.0, base=(0, 0, -5)), fo.Torus(ring, tube))
+    ball = fo.Sphere(r, centre=(ring, 0, 0))
+    inward = usable(asked(ball, race, fo.Translation((-1.0, 0.0, 0.0))), effort="quick")
+    assert inward.amount == pytest.approx(tube - r, rel=1e-8)
+    rim = math.sqrt(tube**2 - (ring - outer) ** 2) - math.sqrt(r**2 - (ring - outer) ** 2)
+    assert usable(asked(ball, race, Z), effort="quick").amount == pytest.approx(rim, rel=1e-8)
+
+
+def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
+    """About the middle of a bore of length h: h sin a + 2 r = 2 R cos a, seen along the axis of the turn."""
+    r, R, h = 9.9, 10.0, 20.0
+    turn = fo.Rotation((0, 1, 0), centre=(0, 0, h / 2))
+    solution = usable(asked(fo.Cylinder(r, 60, base=(0, 0, -20)), plate(R, h), turn, length=1.0), effort="quick")
+    a = solution.amount
+    assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
+
+
+def test_two_pins_in_two_holes_share_what_their_distances_differ_by() -> None:
+    holes = [fo.Cylinder(5.1, 20, base=(x, 0, -10)) for x in (-30, 30)]
+    base = fo.cut(fo.Box((80, 40, 10)), *holes)
+    pins = [fo.Cylinder(5.0, 12, base=(x, 0, -4)) for x in (-30.15, 30)]
+    cover = fo.joined(fo.Box((80, 40, 5), centre=(0, 0, 7.6)), *pins)
+    solution = usable(asked(cover, base, X >> Y, goal="clear"))
+    assert solution.amount == pytest.approx(0.05, **NEAR)
+    assert solution.amount_low == pytest.approx(0.05, rel=1e-4)
+
+
+@pytest.mark.parametrize(("made", "truth"), [({"pin": 0.1}, 0.05), ({"pin": -0.1, "bore": 0.04}, 0.13)])
+def test_diameters_are_sizes_of_round_faces(made: dict[str, float], truth: float) -> None:
+    """Faces move outward of the material, by half of the size each: a radius is a face offset."""
+    sizes = [
+        fo.Size("pin", body="movable", faces="cylinder radius 9.9", each=0.5, tolerance=0.3),
+        fo.Size("bore", body="static", faces="bore radius 10", each=0.5, tolerance=0.1),
+    ]
+    way = fo.Translation((0.6, 0.8, 0.0))
+    problem = asked(pin(9.9), plate(10.0), way, sizes=sizes, made=made)
+    assert usable(problem, effort="quick").amount == pytest.approx(truth, **NEAR)
+
+
+def test_what_does_not_fit_by_a_hundredth_is_proved_not_to() -> None:
+    """Interference of .02, far below what facets leave of the cylinders."""
+    problem = asked(pin(10.02), plate(10.0), X >> Y, goal="clear", limits={"T": (-1, 1), "T_2": (-1, 1)})
+    solution = fo.solve(problem)
+    assert solution.status is fo.Status.INFEASIBLE
+    assert solution.amount_low == math.inf
+
+
+def test_a_solution_of_round_faces_is_stored_and_judged_again() -> None:
+    solution = usable(asked(pin(9.9), plate(10.0), X))
+    read = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert fo.verify(read).passed
+    assert read.problem.exact_at == solution.problem.exact_at
+    assert read.problem.static.pieces == solution.problem.static.pieces
+    assert "cylinder of radius 9.9 touches the bore of radius 10" in str(solution)
+
+
+def test_the_judge_refuses_motions_that_are_right_for_facets_alone() -> None:
+    """The parts within the true ones touch after a hundredth too much: their true faces overlap there."""
+    problem = asked(pin(9.9), plate(10.0), X)
+    wrong = fo.solve(problem.changed(exact_at={}), effort="quick")
+    assert wrong.amount > 0.1 + 1e-3
+    assert [check.name for check in wrong.certificate.checks if not check.passed] == ["true faces"]
+    shift = np.eye(4)
+    shift[0, 3] = 0.09
+    assert gap_of_true_faces(*problem.bodies, np.ones(2), shift, 0.2) == pytest.approx(0.01, abs=1e-9)
+
+
+def test_facets_are_the_faces_where_that_is_asked() -> None:
+    """24 facets of a shaft in a prism's hole as drawn: the play of the polygons along a corner's direction."""
+    shaft, hole = pin(9.9, facets=24).faceted(), plate(10.0).faceted()
+    solution = usable(asked(shaft, hole, X))
+    assert solution.problem.exact_at is None
+    assert solution.amount_low == solution.amount_high == solution.amount
+    table = asked(shaft, hole, X).to_dict()["bodies"]["movable"]
+    assert table["surfaces"] == []
+
+
+def test_bodies_that_are_exact_at_points_are_within_the_true_ones() -> None:
+    """Sampled: no corner or inner point of any part is outside of a face, and the points are on one."""
+    body = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, -3)), fo.Cone(2.6, 6.6, 4, base=(0, 0, -3.5)))
+    faces = true_faces(body)
+    patch = next(own for own, bent in zip(faces.patches, faces.is_round, strict=True) if bent)
+    height, radius = -1.0, 2.6 + 2.5
+    point = np.array([radius * math.cos(0.3), radius * math.sin(0.3), height])
+    made = exact_at(body, [point])
+    assert made is not None
+    assert len(made.pieces) == 1
+    weights = np.random.default_rng(0)
+    for part in made.parts:
+        inside = weights.dirichlet(np.ones(len(part.vertices)), size=50) @ part.vertices
+        inside = np.concatenate([part.vertices, inside])
+        off = patch.gaps(inside[inside[:, 2] > -3.5])[0]
+        assert off.max(initial=-1.0) <= 1e-9
+    assert patch.gaps(made.parts[-1].vertices)[0].max() == pytest.approx(0.0, abs=1e-12)
