@@ -125,7 +125,8 @@ def _several(assembly: Assembly, how: _How) -> AssemblySolution:
 
 def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
-    facets_known(problem)
+    if how.effort != "quick":
+        facets_known(problem)
     solution = _solved_all(problem, how)
     if (points := points_of_true_faces(solution, partial(_solved_all, how=_at_once(how)))) is not None:
         found = _solved_all(problem.changed(exact_at=points), how)

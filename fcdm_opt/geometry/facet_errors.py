@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence, Set
 from dataclasses import replace
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -41,7 +42,7 @@ ALL_OUT = 1.5  # times what faces stand out: where one meets a plane face aslant
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
-_SURFACES: WeakKeyDictionary[Body, RoundFaces] = WeakKeyDictionary()
+_ROUND: WeakKeyDictionary[Body, _OfRound | None] = WeakKeyDictionary()
 _BOUNDS: WeakKeyDictionary[Body, tuple[Body, Body] | None] = WeakKeyDictionary()
 
 
@@ -63,15 +64,8 @@ def round_surfaces(body: Body) -> RoundFaces:
     body = body.full_body or body
     if body.surfaces is not None:
         return body.surfaces
-    if body not in _SURFACES:
-        errors, found = facet_errors(body), list[tuple[Swept, tuple[int, ...]]]()
-        if errors is not None and errors.any():
-            for own in round_faces(body):
-                rows = [body.face_rows[face] for face in own.faces if face in body.face_rows]
-                if kept := tuple(row for row in rows if errors[row].any()):
-                    found.append((own.surface, kept))
-        _SURFACES[body] = tuple(found)
-    return _SURFACES[body]
+    found = None if body.facet_errors is not None and not body.facet_errors.any() else _of_round_faces(body)
+    return () if found is None else found.surfaces
 
 
 def errors_about(body: Body, surfaces: RoundFaces, others: Array) -> Array:
@@ -92,18 +86,45 @@ def deviation_of(body: Body) -> tuple[float, float]:
 
 
 def _recognised(body: Body) -> Array | None:
-    """Return the errors of facets that are taken for round faces."""
+    """Return the errors of facets that are taken for round faces, or for smooth ones of no known kind."""
+    found = _of_round_faces(body)
+    if found is None or not found.looked:
+        return None if found is None else found.errors
+    errors = found.errors.copy()
+    rows, off = _smooth(body, normals_of_faces(body), found.faces)
+    errors[rows] = np.maximum(errors[rows], off)
+    return frozen(np.where(errors > DEFAULT.drawn * body.size, errors, 0.0))
+
+
+class _OfRound(NamedTuple):
+    """Errors of facets that are taken for round faces, (faces, 2), these surfaces, all facets of such; looked for?"""
+
+    errors: Array
+    surfaces: RoundFaces
+    faces: Set[Label]
+    looked: bool
+
+
+def _of_round_faces(body: Body) -> _OfRound | None:
+    """Return what facets are taken for cylinders, cones and spheres; None where that cannot be told."""
+    if body not in _ROUND:
+        _ROUND[body] = _look_for_round_faces(body)
+    return _ROUND[body]
+
+
+def _look_for_round_faces(body: Body) -> _OfRound | None:
     if max(body.deviation) > DEFAULT.drawn * body.size:
         return None
     errors = np.zeros((len(body.faces), 2))
     if len(body.faces) < ROUNDED:  # most of them are prisms, which is seen at a glance
         looks = body.face_planes[0]
         if np.count_nonzero(np.triu(looks @ looks.T > GENTLE, 1)) < STRIP - 1:
-            return frozen(errors)
-    normals, (corners, owners) = normals_of_faces(body), body.face_triangles
+            return _OfRound(frozen(errors), (), set(), looked=False)
     rounds = round_faces(body)
     if not all(face in body.face_rows for own in rounds for face in own.faces):
         return None  # of solids side by side: faces that another one covers in part are none of the whole
+    normals = normals_of_faces(body) if rounds else {}
+    corners, owners = body.face_triangles
     for own in rounds:
         rows = np.array([body.face_rows[face] for face in own.faces])
         looks = np.array([normals[face] for face in own.faces])
@@ -118,9 +139,10 @@ def _recognised(body: Body) -> Array | None:
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & ~_flats(most)]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
-    rows, found = _smooth(body, normals, {face for own in rounds for face in own.faces})
-    errors[rows] = np.maximum(errors[rows], found)
-    return frozen(np.where(errors > DEFAULT.drawn * body.size, errors, 0.0))
+    told = [(own.surface, [body.face_rows[face] for face in own.faces]) for own in rounds]
+    kept = [(surface, tuple(row for row in rows if errors[row].any())) for surface, rows in told]
+    surfaces = tuple(own for own in kept if own[1])
+    return _OfRound(frozen(errors), surfaces, {face for own in rounds for face in own.faces}, looked=True)
 
 
 def _groups(pairs: Ints, count: int, fewest: int = FEWEST) -> list[Ints]:

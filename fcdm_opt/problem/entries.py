@@ -55,7 +55,7 @@ class SurfaceEntry(Entry, title="Round surfaces"):
     )
     axis: Point = declared(..., "[x, y, z], unit direction of the axis; of a sphere any", [0.0, 0.0, 1.0])
     line: Pair | None = declared(
-        None, "[cos, sin] of the half angle of a cone, [1, 0] of a cylinder; without it a sphere or torus", [1.0, 0.0]
+        None, "[cos, sin] of the half angle of a cone, a unit vector; [1, 0] of a cylinder; without it a sphere or torus", [1.0, 0.0]
     )
     ring: Length = declared(0.0, "radius of the circle that a torus is about, length units; 0 of others", 20.0)
     radius: Number = declared(0.0, "radius, length units, of a torus that of its tube; 0 of a cone", 5.0)
