@@ -8,7 +8,7 @@ several tasks with the same parameters, one for each two parts of an assembly, m
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,6 +29,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
+from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
 from fcdm_opt.stages.separating_directions import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
@@ -60,11 +61,11 @@ def contact_system(task: Task) -> Answer | None:
     if task.goal == FIT:
         return _fitted(task)
     own = System.of(task)
-    z, sure = least([own])
+    z, bound = least([own])
     if z is not None:
-        return _answered(own, z, exact=sure)
+        return _answered(own, z, bound)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    if sure:
+    if np.isinf(bound):
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -77,14 +78,14 @@ def among_others(task: Task) -> Answer | None:
     if task.goal not in ("at", "seat") or not task.motion.shifts:
         return None
     own = System(task, (*task.tracked, *task.untracked))
-    z, sure = least([own])
-    if not sure:
-        return None
-    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if z is None else _answered(own, z, exact=True)
+    z, bound = least([own])
+    if z is None:
+        return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if np.isinf(bound) else None
+    return _answered(own, z, bound) if bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) else None
 
 
-def _answered(own: System, z: Array, *, exact: bool) -> Answer:
-    """Return a motion that restores all contacts as the answer."""
+def _answered(own: System, z: Array, bound: float) -> Answer:
+    """Return a motion that restores all contacts as the answer; see `least`."""
     task, q = own.task, own.q(z)
     count = len(task.joints) or 1
     beside = [task.obstacles[j].keep_out >= 0 for j in range(len(task.obstacles))]
@@ -94,7 +95,7 @@ def _answered(own: System, z: Array, *, exact: bool) -> Answer:
     active = (first, *(f"{name} stays apart" for name in stopped), *own.at_limits(q))
     pairs = {feature.parts for feature in own.features} | {(i, j) for i, j in np.argwhere(at_need & beside).tolist()}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
-    bound = np.inf if exact else displacement_bound(task)
+    bound = np.inf if bound >= np.linalg.norm(z) else max(bound * task.size, displacement_bound(task))
     return task.answer(q, LINEAR if task.motion.shifts else NEWTON, bound, active, counts)
 
 
@@ -119,13 +120,14 @@ def all_at_once(
     """
     systems = [System.of(task) for task in tasks]
     stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
-    z, exact = least(systems)
+    z, least_z = least(systems)
+    bound = max(known, least_z * systems[0].task.size)
     if z is None:
-        status = Status.INFEASIBLE if exact else Status.NOT_FOUND
-        return Answer(status, None, stage, np.inf if exact else known, _Told(systems, names).sentences())
+        status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
+        return Answer(status, None, stage, bound, _Told(systems, names).sentences())
     q = systems[0].q(z)
     amount = float(np.linalg.norm(tasks[0].weights * q))
-    bound = amount if exact else known
+    bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
     joined = [problem for problem in problems if problem.contacts]
     if prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
@@ -307,22 +309,30 @@ class System:
         asked = np.isfinite(task.needs)
         return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
-    def separating_directions(self, pairs: Sequence[Parts], q: Array) -> Choices:
-        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
+    def separating_directions(self, pairs: Sequence[Parts], q: Array, clearances: ForbiddenShifts) -> Choices:
+        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first.
+
+        While nothing turns, as far as `clearances` tell so far: not at all before a pair joins them.
+        """
         task, y = self.task, self.task.weights * q
         if not pairs or not task.motion.shifts:
             around = AROUND * max(float(np.linalg.norm(y)), task.unit)
             scene = Linearised.of(task, y, around) if pairs else None
             return Choices.of([self._turned_apart(scene, parts, y) for parts in pairs], len(y))
-        pose = task.pose(q)
+        pose, walls = task.pose(q), clearances.walls
+        rounded = Choices.of_single_rows([wall for parts in pairs if (wall := walls.get(parts))], len(y))
+        pairs = [parts for parts in pairs if not walls.get(parts)]
+        if not pairs:
+            return rounded
         rows, gaps = zip(*(task.separations(parts, pose)[1:] for parts in pairs), strict=True)
         sizes = list(map(len, gaps))
-        short = np.concatenate(gaps) - np.repeat(task.needs[[j for _, j in pairs]], sizes)
+        needs = [task.needs[j] if (i, j) in walls else min(task.needs[j], 0.0) for i, j in pairs]
+        short = np.concatenate(gaps) - np.repeat(needs, sizes)
         order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
         shifts = task.rates(q)[1][:, :3, 3]
         slopes = self._by_z(-np.concatenate(rows)[order, :3] @ shifts.T)
         apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
-        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1])
+        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1]).and_also(rounded)
 
     def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
         """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
@@ -366,23 +376,25 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, bool]:
+def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, float]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
 
     Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
 
-    None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
-    may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
+    None where there is none; and a length below which there is none, infinite where there is none at all. Of motions
+    that turn, whose least Newton's method may have missed, it is 0, and where parts too large for more were kept a
+    distance apart along facets: corners may pass one another nearer.
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
     touching = [own for own in systems if own.task.must_touch and not own.features]
-    moving, share, last = systems[0].moving, 1.0, np.zeros(len(z))
-    for _ in range(STEPS):
+    clearances = [ForbiddenShifts(own.task) for own in systems]
+    moving, share, last, bound = systems[0].moving, 1.0, np.zeros(len(z)), 0.0
+    for left in reversed(range(SHARPENED if exact else STEPS)):
         pacing.check()
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
-        sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
+        sure = exact and not any(None in own.walls.values() for own in clearances)
         only = exact and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum()
         if only and not blocked:  # what no motion is left to part needs no way apart
             found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
@@ -390,42 +402,60 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             closing = systems if exact and blocked else touching
             choices = Choices.of([], len(z)).and_also(
                 *(
-                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q)
+                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
                     for k, own in enumerate(systems)
                 ),
                 *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
             found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), choices)
         if found is None:
-            return None, sure and complete
+            return None, np.inf if sure and complete and left >= POLISHED else bound
         if not exact:  # what the equations leave free is taken less of where it goes to and fro
             onto = -np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
             along = found - z - onto
             share /= 2.0 if along @ last < -TO_AND_FRO * last @ last < 0.0 else 1.0
             found, last = z + onto + share * along, along
         step, z = float(np.abs(found - z).max()), found
+        bound = float(np.linalg.norm(z)) if sure and left >= POLISHED else bound
         if step > CONTRACTED and not exact:
             continue
         q = systems[0].q(z)
         if np.abs(_linearised(systems, q)[0]).max(initial=0.0) > DEFAULT.line:
             if step <= LEAST_STEP or exact:
-                return None, False
+                return None, 0.0
+            continue
+        further = exact and left > 0 and (left >= POLISHED or step > CONTRACTED)
+        if further and _clearer(clearances, q, blocked, slopes, left):
             continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
             if not (exact or blocked or touching):  # a last step of Newton's method
                 values, slopes = _linearised(systems, q)
                 z = np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
-            return z, sure
+            return z, bound
         if only:
-            return None, not all(own.meets(q, DEFAULT.line) for own in systems)
+            return None, bound if all(own.meets(q, DEFAULT.line) for own in systems) else np.inf
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
-                return least(systems, shared=True)[0], False
-            return None, False
+                return least(systems, shared=True)[0], bound
+            return None, bound
         blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
-    return None, False
+    return None, bound
+
+
+def _clearer(
+    clearances: Sequence[ForbiddenShifts], q: Array, blocked: Collection[tuple[int, Parts]], slopes: Array, left: int
+) -> bool:
+    """Tell whether clearances say more of a shift than they did: polytopes grow, and are touched in the last rounds."""
+    grown = set[Parts]()
+    for k, own in enumerate(clearances) if left >= POLISHED else ():
+        grown |= own.grow(q, {parts for j, parts in blocked if j == k}, slopes)
+    if left >= POLISHED and not grown:
+        return False
+    for own in clearances if left <= POLISHED else ():
+        own.touch(q)
+    return True
 
 
 def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
@@ -552,13 +582,14 @@ def _fitted(task: Task) -> Answer:
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
     none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
     blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
+    clearances = ForbiddenShifts(task)
     standing = np.inf if exact else own.misfit(z)
-    for _ in range(STEPS if exact else 2 * STEPS):
+    for left in reversed(range(SHARPENED if exact else 2 * STEPS)):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
         aligned = slopes[count:], slopes[count:] @ z - values[count:]
-        choices, near = own.separating_directions(sorted(blocked), own.q(z)), own.limits()
+        choices, near = own.separating_directions(sorted(blocked), own.q(z), clearances), own.limits()
         if not exact:
             near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
         kept = near
@@ -589,6 +620,9 @@ def _fitted(task: Task) -> Answer:
             step = 0.0
         if not exact and step > CONTRACTED:
             continue
+        every = {(0, parts) for parts in blocked}
+        if exact and left and _clearer([clearances], own.q(z), every, aligned[0], left):
+            continue
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
@@ -602,7 +636,7 @@ def _fitted(task: Task) -> Answer:
     closed = most <= DEFAULT.touch * task.size  # rounding
     active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
-    known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
+    known = exact and left >= POLISHED and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)
 
 

@@ -135,3 +135,72 @@ def test_unions_among_keep_outs_keep_clearances_as_the_march_finds_them():
         assert marched is not None
         assert exact.amount == pytest.approx(marched.amount, abs=1e-9)
         assert exact.lower_bound == exact.amount >= marched.lower_bound - 1e-9
+
+
+# ------------------------------------------------------------------------------ of contacts, where several are restored
+
+X, Y, Z = (fo.Translation(axis) for axis in "xyz")
+
+
+@pytest.mark.parametrize("limits", [(-25.0, 25.0), (-20.3, 20.3), (-20.1, 20.1)])
+def test_a_part_carried_past_a_corner_was_kept_off_by_its_faces(limits):
+    """A roof over two blocks as they rise: 20.5 sideways was taken for the least, and 20.3 for too little room.
+
+    Where the top of the upper block ends .05 below the roof's, its edge is .5 away once it is sqrt(.5^2 - .45^2) past.
+    """
+    parts = [
+        box((-30, -30, -10), (30, 30, 0), "base"),
+        box((-15, -15, 0), (15, 15, 20), "block"),
+        box((-10, -10, 20), (10, 10, 32), "top"),
+    ]
+    made = {"base height": 0.3, "block height": 0.1, "top height": 0.15}
+    sizes = [fo.Size(name, name.split()[0], faces=["+z"], tolerance=0.5) for name in made]
+    roof = fo.KeepOut(box((-10, -10, 33), (10, 10, 40), "roof"), clearance=0.5)
+    asked = fo.Assembly(
+        parts, [("block", "base"), ("top", "block")], sizes, {"block": Z >> X, "top": Z},
+        made=made, limits={"block": {"TX": limits}}, keep_out=[roof],
+    )  # fmt: skip
+    solution, aside = fo.solve(asked), 20.0 + math.sqrt(0.5**2 - 0.45**2)
+    if limits[1] < aside:
+        assert solution.status is Status.INFEASIBLE
+        return
+    assert solution.usable
+    assert solution.amount == pytest.approx(math.hypot(0.3, 0.1, aside), rel=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+@pytest.mark.parametrize("goal", ["seat", "fit", "an assembly"])
+@pytest.mark.parametrize(
+    ("off", "least"),
+    [([(0.1, 0.1)], 0.3 - math.hypot(0.1, 0.1)), ([(0.1, 0.15), (0.1, -0.15)], math.sqrt(0.0675) - 0.1)],
+)
+def test_corners_of_keep_outs_are_passed_as_near_as_is_asked(goal, off, least):
+    """A block slides on a floor, away from the corner of a post so far off, or back from those of two."""
+    posts = list[fo.KeepOut]()
+    for k, (x, y) in enumerate(off):
+        low, high = ((y + 1.0, 3.0) if y > 0.0 else (-3.0, y - 1.0))
+        posts.append(fo.KeepOut(box((1.0 + x, low, 0.2), (3.0, high, 3.0), f"post {k}"), clearance=0.3))
+    parts = [box((-1, -1, 0), (1, 1, 1), "block"), box((-9, -9, -1), (9, 9, 0), "floor")]
+    if goal == "an assembly":
+        asked = fo.Assembly(parts, [("block", "floor")], motions={"block": X >> Y >> Z}, keep_out=posts)
+    else:
+        given = {"target": (1.0, 1.0), "nominal": "drawn", "contacts": "all", "goal": goal}
+        asked = fo.Problem(*parts, **given, motion=X >> Y >> Z, keep_out=posts)
+    solution = fo.solve(asked)
+    assert solution.usable, solution.certificate
+    assert solution.amount == pytest.approx(least, rel=1e-8)
+    assert solution.lower_bound == pytest.approx(least, rel=1e-8)
+
+
+def test_corners_of_two_parts_that_both_move_keep_their_distance():
+    """Each makes way by half of it; a cap of a ball, which polytopes within only come near to."""
+    off, clearance = np.array([0.02, 0.1, 0.15]), 0.4
+    parts = [box((-9, -9, -9), (9, 9, -8), "base"), box((0, 0, 0), (1, 1, 1), "one"), box(1.0 + off, 2.0 + off, "two")]
+    contacts = [{"parts": ("one", "base"), "goal": "clear"}]
+    contacts += [{"parts": ("one", "two"), "goal": "clear", "clearance": clearance}]
+    follows = {"one": "base", "two": "base"}
+    solution = fo.solve(fo.Assembly(parts, contacts, motions=dict.fromkeys(follows, X >> Y >> Z), follows=follows))
+    least = (clearance - float(np.linalg.norm(off))) / math.sqrt(2.0)
+    assert solution.usable
+    assert solution.amount == pytest.approx(least, rel=1e-9)
+    assert least * (1.0 - 1e-6) <= solution.lower_bound <= least * (1.0 + 1e-9)
