@@ -32,6 +32,10 @@ class Rows(NamedTuple):
         """Return these conditions and further ones."""
         return Rows(np.concatenate([self.normals, normals]), np.concatenate([self.levels, levels]))
 
+    def about(self, point: Array) -> Rows:
+        """Return the same conditions on what is added to a point."""
+        return Rows(self.normals, self.levels - self.normals @ point)
+
 
 class Choices(NamedTuple):
     """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order.
@@ -68,6 +72,10 @@ class Choices(NamedTuple):
         firsts = np.concatenate([own.alternatives + n for own, n in zip(every, before, strict=False)])
         before = np.cumsum([0, *(len(own.alternatives) for own in every)])
         return Choices(rows, firsts, np.concatenate([own.groups + n for own, n in zip(every, before, strict=False)]))
+
+    def about(self, point: Array) -> Choices:
+        """Return the same groups of conditions on what is added to a point."""
+        return self._replace(rows=self.rows.about(point))
 
     @property
     def group_of_alternatives(self) -> Ints:
@@ -225,7 +233,7 @@ def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
     """Return rows over z as rows over the null space, and which of them no move in it changes."""
     normals = rows.normals @ free.T
     flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    return Rows(normals, rows.levels - rows.normals @ centre), np.asarray(flat)
+    return Rows(normals, rows.about(centre).levels), np.asarray(flat)
 
 
 def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[float, int, Array]]:

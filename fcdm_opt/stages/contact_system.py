@@ -34,6 +34,7 @@ from fcdm_opt.stages.separating_directions import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
+RESTORED = 8  # last steps, of a motion that turns, to one that does, however large
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
@@ -389,8 +390,8 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
     touching = [own for own in systems if own.task.must_touch and not own.features]
     clearances = [ForbiddenShifts(own.task) for own in systems]
-    moving, share, last, bound = systems[0].moving, 1.0, np.zeros(len(z)), 0.0
-    for left in reversed(range(SHARPENED if exact else STEPS)):
+    moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
+    for left in reversed(range(SHARPENED if exact else 2 * STEPS)):
         pacing.check()
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
@@ -407,14 +408,21 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
                 ),
                 *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
-            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), choices)
+            near = systems[0].limits()
+            if trusted < FARTHEST:
+                near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
+            # of turns that the last steps are left for, the nearest to what was found so far that does at all
+            about = z if not exact and left < RESTORED else np.zeros(len(z))
+            found, complete = nearest_on(slopes, slopes @ (z - about) - values, near.about(about), choices.about(about))
+            found = None if found is None else found + about
+        if found is None and trusted < FARTHEST:
+            trusted *= 4.0
+            continue
         if found is None:
             return None, np.inf if sure and complete and left >= POLISHED else bound
-        if not exact:  # what the equations leave free is taken less of where it goes to and fro
-            onto = -np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
-            along = found - z - onto
-            share /= 2.0 if along @ last < -TO_AND_FRO * last @ last < 0.0 else 1.0
-            found, last = z + onto + share * along, along
+        if not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0:  # to and fro, also between two ways
+            trusted = min(trusted, float(np.abs(found - z).max())) / 2.0
+        last = found - z
         step, z = float(np.abs(found - z).max()), found
         bound = float(np.linalg.norm(z)) if sure and left >= POLISHED else bound
         if step > CONTRACTED and not exact:
@@ -440,7 +448,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
                 return least(systems, shared=True)[0], bound
             return None, bound
-        blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
+        blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
     return None, bound
 
 

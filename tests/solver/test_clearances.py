@@ -204,3 +204,15 @@ def test_corners_of_two_parts_that_both_move_keep_their_distance():
     assert solution.usable
     assert solution.amount == pytest.approx(least, rel=1e-9)
     assert least * (1.0 - 1e-6) <= solution.lower_bound <= least * (1.0 + 1e-9)
+
+
+def test_a_block_that_may_turn_either_way_past_a_corner_went_to_and_fro_between_the_two():
+    """No motion was found; a shift does, and to turn besides, as far as descent finds without the contact, is less."""
+    post = fo.KeepOut(box((1.1, 1.1, 0.2), (3.0, 3.0, 3.0), "post"), clearance=0.3)
+    parts = [box((-1, -1, 0), (1, 1, 1), "block", seed=(0, 0, 0)), box((-9, -9, -1), (9, 9, 0), "floor")]
+    given = {"target": (1.0, 1.0), "motion": X >> Y >> Z >> fo.Rotation("z"), "keep_out": [post]}
+    one = fo.solve(fo.Problem(*parts, nominal="drawn", goal="seat", contacts="all", **given))
+    other = fo.solve(fo.Problem(*parts, goal="clear", **given), effort="quick")
+    assert one.usable
+    assert one.amount == pytest.approx(other.amount, rel=1e-4)
+    assert one.amount < 0.3 - math.hypot(0.1, 0.1)
