@@ -191,10 +191,9 @@ class _Solving:
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
         boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
         found = []
-        for pair in assembly.pairs():
-            one, two = pair[::-1] if pair[0] in assembly.fixed else pair
+        for one, two in assembly.moving_pairs():
             (low, high), (least, most) = boxes[one], boxes[two]
-            away = frozenset(pair) in asked or (low > most).any() or (least > high).any()
+            away = frozenset((one, two)) in asked or (low > most).any() or (least > high).any()
             if away and not (assembly.keeps_out(one, two) and (one, two) not in known):
                 continue
             clear, parts = JoinedPair(one, two, CLEAR), assembly.involved(one, two)

@@ -128,8 +128,7 @@ def _moved(
 ) -> Iterator[tuple[str, str, Problem, tuple[float, ...]]]:
     """Yield two parts each that may meet on their ways, with the question about them and its parameters."""
     assembly = solution.assembly
-    for pair in assembly.pairs():
-        one, two = pair[::-1] if pair[0] in assembly.fixed else pair
+    for one, two in assembly.moving_pairs():
         bodies, T = (assembly.bodies_made[one], assembly.bodies_made[two]), _seen(poses, one, two)
         start, end = (bodies[0].placed_vertices(assembly.scales[one], pose) for pose in (np.eye(4), T))
         others = bodies[1].placed_vertices(assembly.scales[two], np.eye(4))

@@ -376,6 +376,10 @@ class Assembly(Scene):
         """Yield every two parts that may come to overlap; fixed parts are where they are."""
         yield from (pair for pair in combinations(self.parts, 2) if not {*pair} <= {*self.fixed})
 
+    def moving_pairs(self) -> Iterator[tuple[str, str]]:
+        """Yield the same, of each a part that moves first."""
+        yield from (pair[::-1] if pair[0] in self.fixed else pair for pair in self.pairs())
+
     def involved(self, one: str, two: str) -> tuple[str, ...]:
         """Return the parts on whose motions it depends how two parts meet."""
         chains = self.chain(one), self.chain(two)
@@ -451,10 +455,15 @@ class Assembly(Scene):
     def questions(self) -> dict[tuple[str, str], Problem]:
         """What is asked of every two parts, not both fixed, in the parameters of all motions; by the names of the two.
 
-        Its contacts in order, then of others that they do not overlap. Parameters are named "part.parameter".
+        Its contacts in order, then of others that they do not overlap, and of what keeps out of keep-outs: each part
+        that moves is asked about them once. Parameters are named "part.parameter".
         """
-        asked = {frozenset(pair[:2]) for pair in self.contacts}
-        others = (JoinedPair(*pair, CLEAR) for pair in self.pairs() if frozenset(pair) not in asked)
+        asked, known = {frozenset(pair[:2]) for pair in self.contacts}, {pair[:2] for pair in self.contacts}
+        others = (
+            JoinedPair(*pair, CLEAR)
+            for pair in self.moving_pairs()
+            if frozenset(pair) not in asked or (self.keeps_out(*pair) and pair not in known)
+        )
         return {pair[:2]: self.problem(pair, tuple(self.motions)) for pair in (*self.contacts, *others)}
 
     def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
