@@ -112,6 +112,11 @@ def searched_limits(problem: Problem) -> Array:
 # ---------------------------------------------------------------------------------------------------------------- cover
 
 
+def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
+    """Return an amount of the user's own that no motion with a weighted parameter beyond `half` is below."""
+    return AmountOfPieces(amount.function, weights).least_outside(half, len(weights))
+
+
 def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
     """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do.
 

@@ -22,10 +22,12 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
@@ -147,6 +149,17 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     unless it is larger.
     """
     none, fit = answer.q is None, problem.goal == FIT
+    if not task.weighted:  # what boxes of motions hold says nothing of other amounts, but of all there are
+        plain = replace(task, amount_kind="weighted")
+        found = replace(answer, amount=np.inf if none else plain.amount(answer.motion), lower_bound=0.0)
+        found = answer if np.isinf(answer.lower_bound) else check_uniqueness(problem, plain, found)
+        if found.status is Status.INFEASIBLE:
+            return found
+        alone = not none and found.unique >= _farthest(task)
+        own = task.amount_kind
+        beyond = least_outside(own, task.weights, found.unique) if isinstance(own, OwnAmount) else 0.0
+        bound = answer.amount if alone else max(answer.lower_bound, beyond)
+        return replace(answer, unique=found.unique, lower_bound=min(bound, answer.amount))
     if (none and fit) or ((none or fit) and problem.motion.shifts):
         return answer
     if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
@@ -164,8 +177,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     bound = min(bound, answer.amount)
     if answer.q is not None or bound <= answer.lower_bound:
         return replace(answer, lower_bound=max(bound, answer.lower_bound))
-    farthest = float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
-    if farthest <= bound:
+    if _farthest(task) <= bound:
         return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     with suppress(pacing.TimeOverError):
         if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
@@ -174,9 +186,14 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
 
 
+def _farthest(task: Task) -> float:
+    """Return the largest weighted amount that the limits allow."""
+    return float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
+
+
 def proof_of(problem: Problem, task: Task, answer: Answer) -> Multipliers | None:
     """Return what shows the bound of an answer about several contacts: a box about its motion, or boxes without any."""
-    if not answer.lower_bound > 0.0:
+    if not (task.weighted and answer.lower_bound > 0.0):
         return None
     ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
     if answer.q is not None:
