@@ -192,9 +192,10 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
             each[name] = contact_times(problem, along, limit=limit)
             kept |= {f"{pair[0]} - {own}": spans for own, spans in each[name].keep_outs.items()}
         else:
-            alone = {f"{pair[0]} - {own.name}": _alone(problem, own, problem.target) for own in problem.keep_out}
             still[name] = _at_rest(problem)
-            kept |= {key: (StateSpan(_at_rest(own), -np.inf, np.inf),) for key, own in alone.items()}
+            for own in problem.keep_out:
+                there = _at_rest(_with_keep_out(problem, own, problem.target))
+                kept[f"{pair[0]} - {own.name}"] = (StateSpan(there, -np.inf, np.inf),)
     low = max((own.spans[0].low for own in each.values()), default=0.0)
     high = min((own.spans[-1].high for own in each.values()), default=0.0)
 
@@ -275,10 +276,10 @@ def _keep_out_states(
     problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
 ) -> tuple[StateSpan, ...]:
     """Return the states of the movable body and a keep-out, at all of its scales."""
-    return contact_times(_alone(problem, keep_out, pair), along, limit=limit).spans
+    return contact_times(_with_keep_out(problem, keep_out, pair), along, limit=limit).spans
 
 
-def _alone(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:
+def _with_keep_out(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:
     """Return the question about the movable body and a keep-out, at all of its scales."""
     if keep_out.clearance:
         what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"

@@ -361,6 +361,8 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
     weights = tasks[0].weights
     amounts = moved @ (weights**2 * q) / solution.amount if len(q) else moved[:, 0]
+    if isinstance(assembly.amount, OwnAmount) and len(q):
+        amounts = moved @ _gradient(assembly.amount)(q)[0]
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
     each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
     return AssemblySensitivity(

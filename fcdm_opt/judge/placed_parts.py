@@ -22,6 +22,7 @@ from fcdm_opt.judge.certificate import (
     verify,
 )
 from fcdm_opt.judge.engagement import goes_through, leaves_fit
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
 from fcdm_opt.problem.problem import Problem
@@ -74,7 +75,7 @@ def shared_proofs(solution: AssemblySolution) -> list[Check]:
         pairs = [known[pair] for pair in claim.contacts if pair in known]
         involved = {part for pair in pairs for part in assembly.involved(*pair[:2])}
         apart = len(pairs) == len(claim.contacts) and not involved & seen  # what two claims share would count twice
-        parts = [part for part in assembly.motions if part in involved]
+        parts = assembly.sharing(pairs)
         problems = [assembly.problem(pair, parts) for pair in pairs]
         moved = [x for part in parts for x in solution.parameters.get(part, {}).values()]
         q = np.array(moved) if solution.status.found else None
@@ -167,6 +168,8 @@ def _motions(
             low, high = assembly.limits[part].get(own.name, (-np.inf, np.inf))
             excess = max(excess, w * (low - x), w * (x - high))
     total = hypot(*(assembly.weights[part] * amount for part, amount in amounts.items()))
+    if isinstance(assembly.amount, OwnAmount):
+        total = float(assembly.amount.function([x for part in assembly.motions for x in q[part]]))
     told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
     told = told if solution.amounts.keys() == amounts.keys() else float("nan")
     slack = tolerances.requirement * total + tolerances.line * assembly.size

@@ -32,9 +32,10 @@ class Rows(NamedTuple):
         """Return these conditions and further ones."""
         return Rows(np.concatenate([self.normals, normals]), np.concatenate([self.levels, levels]))
 
-    def about(self, point: Array) -> Rows:
-        """Return the same conditions on what is added to a point."""
-        return Rows(self.normals, self.levels - self.normals @ point)
+    def about(self, point: Array, directions: Array | None = None) -> Rows:
+        """Return the same conditions on what is added to a point, or on y where directions . y, (k, k), is added."""
+        normals = self.normals if directions is None else self.normals @ directions
+        return Rows(normals, self.levels - self.normals @ point)
 
 
 class Choices(NamedTuple):
@@ -73,9 +74,9 @@ class Choices(NamedTuple):
         before = np.cumsum([0, *(len(own.alternatives) for own in every)])
         return Choices(rows, firsts, np.concatenate([own.groups + n for own, n in zip(every, before, strict=False)]))
 
-    def about(self, point: Array) -> Choices:
-        """Return the same groups of conditions on what is added to a point."""
-        return self._replace(rows=self.rows.about(point))
+    def about(self, point: Array, directions: Array) -> Choices:
+        """Return the same groups, see `Rows.about`."""
+        return self._replace(rows=self.rows.about(point, directions))
 
     @property
     def group_of_alternatives(self) -> Ints:

@@ -121,7 +121,7 @@ def all_at_once(
     prove : bool
         Look for a bound where motions turn.
     """
-    systems = [System.of(task) for task in tasks]
+    systems, asked = [System.of(replace(task, amount_kind="weighted")) for task in tasks], tasks[0]
     stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
     z, least_z = least(systems)
     bound = max(known, least_z * systems[0].task.size)
@@ -129,10 +129,16 @@ def all_at_once(
         status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
         return Answer(status, None, stage, bound, _Told(systems, names).sentences())
     q = systems[0].q(z)
-    amount = float(np.linalg.norm(tasks[0].weights * q))
-    bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
     joined = [problem for problem in problems if problem.contacts]
-    if prove and bound < amount and joined:
+    if asked.weighted:
+        amount = asked.amount(q)
+        bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
+    else:
+        other, _ = least([System.of(task) for task in tasks])
+        q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
+        amount = asked.amount(q)
+        bound = _bound_of_own(asked, amount, _unique_within(joined, q) if prove and joined else 0.0)
+    if asked.weighted and prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
         if bound < amount:
             bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
@@ -155,20 +161,16 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
         found = answer if np.isinf(answer.lower_bound) else check_uniqueness(problem, plain, found)
         if found.status is Status.INFEASIBLE:
             return found
-        alone = not none and found.unique >= _farthest(task)
-        own = task.amount_kind
-        beyond = least_outside(own, task.weights, found.unique) if isinstance(own, OwnAmount) else 0.0
-        bound = answer.amount if alone else max(answer.lower_bound, beyond)
-        return replace(answer, unique=found.unique, lower_bound=min(bound, answer.amount))
+        bound = max(answer.lower_bound, 0.0 if none else _bound_of_own(task, answer.amount, found.unique))
+        return replace(answer, unique=found.unique, lower_bound=bound)
     if (none and fit) or ((none or fit) and problem.motion.shifts):
         return answer
     if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
         return answer  # only where all can be closed does the least gap ask for the same
-    if problem.motion.shifts:  # what holds in one box holds in all
-        only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
-        return replace(answer, unique=np.inf if only else 0.0)
     if answer.q is not None:
-        answer = replace(answer, unique=widest_unique((problem,), answer.q))
+        answer = replace(answer, unique=_unique_within((problem,), answer.q))
+    if problem.motion.shifts:
+        return answer
     if answer.q is not None and not answer.q.any():
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
@@ -184,6 +186,21 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     told = f"below the amount {bound:.4g} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
+
+
+def _unique_within(problems: Sequence[Problem], q: Array) -> float:
+    """Return the half width of a box in which no other motion restores the contacts, see `widest_unique`."""
+    if not all(problem.motion.shifts for problem in problems):
+        return widest_unique(problems, q)
+    return np.inf if unique(problems, q, np.array([problems[0].size]))[0] else 0.0  # what holds in one box holds in all
+
+
+def _bound_of_own(task: Task, amount: float, half: float) -> float:
+    """Return a bound of another amount than the weighted one, of a motion that is the only one in a box."""
+    own = task.amount_kind
+    if half >= _farthest(task) or not isinstance(own, OwnAmount):
+        return amount if half >= _farthest(task) else 0.0
+    return min(amount, max(least_outside(own, task.weights, half), 0.0))
 
 
 def _farthest(task: Task) -> float:
@@ -408,7 +425,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     touching = [own for own in systems if own.task.must_touch and not own.features]
     clearances = [ForbiddenShifts(own.task) for own in systems]
     moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
-    for left in reversed(range(SHARPENED if exact else 2 * STEPS)):
+    for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         pacing.check()
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
@@ -428,29 +445,32 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             near = systems[0].limits()
             if trusted < FARTHEST:
                 near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
-            # of turns that the last steps are left for, the nearest to what was found so far that does at all
-            about = z if not exact and left < RESTORED else np.zeros(len(z))
-            found, complete = nearest_on(slopes, slopes @ (z - about) - values, near.about(about), choices.about(about))
-            found = None if found is None else found + about
+            # of turns that the last steps are for, the nearest to what was found so far that does at all
+            about, directions = (z, np.eye(len(z))) if not exact and remaining < RESTORED else _model(first, z)
+            levels = slopes @ (z - about) - values
+            found, complete = nearest_on(
+                slopes @ directions, levels, near.about(about, directions), choices.about(about, directions)
+            )
+            found = None if found is None else about + directions @ found
         if found is None and trusted < FARTHEST:
             trusted *= 4.0
             continue
         if found is None:
-            return None, np.inf if sure and complete and left >= POLISHED else bound
-        if not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0:  # to and fro, also between two ways
+            return None, np.inf if sure and complete and remaining >= POLISHED else bound
+        if not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0:  # to and fro, also between two motions
             trusted = min(trusted, float(np.abs(found - z).max())) / 2.0
         last = found - z
         step, z = float(np.abs(found - z).max()), found
-        bound = float(np.linalg.norm(z)) if sure and left >= POLISHED else bound
-        if step > CONTRACTED and not exact:
+        bound = float(np.linalg.norm(z)) if sure and remaining >= POLISHED else bound
+        if step > CONTRACTED and not (exact and first.weighted):
             continue
         q = systems[0].q(z)
         if np.abs(_linearised(systems, q)[0]).max(initial=0.0) > DEFAULT.line:
             if step <= LEAST_STEP or exact:
                 return None, 0.0
             continue
-        further = exact and left > 0 and (left >= POLISHED or step > CONTRACTED)
-        if further and _clearer(clearances, q, blocked, slopes, left):
+        further = exact and remaining > 0 and (remaining >= POLISHED or step > CONTRACTED)
+        if further and _clearer(clearances, q, blocked, slopes, remaining):
             continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
             if not (exact or blocked or touching):  # a last step of Newton's method
@@ -469,16 +489,37 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     return None, bound
 
 
+def _model(task: Task, z: Array) -> tuple[Array, Array]:
+    """Return a point, (k,), and directions, (k, k), along which the amount is like a squared length near a motion.
+
+    To the second order, of an amount of the user's own; where that bends down or not at all it is to bend a little up.
+    """
+    if not isinstance(task.amount_kind, OwnAmount):
+        return np.zeros(len(z)), np.eye(len(z))
+    scale = task.size / task.weights
+    both = task.amount_kind.derivatives(z * scale)
+    bends, directions = np.linalg.eigh(np.nan_to_num(both[:, :-1] * np.outer(scale, scale)))
+    most = np.abs(bends).max()
+    if not most > 0.0:
+        return np.zeros(len(z)), np.eye(len(z))
+    bends = np.maximum(np.abs(bends), DEFAULT.snap * most)
+    return z - directions @ (directions.T @ np.nan_to_num(scale * both[:, -1]) / bends), directions / np.sqrt(bends)
+
+
 def _clearer(
-    clearances: Sequence[ForbiddenShifts], q: Array, blocked: Collection[tuple[int, Parts]], slopes: Array, left: int
+    clearances: Sequence[ForbiddenShifts],
+    q: Array,
+    blocked: Collection[tuple[int, Parts]],
+    slopes: Array,
+    remaining: int,
 ) -> bool:
     """Tell whether clearances say more of a shift than they did: polytopes grow, and are touched in the last rounds."""
     grown = set[Parts]()
-    for k, own in enumerate(clearances) if left >= POLISHED else ():
+    for k, own in enumerate(clearances) if remaining >= POLISHED else ():
         grown |= own.grow(q, {parts for j, parts in blocked if j == k}, slopes)
-    if left >= POLISHED and not grown:
+    if remaining >= POLISHED and not grown:
         return False
-    for own in clearances if left <= POLISHED else ():
+    for own in clearances if remaining <= POLISHED else ():
         own.touch(q)
     return True
 
@@ -609,7 +650,7 @@ def _fitted(task: Task) -> Answer:
     blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
     clearances = ForbiddenShifts(task)
     standing = np.inf if exact else own.misfit(z)
-    for left in reversed(range(SHARPENED if exact else 2 * STEPS)):
+    for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
@@ -646,7 +687,7 @@ def _fitted(task: Task) -> Answer:
         if not exact and step > CONTRACTED:
             continue
         every = {(0, parts) for parts in blocked}
-        if exact and left and _clearer([clearances], own.q(z), every, aligned[0], left):
+        if exact and remaining and _clearer([clearances], own.q(z), every, aligned[0], remaining):
             continue
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
@@ -661,7 +702,7 @@ def _fitted(task: Task) -> Answer:
     closed = most <= DEFAULT.touch * task.size  # rounding
     active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
-    known = exact and left >= POLISHED and (not blocked or largest <= 2.0 * DEFAULT.tie)
+    known = exact and remaining >= POLISHED and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)
 
 

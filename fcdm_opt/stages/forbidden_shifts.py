@@ -58,10 +58,9 @@ class ForbiddenShifts:
         for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
             if (pairs is not None and (i, j) not in pairs) or self.walls.get((i, j), ()) is None:
                 continue
-            way = task.way_between((i, j), q)
-            miss = task.needs[j] - task.pair_gaps(q, {(i, j): way})[i, j]
+            normal, miss = self._missed((i, j), q)
             if miss > slack:
-                self._grow((i, j), q, miss * way / np.linalg.norm(way), slopes)
+                self._grow((i, j), q, miss * normal, slopes)
                 grown.add((i, j))
         return grown
 
@@ -72,10 +71,15 @@ class ForbiddenShifts:
         """
         task = self.task
         for i, j in self.points:
-            way = task.way_between((i, j), q)
-            slopes = -task.rates(q)[1][:, :3, 3] @ way / np.linalg.norm(way) / task.weights
-            short = task.needs[j] - task.pair_gaps(q, {(i, j): way})[i, j]
-            self.walls[i, j] = Rows(slopes[None], (short + slopes[None] @ (q * task.weights)) / task.size)
+            normal, miss = self._missed((i, j), q)
+            slopes = -task.rates(q)[1][:, :3, 3] @ normal / task.weights
+            self.walls[i, j] = Rows(slopes[None], (miss + slopes[None] @ (q * task.weights)) / task.size)
+
+    def _missed(self, parts: Parts, q: Array) -> tuple[Array, float]:
+        """Return the direction between two parts after a motion, (3,), and by how much they are too near."""
+        normal = self.task.way_between(parts, q)
+        gap = self.task.pair_gaps(q, {parts: normal})[parts]
+        return normal / np.linalg.norm(normal), float(self.task.needs[parts[1]] - gap)
 
     def _grow(self, parts: Parts, q: Array, missed: Array, slopes: Array | None) -> None:
         """Grow the polytope of a pair that is too near by as much as is `missed`, (3,)."""

@@ -297,6 +297,14 @@ SCENES = {
         touches=(-3.01, -2.01, -0.99, 0.01),
         worst=0.01,
     ),
+    "chain, own amount": Scene(
+        ask=_chain(as_drawn, amount=100 * (casadi.SX.sym("lower.TZ") ** 2 + casadi.SX.sym("upper.TZ") ** 2)),
+        amount=lambda d, _: 200 * d**2, of_moving=lambda d, e: 100 * _chain_off(d, e) ** 2,
+        direction="lower.TZ",
+        range=(-1.0, inf),
+        touches=(-3.01, -2.01, -0.99, 0.01),
+        worst=0.01,
+    ),
     # to the first contacts of each pair
     "chain, large meshes": Scene(
         ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
