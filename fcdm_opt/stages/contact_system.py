@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import combinations
+from operator import rshift
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
+from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
@@ -76,15 +78,23 @@ def contact_system(task: Task) -> Answer | None:
 def among_others(task: Task) -> Answer | None:
     """Return the least shift that brings tracked lines to the target pair and keeps other parts apart; exact.
 
-    None where that is not sure, and of other motions.
+    None where that is not sure, and where parameters that may change turn.
     """
-    if task.goal not in ("at", "seat") or not task.motion.shifts:
+    moving = (task.limits != 0).any(axis=1)
+    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
+    if task.goal not in ("at", "seat") or not directions or any(own is None for own in directions):
         return None
-    own = System(task, (*task.tracked, *task.untracked))
+    motion = reduce(rshift, (Translation(tuple(own.tolist())) for own in directions if own is not None))
+    shifted = replace(task, motion=motion, weights=task.weights[moving], limits=task.limits[moving], resolution=None)
+    own = System(shifted, (*task.tracked, *task.untracked))
     z, bound = least([own])
     if z is None:
         return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if np.isinf(bound) else None
-    return _answered(own, z, bound) if bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) else None
+    q = task.rest
+    q[moving] = own.q(z)
+    answer = _answered(own, z, bound)
+    exact = bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) and task.meets(q, DEFAULT.requirement)
+    return replace(answer, q=q) if exact else None
 
 
 def _answered(own: System, z: Array, bound: float) -> Answer:

@@ -24,7 +24,6 @@ from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest, nearest_on
@@ -81,46 +80,9 @@ def shift(task: Task) -> Answer | None:
     if task.meets(q, DEFAULT.requirement):
         return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
-        return _on_one_line(task, rates, gaps, moving) or among_others(task)
+        return among_others(task)
     left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
     return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
-
-
-def _on_one_line(task: Task, rates: Array, gaps: Array, moving: Bools) -> Answer | None:
-    """Return the least motion that keeps other parts apart where the lines leave one way to shift: exact.
-
-    None where they leave more, or a parameter turns.
-    """
-    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
-    weights = task.weights[moving]
-    _, sizes, ways = np.linalg.svd(rates[:, moving] / weights)
-    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]
-    if any(own is None for own in directions) or len(free) != 1 or task.amount_kind != "weighted":
-        return None
-    shifts = np.array(directions) / weights[:, None]
-    middle, along = np.linalg.lstsq(rates[:, moving] / weights, gaps, rcond=DEFAULT.nominal)[0], free[0] @ shifts
-    length = float(np.linalg.norm(along))
-    T, kept = np.eye(4), np.abs(free[0]) > DEFAULT.nominal
-    T[:3, 3] = middle @ shifts
-    ends = ((task.limits[moving] * weights[:, None] - middle[:, None])[kept]) * length / free[0][kept, None]
-    low, high = ends.min(axis=1).max(), ends.max(axis=1).min()
-    if not length > DEFAULT.nominal or not low <= high:
-        return None
-    least = straight(
-        replace(
-            task, movable=task.movable.moved(T), motion=Translation(tuple((along / length).tolist())),
-            weights=np.ones(1), limits=np.array([[low, high]]), tracked=(), untracked=(), seats=(), flush=(),
-            coherent=False, resolution=None,
-        )
-    )  # fmt: skip
-    if least is None or least.q is None:
-        return least
-    q = np.zeros(len(moving))
-    q[moving] = np.clip((middle + least.q[0] / length * free[0]) / weights, *task.limits[moving].T)
-    if not task.meets(q, DEFAULT.requirement):
-        return None
-    apart = (f"{name} stays apart" for name in least.active if name not in ON_THE_WAY)
-    return task.answer(q, LINES, np.inf, ("the contact", *apart), least.modelled)
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
