@@ -26,7 +26,7 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Check, Status
+from fcdm_opt.problem.solution import Bounded, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
@@ -115,9 +115,14 @@ def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list
     return [(one, two) for one, two, problem, q in _moved(solution, poses) if leaves_fit(problem, q)]
 
 
-def gone_through(solution: AssemblySolution) -> list[tuple[str, str]]:
+def gone_through(solution: Bounded) -> list[tuple[str, str]]:
     """Return parts and what each goes through on the straight way of its motion: other parts, and keep-outs."""
-    moved, found = list(_moved(solution, solution.transforms)), list[tuple[str, str]]()
+    moved, found = list[tuple[str, str, Problem, tuple[float, ...]]](), list[tuple[str, str]]()
+    if isinstance(solution, AssemblySolution):
+        moved += _moved(solution, solution.transforms)
+    elif isinstance(solution, Solution) and any(solution.parameters.values()):
+        names = (solution.problem.movable.name or "the movable part", solution.problem.static.name or "the static part")
+        moved.append((*names, solution.problem, tuple(solution.parameters.values())))
     for one, two, problem, q in moved:
         found += [(one, two)] if goes_through(problem, q) else []
         found += [(one, own.name) for own in problem.keep_out if goes_through(problem, q, own)]
