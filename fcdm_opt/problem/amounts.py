@@ -86,6 +86,10 @@ class OwnAmount:
         found = self._derived[1 if self.is_smooth_at_rest else 2](q)[0]
         return found.reshape(-1, len(self.names)).T.copy()
 
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient after a motion, (k,)."""
+        return self._derived[1](q)[0][-len(self.names) :].copy()
+
     @cached_property
     def _derived(self) -> dict[int, Compiled]:
         """The same of powers of the amount."""
