@@ -139,12 +139,12 @@ def range_command(
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
         if not isinstance(found, AssemblyRange):
             return [(found, times)]
-        told = [contact_times_or_refusal(own.problem, along) for own in each]
-        if told and not isinstance(times, str) and not isinstance(told[-1], str):  # what contacts do not say
+        spans = [contact_times_or_refusal(own.problem, along) for own in each]
+        if spans and not isinstance(times, str) and not isinstance(spans[-1], str):  # what contacts do not say
             others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
             met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
-            told[-1] = replace(told[-1], keep_outs=met)
-        return [*zip(each, told, strict=True)]
+            spans[-1] = replace(spans[-1], keep_outs=met)
+        return [*zip(each, spans, strict=True)]
 
     def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:

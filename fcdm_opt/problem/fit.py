@@ -238,15 +238,15 @@ def _unlike_steps(problem: Problem) -> tuple[float, str]:
     for one, two in combinations(problem.chosen_joints, 2):
         if one.normals[0] @ two.normals[0] < 1.0 - DEFAULT.side:
             continue
-        steps, told = list[float](), list[str]()
+        steps, texts = list[float](), list[str]()
         for k, (body, rho, named) in enumerate(bodies):
             both = [(own.feature.one, own.feature.two)[k] for own in (one, two)]
             first, last = (body.vertices[element.vertices[0] - 1] for element in both)
             steps.append(rho * float((last - first) @ one.normals[0]))
             faces, step = " and ".join(told_element(named, own) for own in both), f"{abs(steps[k]):.6g}"
-            told.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
+            texts.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
         if abs(steps[0] - steps[1]) > found[0]:
-            found = abs(steps[0] - steps[1]), f"do not go together: {', and '.join(told)}"
+            found = abs(steps[0] - steps[1]), f"do not go together: {', and '.join(texts)}"
     return found
 
 

@@ -266,8 +266,8 @@ class ClashSearch:
         """Return the least relaxation of a constraint, all others kept, with what the motion then goes through."""
         found = self._relaxation(constraint)
         passed = gone_through(found.solution) if found.solution is not None and found.solution.usable else []
-        told = (f"straight there {one} goes through {other}" for one, other in passed)
-        return replace(found, note="; ".join(filter(None, (found.note, *told))))
+        notes = (f"straight there {one} goes through {other}" for one, other in passed)
+        return replace(found, note="; ".join(filter(None, (found.note, *notes))))
 
     def _relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept."""
