@@ -296,13 +296,6 @@ class AmountOfPieces:
         low = np.asarray(value.factor.low) * np.ones(len(pieces.low))
         return np.where(low >= 0.0, low * (value.power >= 0.0), low if value.power <= 0.0 else -np.inf)
 
-    def least_outside(self, half: float, count: int) -> float:
-        """Return a lower bound over all motions outside a cube |y| <= half of so many coordinates."""
-        faces, wide = np.arange(2 * count), np.ones((2 * count, count - 1))
-        ends = (np.column_stack([np.full(2 * count, half), sign * wide]) for sign in (-1.0, 1.0))
-        with np.errstate(all="ignore"):
-            return float(np.nan_to_num(self.least_beyond(Pieces(faces, faces, *ends)), nan=-np.inf).min())
-
 
 class Growing(NamedTuple):
     """Numbers factor * t^power for all t >= 1."""

@@ -8,7 +8,7 @@ several tasks with the same parameters, one for each two parts of an assembly, m
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
@@ -479,9 +479,10 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             if step <= LEAST_STEP or exact:
                 return None, 0.0
             continue
-        further = exact and remaining > 0 and (remaining >= POLISHED or step > CONTRACTED)
-        if further and _clearer(clearances, q, blocked, slopes, remaining):
-            continue
+        if exact and blocked and remaining and (remaining >= POLISHED or step > CONTRACTED):
+            kept = [{parts for j, parts in blocked if j == k} for k in range(len(systems))]
+            if sum(own.further(q, kept[k], slopes, remaining) for k, own in enumerate(clearances)):
+                continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
             if not (exact or blocked or touching):  # a last step of Newton's method
                 values, slopes = _linearised(systems, q)
@@ -514,24 +515,6 @@ def _model(task: Task, z: Array) -> tuple[Array, Array]:
         return np.zeros(len(z)), np.eye(len(z))
     bends = np.maximum(np.abs(bends), DEFAULT.snap * most)
     return z - directions @ (directions.T @ np.nan_to_num(scale * both[:, -1]) / bends), directions / np.sqrt(bends)
-
-
-def _clearer(
-    clearances: Sequence[ForbiddenShifts],
-    q: Array,
-    blocked: Collection[tuple[int, Parts]],
-    slopes: Array,
-    remaining: int,
-) -> bool:
-    """Tell whether clearances say more of a shift than they did: polytopes grow, and are touched in the last rounds."""
-    grown = set[Parts]()
-    for k, own in enumerate(clearances) if remaining >= POLISHED else ():
-        grown |= own.grow(q, {parts for j, parts in blocked if j == k}, slopes)
-    if remaining >= POLISHED and not grown:
-        return False
-    for own in clearances if remaining <= POLISHED else ():
-        own.touch(q)
-    return True
 
 
 def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
@@ -696,8 +679,7 @@ def _fitted(task: Task) -> Answer:
             step = 0.0
         if not exact and step > CONTRACTED:
             continue
-        every = {(0, parts) for parts in blocked}
-        if exact and remaining and _clearer([clearances], own.q(z), every, aligned[0], remaining):
+        if exact and remaining and clearances.further(own.q(z), blocked, aligned[0], remaining):
             continue
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:

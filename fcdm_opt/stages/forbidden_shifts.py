@@ -64,11 +64,15 @@ class ForbiddenShifts:
                 grown.add((i, j))
         return grown
 
-    def touch(self, q: Array) -> None:
-        """Forbid all beyond the planes that part the pairs with a polytope after a motion, as far as is needed.
+    def further(self, q: Array, pairs: Collection[Parts], slopes: Array, remaining: int) -> bool:
+        """Tell whether more is forbidden now: polytopes grow, and are touched in the last rounds that remain."""
+        grown = remaining < POLISHED or bool(self.grow(q, pairs, slopes))
+        if grown and remaining <= POLISHED:
+            self._touch(q)
+        return grown
 
-        More than clearances forbid: the least shift so is no bound, but one that does.
-        """
+    def _touch(self, q: Array) -> None:
+        """Forbid all but what is beyond planes between the pairs, as is needed: more than clearances forbid."""
         task = self.task
         for i, j in self.points:
             normal, miss = self._missed((i, j), q)
