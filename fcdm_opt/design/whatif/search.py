@@ -387,7 +387,8 @@ class ClashSearch:
         if isinstance(bare, Assembly):
             motions = dict.fromkeys(bare.motions, Free())
             if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
-                yield Trial(change="all motions Free()", solution=self.solved(bare.changed(motions=motions, amount="weighted")))
+                free = bare.changed(motions=motions, amount="weighted")
+                yield Trial(change="all motions Free()", solution=self.solved(free))
             return
         given = {"weights": None, "published": None, "amount": "weighted"}
         if self.problem.motion.parameters != Free().parameters:
