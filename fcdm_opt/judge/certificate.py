@@ -523,7 +523,8 @@ class _Judge:
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
 
-        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own.
+        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own. It
+        knows nothing of keep-outs: where one holds the motion off, it tells nothing.
         """
         from scipy.optimize import linprog
 
@@ -531,7 +532,8 @@ class _Judge:
         rows = np.array([claim.rows(self.transform[None])[0] for claim in self._listed])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
-        if problem.motion.shifts and self._known:
+        nearest = [check.value - own.clearance for own, check in zip(problem.keep_out, self.scene(), strict=True)]
+        if problem.motion.shifts and self._known and min(nearest, default=np.inf) > DEFAULT.active * problem.size:
             ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
             slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(

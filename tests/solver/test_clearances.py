@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -221,3 +222,18 @@ def test_a_block_that_may_turn_either_way_past_a_corner_went_to_and_fro_between_
     shifts, length = 0.3 - np.hypot(*np.maximum(seen - 1.0, 0.0)), math.hypot(2, 2, 1) / 2.0
     assert solution.usable
     assert solution.amount == pytest.approx(np.hypot(shifts, length * angles).min(), rel=1e-7)
+
+
+def test_a_fit_that_a_keep_out_holds_open_was_refused_by_the_judge():
+    """A block on a floor, over a rib .05 high that is to be .05 away: open by .1, and a motion of more is refused."""
+    rib = fo.KeepOut(box((-0.5, -0.5, 0.02), (0.5, 0.5, 0.05), "rib"), clearance=0.05)
+    parts = [box((-1, -1, 0), (1, 1, 1), "block"), box((-9, -9, -1), (9, 9, 0), "floor")]
+    given = {"target": (1.0, 1.0), "nominal": "drawn", "contacts": "all", "goal": "fit", "motion": Z}
+    solution = fo.solve(fo.Problem(*parts, **given, keep_out=[rib]))
+    assert solution.usable, solution.certificate
+    assert solution.amount == pytest.approx(0.1)
+    T = np.array(solution.transform)
+    T[2, 3] += 0.05
+    amount = dict.fromkeys(("amount", "amount_low", "amount_high"), solution.amount + 0.05)
+    worse = replace(solution, transform=T, parameters={"TZ": 0.15}, pair_gap=0.15, **amount)
+    assert "largest gap least" in {check.name for check in fo.verify(worse).failed}
