@@ -868,6 +868,20 @@ def test_an_assembly_took_no_keep_outs(keep_out, beside, questions) -> None:
     assert any(check.name.endswith(f"keep-out '{keep_out[0].name}': clearance") for check in forged)
 
 
+def test_keep_outs_of_a_part_that_labels_name_second_were_in_no_question() -> None:
+    """Labels say that the fixed part is body 1: what moves is asked about keep-outs the other way round."""
+    asked = stack(1, [1.02, 1.0], keep_out=[HIGH])
+    turned = fo.Problem(asked.parts["base"], asked.parts["plate 1"], goal="at", contacts="all", target=(1, 1), motion=Z)
+    labels = [contact.label for contact in turned.contacts]
+    other = asked.changed(contacts=[{"parts": ("base", "plate 1"), "contacts": labels}])
+    assert {pair: len(own.keep_out) for pair, own in other.questions.items()} == {
+        ("base", "plate 1"): 0, ("plate 1", "base"): 1,
+    }  # fmt: skip
+    assert fo.solve(other).amount == pytest.approx(fo.solve(asked).amount)
+    gaps = [fo.best_pose(own, box=(0.98, 1.02), effort=100).worst_gap for own in (asked, other)]
+    assert gaps[0] == pytest.approx(gaps[1])
+
+
 @pytest.mark.parametrize("kept", ["exact", "surface"])
 def test_a_part_went_through_a_third_one_without_a_word(kept: str) -> None:
     """A slider is to reach a stop 4.5 away, through a bar: that is said. Through a ring about it, it leaves the fit."""
