@@ -23,6 +23,7 @@ from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
@@ -117,7 +118,7 @@ class _Solving:
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""
         try:
-            alone = len(group) == 1 and self._assembly.is_own(group[0])
+            alone = len(group) == 1 and self._assembly.is_own(group[0]) and self._assembly.amount == "weighted"
             return self._alone(group[0]) if alone else self._together(group)
         except pacing.TimeOverError as over:
             return _Met(Status.NOT_FOUND, {}, 0.0, f"{', '.join(map(str, group))}: {over}", (), {})
@@ -140,15 +141,14 @@ class _Solving:
     def _together(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet all contacts of a group in one program."""
         assembly, names = self._assembly, [*map(str, group)]
-        involved = {part for pair in group for part in assembly.involved(*pair[:2])}
-        if stepped := next((part for part in assembly.resolution if part in involved), ""):
+        parts = assembly.sharing(group)
+        if stepped := next((part for part in assembly.resolution if part in parts), ""):
             what = f"motions that contacts share are not rounded to steps: {', '.join(names)}"
             key = f"resolution.{stepped}"
             raise InputError(what, key=key, found=assembly.resolution[stepped], allowed="none for this part")
         if self._model != "auto":
             what = f"contacts that share motions are one program: {', '.join(names)}"
             raise InputError(what, key="model", found=self._model, allowed='"auto"')
-        parts = [part for part in assembly.motions if part in involved]
         problems = [assembly.problem(pair, parts) for pair in group]
         tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
         relaxed = self._relaxed(group) if self._prove else 0.0
@@ -174,6 +174,7 @@ class _Solving:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""
         assembly = self._assembly
         own = [pair for pair in group if pair in assembly.contacts and assembly.is_own(pair)]
+        own = own if assembly.amount == "weighted" else []
         bounds = (
             (
                 self._solved(pair)
@@ -191,10 +192,9 @@ class _Solving:
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
         boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
         found = []
-        for pair in assembly.pairs():
-            one, two = pair[::-1] if pair[0] in assembly.fixed else pair
+        for one, two in assembly.moving_pairs():
             (low, high), (least, most) = boxes[one], boxes[two]
-            away = frozenset(pair) in asked or (low > most).any() or (least > high).any()
+            away = frozenset((one, two)) in asked or (low > most).any() or (least > high).any()
             if away and not (assembly.keeps_out(one, two) and (one, two) not in known):
                 continue
             clear, parts = JoinedPair(one, two, CLEAR), assembly.involved(one, two)
@@ -222,6 +222,8 @@ class _Solving:
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}
         amount = hypot(*(assembly.weights[part] * own for part, own in amounts.items()))
+        if isinstance(assembly.amount, OwnAmount):
+            amount = assembly.amount(np.concatenate([*every.values()]))
         poses = assembly.poses(every)
         contacts = {pair: own for group in groups for pair, own in group.contacts.items()}
         low, high = np.linalg.norm([group.open_ for group in groups], axis=0).tolist() if groups else (amount, amount)
@@ -244,7 +246,7 @@ class _Solving:
 
 def _groups(assembly: Assembly, pairs: Sequence[JoinedPair]) -> Iterator[list[JoinedPair]]:
     """Yield the contacts in groups that share no motion."""
-    left = [(pair, set(assembly.involved(*pair[:2]))) for pair in pairs]
+    left = [(pair, set(assembly.sharing([pair]))) for pair in pairs]
     while left:
         pair, parts = left.pop(0)
         group, grown = [pair], True

@@ -7,7 +7,7 @@ rate, so from a depth g they cannot part within g / rate: steps of that size, do
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
@@ -85,7 +85,8 @@ class ContactTimes(Plain):
         Between spans, and where a span is only grazed.
         Of an assembly those of all two parts together: overlapping where any do.
     keep_outs : dict of str to tuple of StateSpan
-        The same for each keep-out, by its name; of an assembly for every two parts, not both fixed.
+        The same for each keep-out, by its name; of an assembly for every two parts, not both fixed, and for each part
+        and keep-out, "PART - NAME".
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
@@ -183,25 +184,26 @@ def contact_times(
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
     """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
     each, still = dict[str, ContactTimes](), dict[str, State]()
-    along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
+    along, moved, kept = np.zeros(0), [part for part, _ in assembly.parameters], dict[str, tuple[StateSpan, ...]]()
     for pair, problem in assembly.questions.items():
         along, name = checked_direction(problem, direction), " - ".join(pair)
         involved = assembly.involved(*pair)
         if any(x for part, x in zip(moved, along.tolist(), strict=True) if part in involved):
             each[name] = contact_times(problem, along, limit=limit)
+            kept |= {f"{pair[0]} - {own}": spans for own, spans in each[name].keep_outs.items()}
         else:
-            overlapping = problem.curve.gap(problem.target) < -problem.contact_slack
-            still[name] = "overlapping" if overlapping else "apart"
+            still[name] = _at_rest(problem)
+            for own in problem.keep_out:
+                there = _at_rest(_with_keep_out(problem, own, problem.target))
+                kept[f"{pair[0]} - {own.name}"] = (StateSpan(there, -np.inf, np.inf),)
     low = max((own.spans[0].low for own in each.values()), default=0.0)
     high = min((own.spans[-1].high for own in each.values()), default=0.0)
-    spans = {
-        name: tuple(
-            StateSpan(span.state, max(span.low, low), min(span.high, high))
-            for span in own.spans
-            if span.high > low and span.low < high
-        )
-        for name, own in each.items()
-    }
+
+    def within(spans: Iterable[StateSpan]) -> tuple[StateSpan, ...]:
+        seen = (span for span in spans if span.high > low and span.low < high)
+        return tuple(StateSpan(span.state, max(span.low, low), min(span.high, high)) for span in seen)
+
+    spans = {name: within(own.spans) for name, own in each.items()}
     spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
     ends = sorted({x for own in spans.values() for span in own for x in (span.low, span.high)})
     joined = list[StateSpan]()
@@ -213,7 +215,12 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
         joined.append(StateSpan(state, start, end))
     touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
     proved = all(own.proved for own in each.values())
-    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), spans, proved)
+    every = spans | {name: within(own) for name, own in kept.items()}
+    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), every, proved)
+
+
+def _at_rest(problem: Problem) -> State:
+    return "overlapping" if problem.curve.gap(problem.target) < -problem.contact_slack else "apart"
 
 
 def _to_first_contacts(
@@ -269,6 +276,11 @@ def _keep_out_states(
     problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
 ) -> tuple[StateSpan, ...]:
     """Return the states of the movable body and a keep-out, at all of its scales."""
+    return contact_times(_with_keep_out(problem, keep_out, pair), along, limit=limit).spans
+
+
+def _with_keep_out(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:
+    """Return the question about the movable body and a keep-out, at all of its scales."""
     if keep_out.clearance:
         what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"
         raise InputError(what, key="keep_out", found=keep_out.name, allowed="a keep-out without clearance")
@@ -282,8 +294,7 @@ def _keep_out_states(
         parts = [part.seed + scale * (part.vertices - part.seed) for part, scale in keep_out.obstacles]
         body = Body.from_parts(parts, seed=problem.static.seed, name=keep_out.name)
     limits = dict(zip(problem.motion.names, problem.limits.tolist(), strict=True))
-    alone = Problem(problem.movable, body, motion=problem.motion, limits=limits, goal="clear", target=(pair[0], 1.0))
-    return contact_times(alone, along, limit=limit).spans
+    return Problem(problem.movable, body, motion=problem.motion, limits=limits, goal="clear", target=(pair[0], 1.0))
 
 
 class _OneWay:

@@ -27,6 +27,7 @@ from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
 
@@ -121,11 +122,13 @@ def motion_rates(
         return none
     weights, several = task.weights, any(each.joints for each in tasks)
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
-    if task.weighted:
+    given = task.amount_kind if several and isinstance(task.amount_kind, OwnAmount) else None
+    both = given.derivatives(q) if given else np.column_stack([np.diag(weights**2), weights**2 * q])
+    if task.weighted or given:
         free, columns = [j for j, own in enumerate(held) if own.free] if several else [], slopes / weights
         kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
         columns[[j for j in free if j not in kept]] = 0.0
-        used, multipliers = _multipliers(held, columns, weights * q)
+        used, multipliers = _multipliers(held, columns, both[:, -1] / weights)
         if kept and (len(used) or not q.any()):
             shares = dict(zip(used.tolist(), multipliers.tolist(), strict=True))
             used = np.array(sorted(kept | shares.keys()), np.int64)
@@ -134,11 +137,11 @@ def motion_rates(
         used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
     count = len(used)
     pairs = [held[j].alone for j in used if held[j].alone >= 0]
-    if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not task.weighted):
+    if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not (task.weighted or given)):
         return none
     if np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) < count:
         return none
-    bend = np.diag(weights**2) - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=True))
+    bend = both[:, :-1] - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=True))
     system = np.block([[bend, -slopes[used].T], [slopes[used], np.zeros((count, count))]])
     across = np.linalg.svd(slopes[used])[2][count:]  # ways that the constraints leave open
     if len(across) and not np.linalg.eigvalsh(across @ bend @ across.T).min() > 0.0:

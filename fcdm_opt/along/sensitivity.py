@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import islice, product
 from typing import Any
 
@@ -27,7 +26,6 @@ from fcdm_opt.geometry.resizing import vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
-from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.active_parts import expand_active_parts
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution
@@ -122,7 +120,7 @@ def _pieces(holding: Holding) -> list[Rate]:
     if task.weighted:
         return [layout.rate("amount", task.weights**2 * q / task.amount(q))]
     if isinstance(task.amount_kind, OwnAmount):
-        return [layout.rate("amount", _gradient(task.amount_kind)(q)[0].copy())]
+        return [layout.rate("amount", task.amount_kind.gradient(q))]
     rest = MovedScene.at(task, layout, task.rest)
     moved = task.made_vertices @ (holding.end.transform[:3, :3] - np.eye(3)).T + holding.end.transform[:3, 3]
     lengths = np.linalg.norm(moved, axis=1)
@@ -135,16 +133,6 @@ def _pieces(holding: Holding) -> list[Rate]:
         data[layout.target] += after.scales - before.scales
         found.append(replace(after, scales=np.zeros(2), data=data))
     return found
-
-
-@lru_cache(maxsize=16)
-def _gradient(amount: OwnAmount) -> Compiled:
-    """Return the compiled gradient of an amount of the user's own."""
-    import casadi
-
-    q = casadi.SX.sym("q", len(amount.names))
-    slope = casadi.densify(casadi.gradient(amount.function(q), q))
-    return Compiled(casadi.Function("gradient", [q], [slope], ["q"], ["gradient"]))
 
 
 def _balances(task: Task, pieces: Sequence[Rate], groups: Sequence[Sequence[tuple[Rate, ...]]]) -> list[_Balance]:
@@ -361,6 +349,8 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
     weights = tasks[0].weights
     amounts = moved @ (weights**2 * q) / solution.amount if len(q) else moved[:, 0]
+    if isinstance(assembly.amount, OwnAmount) and len(q):
+        amounts = moved @ assembly.amount.gradient(q)
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
     each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
     return AssemblySensitivity(

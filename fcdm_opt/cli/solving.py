@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -131,13 +132,19 @@ def range_command(
         found = coherent_range(problem, along)
         times = contact_times_or_refusal(problem, along)
         entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}
-        several = isinstance(found, AssemblyRange)
-        each = [*found.contacts.values()] if several else [found]
+        each = [*found.contacts.values()] if isinstance(found, AssemblyRange) else [found]
         if inquiry.pictures:
             for own in each:
                 figure = family_figure(own, title=f"{file.name}: case {own.problem.name}, coherent range")
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
-        return [(own, contact_times_or_refusal(own.problem, along) if several else times) for own in each]
+        if not isinstance(found, AssemblyRange):
+            return [(found, times)]
+        spans = [contact_times_or_refusal(own.problem, along) for own in each]
+        if spans and not isinstance(times, str) and not isinstance(spans[-1], str):  # what contacts do not say
+            others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
+            met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
+            spans[-1] = replace(spans[-1], keep_outs=met)
+        return [*zip(each, spans, strict=True)]
 
     def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:

@@ -8,6 +8,7 @@ import os
 import shlex
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -30,6 +31,7 @@ from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit
+from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -141,6 +143,10 @@ def draft(
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
     opposite = {role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)}
     choice = chosen(situation)  # in the time that is left
+    asked_of = {letter: own and with_mesh_error(own, None) for letter, own in choice.solutions.items()}
+    choice = replace(choice, solutions=asked_of)
+    if not all(own and own.exact_of_mesh for own in asked_of.values()):
+        warned += known_to(one, [two], lengths)
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
@@ -225,7 +231,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
         found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
-    return [*found, *told_solids((one, two)), *known_to(one, [two], unit)]
+    return [*found, *told_solids((one, two))]
 
 
 def nearly(situation: Situation) -> bool:

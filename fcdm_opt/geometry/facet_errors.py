@@ -9,7 +9,6 @@ holds it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence, Set
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,7 +21,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
-from fcdm_opt.geometry.naming import FEWEST, MANY, Label, neighbours, normals_of_faces, round_faces
+from fcdm_opt.geometry.naming import FEWEST, GENTLE, MANY, ROUNDED, Label, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.surface import Surface
@@ -30,8 +29,6 @@ from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
-ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
-GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # of the angle between facets of a round face, at most
 STRIP = 4  # facets side by side that are taken for a smooth face
 EVEN = 0.6  # of how they turn, at least so much is explained by how they are bent
 CREASE = 0.35  # of the largest turn there, by which the turn between two facets differs from what their bends tell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
@@ -21,7 +22,8 @@ from fcdm_opt.tolerances import DEFAULT
 MANY = 8  # corners from which a plane face goes by a name
 FEWEST = 6  # facets side by side that are taken for a cylinder
 BALL = 20  # those that are taken for a sphere
-TURN = 0.65  # cosine: the most that two of them are turned against one another
+ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
+GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # cosine: the most that two of them are turned against one another
 ROUND = 1e-4  # of the radius: how far corners may be off it
 WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
 STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
@@ -189,7 +191,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     if not len(pairs):
         return []
     turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
-    smooth = (turn >= TURN) & (turn < 1.0 - ROUND)
+    smooth = (turn > GENTLE) & (turn < 1.0 - ROUND)
     pairs, ends = pairs[smooth], ends[smooth]
     ways = body.vertices[ends[:, 1]] - body.vertices[ends[:, 0]]
     ways /= norms(ways)[:, None]

@@ -47,6 +47,7 @@ DERIVED = 1e-6  # relative: how well derivatives are known that are worked out o
 MOST_CHECKED = 3  # parameters up to which cells are kept
 BY_MULTIPLIERS = f"cells are checked of {MOST_CHECKED} parameters at most, and multipliers in a few boxes show less"
 MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
+BOXES = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of those about a motion, in its largest parameter
 FINER = 4  # smaller changes of the scales that are tried
 
 
@@ -146,7 +147,7 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
     claimed = solution.lower_bound
     if solution.evidence is None:
         shown, why = _by_distance(solution), f"no evidence is kept: {_unproved(solution)}; by the gap at rest"
-        if solution.problem.contacts and solution.problem.amount == "weighted":
+        if solution.problem.contacts:
             q = np.array([*solution.parameters.values()]) if solution.parameters else None
             shown, why = claimed if restored_at_least((solution.problem,), claimed, q) else shown, RESTORED
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
@@ -163,14 +164,25 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
 
 
 def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | None = None) -> bool:
-    """Tell whether the contacts of some problems with the same parameters are shown to need a weighted amount.
+    """Tell whether the contacts of some problems with the same parameters are shown to need an amount.
 
-    By their equations, or as a motion that restores them, which is no smaller, is the only one that near.
+    By their equations, or as a motion that restores them, which is no smaller, is the only one that near. Of another
+    amount than the weighted one as the only one that the limits allow, or in a box outside of which all cost more.
     """
     from fcdm_opt.judge.only_motion import none_smaller, only_motion
+    from fcdm_opt.proof.checker import least_outside
 
     if not any(problem.contacts for problem in problems) or not isfinite(amount):
         return False
+    own, weights = problems[0].amount, problems[0].weights
+    if own != "weighted":
+        if q is None:
+            return False
+        far = hypot(*(weights * np.abs(problems[0].limits).max(axis=1)))
+        near = np.abs(weights * q).max() * np.array(BOXES)
+        near = near if isinstance(own, OwnAmount) else near[:0]
+        held = [half for half in near if least_outside(own, weights, half) >= amount * (1.0 - DEFAULT.requirement)]
+        return any(only_motion(problems, q, half) for half in (far, *held))
     alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
     return alone or amount <= slack or none_smaller(problems, amount - slack)
@@ -512,7 +524,8 @@ class _Judge:
     def _fits(self) -> list[Check]:
         """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
 
-        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own.
+        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own. It
+        knows nothing of keep-outs: where one holds the motion off, it tells nothing.
         """
         from scipy.optimize import linprog
 
@@ -520,7 +533,8 @@ class _Judge:
         rows = np.array([claim.rows(self.transform[None])[0] for claim in self._listed])
         gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
-        if problem.motion.shifts and self._known:
+        nearest = [check.value - own.clearance for own, check in zip(problem.keep_out, self.scene(), strict=True)]
+        if problem.motion.shifts and self._known and min(nearest, default=np.inf) > DEFAULT.active * problem.size:
             ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
             slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(

@@ -22,10 +22,11 @@ from fcdm_opt.judge.certificate import (
     verify,
 )
 from fcdm_opt.judge.engagement import goes_through, leaves_fit
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Check, Status
+from fcdm_opt.problem.solution import Bounded, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
@@ -74,7 +75,7 @@ def shared_proofs(solution: AssemblySolution) -> list[Check]:
         pairs = [known[pair] for pair in claim.contacts if pair in known]
         involved = {part for pair in pairs for part in assembly.involved(*pair[:2])}
         apart = len(pairs) == len(claim.contacts) and not involved & seen  # what two claims share would count twice
-        parts = [part for part in assembly.motions if part in involved]
+        parts = assembly.sharing(pairs)
         problems = [assembly.problem(pair, parts) for pair in pairs]
         moved = [x for part in parts for x in solution.parameters.get(part, {}).values()]
         q = np.array(moved) if solution.status.found else None
@@ -114,9 +115,14 @@ def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list
     return [(one, two) for one, two, problem, q in _moved(solution, poses) if leaves_fit(problem, q)]
 
 
-def gone_through(solution: AssemblySolution) -> list[tuple[str, str]]:
+def gone_through(solution: Bounded) -> list[tuple[str, str]]:
     """Return parts and what each goes through on the straight way of its motion: other parts, and keep-outs."""
-    moved, found = list(_moved(solution, solution.transforms)), list[tuple[str, str]]()
+    moved, found = list[tuple[str, str, Problem, tuple[float, ...]]](), list[tuple[str, str]]()
+    if isinstance(solution, AssemblySolution):
+        moved += _moved(solution, solution.transforms)
+    elif isinstance(solution, Solution) and any(solution.parameters.values()):
+        names = (solution.problem.movable.name or "the movable part", solution.problem.static.name or "the static part")
+        moved.append((*names, solution.problem, tuple(solution.parameters.values())))
     for one, two, problem, q in moved:
         found += [(one, two)] if goes_through(problem, q) else []
         found += [(one, own.name) for own in problem.keep_out if goes_through(problem, q, own)]
@@ -128,8 +134,7 @@ def _moved(
 ) -> Iterator[tuple[str, str, Problem, tuple[float, ...]]]:
     """Yield two parts each that may meet on their ways, with the question about them and its parameters."""
     assembly = solution.assembly
-    for pair in assembly.pairs():
-        one, two = pair[::-1] if pair[0] in assembly.fixed else pair
+    for one, two in assembly.moving_pairs():
         bodies, T = (assembly.bodies_made[one], assembly.bodies_made[two]), _seen(poses, one, two)
         start, end = (bodies[0].placed_vertices(assembly.scales[one], pose) for pose in (np.eye(4), T))
         others = bodies[1].placed_vertices(assembly.scales[two], np.eye(4))
@@ -168,6 +173,8 @@ def _motions(
             low, high = assembly.limits[part].get(own.name, (-np.inf, np.inf))
             excess = max(excess, w * (low - x), w * (x - high))
     total = hypot(*(assembly.weights[part] * amount for part, amount in amounts.items()))
+    if isinstance(assembly.amount, OwnAmount):
+        total = float(assembly.amount.function([x for part in assembly.motions for x in q[part]]))
     told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
     told = told if solution.amounts.keys() == amounts.keys() else float("nan")
     slack = tolerances.requirement * total + tolerances.line * assembly.size

@@ -46,14 +46,15 @@ def facets_known(problem: Problem) -> None:
         facet_errors(body)
 
 
-def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
+def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution] | None) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
     Parameters
     ----------
     solution : Solution
     solve : callable
-        Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`.
+        Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`; None: it is told where that
+        is not needed, as contacts are of plane faces.
     """
     problem = solution.problem
     if problem.exact_at is not None:
@@ -73,11 +74,13 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
         if any(own is None for own in found):
             return solution
         inner, outer = (_Scene(one, two, tuple(more)) for one, two, *more in zip(*filter(None, found), strict=True))
+        if solve is None and (_comparable(problem) or not solution.usable):
+            return solution
         seconds = max(SHORTEST, sum(solution.seconds.values()))
-        if not solution.usable:
+        if solve is not None and not solution.usable:
             with pacing.within(seconds, share=1.0):
                 return _of_smaller(solution, solve(_about(problem, inner), "quick"))
-        if _comparable(problem):
+        if solve is not None and _comparable(problem):
             ends = [_least_of(_about(problem, own), solve, seconds) for own in (inner, outer)]
             pacing.check()  # what was cut short would be told as open
             return _bracketed(solution, *ends)

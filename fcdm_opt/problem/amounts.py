@@ -73,21 +73,32 @@ class OwnAmount:
     @cached_property
     def is_smooth_at_rest(self) -> bool:
         """Whether the first two derivatives at rest are finite, which those of a norm are not."""
-        return bool(np.isfinite(self._derivatives_at_rest(1)).all())
+        return bool(np.isfinite(self._derived[1](np.zeros(len(self.names)))[0]).all())
 
     @cached_property
     def weights_at_rest(self) -> Array:
         """Weights, (k,), with which the weighted amount grows like this one from rest; nan where it does not curve."""
         with np.errstate(invalid="ignore"):
-            return np.sqrt(np.diag(self._derivatives_at_rest(1 if self.is_smooth_at_rest else 2)[:, :-1]) / 2.0)
+            return np.sqrt(np.diag(self.derivatives(np.zeros(len(self.names)))[:, :-1]) / 2.0)
 
-    def _derivatives_at_rest(self, power: int) -> Array:
-        """Return Hessian and, as the last column, gradient of a power of the amount at rest, (k, k + 1)."""
+    def derivatives(self, q: Array) -> Array:
+        """Return Hessian and, as last column, gradient after a motion, (k, k + 1); of the square where not smooth."""
+        found = self._derived[1 if self.is_smooth_at_rest else 2](q)[0]
+        return found.reshape(-1, len(self.names)).T.copy()
+
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient after a motion, (k,)."""
+        return self._derived[1](q)[0][-len(self.names) :].copy()
+
+    @cached_property
+    def _derived(self) -> dict[int, Compiled]:
+        """The same of powers of the amount."""
         import casadi
 
         q = casadi.SX.sym("q", len(self.names))
-        found = casadi.horzcat(*casadi.hessian(self.function(q) ** power, q))
-        return np.asarray(casadi.Function("derivatives", [q], [found])(np.zeros(len(self.names))).full())
+        found = {power: casadi.horzcat(*casadi.hessian(self.function(q) ** power, q)) for power in (1, 2)}
+        made = {power: casadi.Function("derivatives", [q], [casadi.densify(own)]) for power, own in found.items()}
+        return {power: Compiled(own) for power, own in made.items()}
 
     def __reduce__(self) -> Any:
         return OwnAmount.from_text, (self.text, self.names)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import made_at
+from fcdm_opt.curve.touching_sizes import TouchingSizes, check_sizes, made_at
 from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -27,21 +27,26 @@ from fcdm_opt.geometry.units import UnitOrNone, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.plain import plain
-from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
+from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.amounts import amount as checked_amount
+from fcdm_opt.problem.arguments import by_parameter, choice, interval, items, positive, real
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.keys import Corner, Requirement
+from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.scene import Coordinate, Scene
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
+    from casadi import SX, Function
+
     from fcdm_opt.motion.kinematics import Kinematics
 
 ROLES = ("movable", "static")
 CLEAR = {"goal": "clear"}
 """What is asked of two parts without a contact: that they do not overlap."""
-CORNERS = ("low", "high", "middle")
+CORNERS = ("worst", "loosest", "low", "high", "middle")
 
 
 class JoinedEntry(Entry, title="Contacts of an assembly"):
@@ -98,8 +103,15 @@ class Assembly(Scene):
         part's name for all, motions are those in the world.
     scales : mapping of name to number > 0, optional
         Of the parts made, 1 where none is given.
-    made : mapping of size name to deviation, or "low", "high", "middle", optional
-        Of the parts made, 0 where none is given.
+    tolerance : number or mapping of name to number, optional
+        Shares >= 0 and below 1 by which parts are off, with `requirement`; 0 for parts that a mapping leaves out.
+    requirement : "A", "B", "C" or "D", optional
+        Which way they are, in place of `scales`: the first sign of a letter is of all parts that move, the second of
+        the fixed ones, "A" (+, +), "B" (+, -), "C" (-, +), "D" (-, -). Two parts that both move are off the same way:
+        a letter has no signs for each of them, `scales` have.
+    made : mapping of size name to deviation, or "worst", "loosest", "low", "high", "middle", optional
+        Of the parts made, 0 where none is given. "worst" and "loosest": each contact's least or largest gap at rest
+        within the tolerances; a size of several contacts is as that one says whose gap is the least, or largest.
     weights : mapping of name to number > 0, optional
         Of each part's amount in the total, 1 where none is given: the root of the sum of (weight times amount)^2.
     lengths : mapping of name to number > 0, optional
@@ -110,6 +122,9 @@ class Assembly(Scene):
         Further bodies at rest that every part with a motion must keep clear of where it ends, see `Problem`.
     resolution : mapping of name to number or mapping of parameter name to number > 0, optional
         Steps of a part's motion, see `Problem`; of parts whose contacts share motions there can be none.
+    amount : "weighted", casadi.SX or casadi.Function
+        What is made least in place of the total: an expression >= 0 of symbols named like the parameters of all
+        motions, "PART.PARAMETER", or a function of their vector. All contacts are then one question.
     name, unit : str
         As of a `Problem`.
 
@@ -141,6 +156,7 @@ class Assembly(Scene):
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
     keep_out: tuple[KeepOut, ...]
     resolution: Mapping[str, Any]
+    amount: Any
     name: str
     unit: UnitOrNone
     fixed: tuple[str, ...]
@@ -158,12 +174,15 @@ class Assembly(Scene):
         *,
         follows: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
-        made: Mapping[str, float] | Literal["low", "high", "middle"] | None = None,
+        tolerance: float | Mapping[str, float] | None = None,
+        requirement: Requirement | None = None,
+        made: Mapping[str, float] | Corner | None = None,
         weights: Mapping[str, float] | None = None,
         lengths: Mapping[str, float] | None = None,
         limits: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
         keep_out: Sequence[KeepOut | Body] = (),
         resolution: Mapping[str, float | Mapping[str, float]] | None = None,
+        amount: Literal["weighted"] | OwnAmount | SX | Function = "weighted",
         name: str = "",
         unit: UnitOrNone = "",
     ) -> None:
@@ -197,7 +216,10 @@ class Assembly(Scene):
                 raise InputError(what, key=f"contacts[{k}].parts", found=str(pair), allowed="a part that moves")
         leaders = _followed(follows, bodies, joined, resting)
         joined = tuple(_turned(pair, leaders) for pair in joined)
-        deviations = _made(bodies, tuple(sizes), made)
+        deviations = _made(bodies, tuple(sizes), made, joined)
+        if requirement is not None or tolerance is not None:
+            scales = _off_by(requirement, tolerance, scales, bodies, moved)
+            request |= {"scales": scales, "requirement": None, "tolerance": None}
         own = {
             "parts": bodies,
             "contacts": joined,
@@ -224,6 +246,11 @@ class Assembly(Scene):
             object.__setattr__(self, key, value)
         object.__setattr__(self, "_problems", {})
         object.__setattr__(self, "_alike", None)
+        if amount == "displacement":
+            what = "the largest displacement is of one part, and here several may move"
+            allowed = '"weighted", or an expression of all parameters, "PART.PARAMETER"'
+            raise InputError(what, key="amount", found=amount, allowed=allowed)
+        object.__setattr__(self, "amount", checked_amount(amount, [own.name for own in self.coordinates]))
         self._check_contacts()
 
     def _check_contacts(self) -> None:
@@ -312,8 +339,8 @@ class Assembly(Scene):
 
     @property
     def amount_unit(self) -> str:
-        """`unit`."""
-        return self.unit
+        """`unit`, and "" for an amount of one's own, which need not be a length."""
+        return self.unit if isinstance(self.amount, str) else ""
 
     def changed(self, **arguments: Any) -> Assembly:
         """Return the same question with other arguments; raises as the constructor does.
@@ -376,10 +403,19 @@ class Assembly(Scene):
         """Yield every two parts that may come to overlap; fixed parts are where they are."""
         yield from (pair for pair in combinations(self.parts, 2) if not {*pair} <= {*self.fixed})
 
+    def moving_pairs(self) -> Iterator[tuple[str, str]]:
+        """Yield the same, of each a part that moves first."""
+        yield from (pair[::-1] if pair[0] in self.fixed else pair for pair in self.pairs())
+
     def involved(self, one: str, two: str) -> tuple[str, ...]:
         """Return the parts on whose motions it depends how two parts meet."""
         chains = self.chain(one), self.chain(two)
         return tuple(part for own, other in (chains, chains[::-1]) for part in own if part not in other)
+
+    def sharing(self, pairs: Iterable[JoinedPair]) -> list[str]:
+        """Return the parts whose parameters one question about some pairs is in: all with an amount of one's own."""
+        involved = {part for pair in pairs for part in self.involved(*pair[:2])}
+        return [part for part in self.motions if part in involved or isinstance(self.amount, OwnAmount)]
 
     def keeps_out(self, one: str, two: str) -> bool:
         """Tell whether the question about two parts is that of keep-outs, too: of a part that moves, and what it is on.
@@ -421,6 +457,8 @@ class Assembly(Scene):
         others = [{**plain_keep_out(other), **unit} for other in self.keep_out]
         sizes = [size.to_dict() for size in self.sizes]
         case = {"name": self.name, "scales": dict(self.scales), **({"made": dict(self.made)} if sizes else {})}
+        if isinstance(self.amount, OwnAmount):
+            case["amount"] = {"casadi": self.amount.text}
         contacts = [{"parts": list(pair[:2]), **plain(pair.asked)} for pair in self.contacts]
         more = {"keep_out": others, "size": sizes}
         return {"part": parts, "contact": contacts, **{key: own for key, own in more.items() if own}, "case": [case]}
@@ -451,10 +489,15 @@ class Assembly(Scene):
     def questions(self) -> dict[tuple[str, str], Problem]:
         """What is asked of every two parts, not both fixed, in the parameters of all motions; by the names of the two.
 
-        Its contacts in order, then of others that they do not overlap. Parameters are named "part.parameter".
+        Its contacts in order, then of others that they do not overlap, and of what keeps out of keep-outs: each part
+        that moves is asked about them once. Parameters are named "part.parameter".
         """
-        asked = {frozenset(pair[:2]) for pair in self.contacts}
-        others = (JoinedPair(*pair, CLEAR) for pair in self.pairs() if frozenset(pair) not in asked)
+        asked, known = {frozenset(pair[:2]) for pair in self.contacts}, {pair[:2] for pair in self.contacts}
+        others = (
+            JoinedPair(*pair, CLEAR)
+            for pair in self.moving_pairs()
+            if frozenset(pair) not in asked or (self.keeps_out(*pair) and pair not in known)
+        )
         return {pair[:2]: self.problem(pair, tuple(self.motions)) for pair in (*self.contacts, *others)}
 
     def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
@@ -490,6 +533,8 @@ class Assembly(Scene):
             own = {"motion": self.motions[part], "limits": self.limits[part], "length": self.lengths[part]}
             own["resolution"] = self.resolution.get(part)
             return Problem(**{**common, **own})
+        if isinstance(self.amount, OwnAmount) and tuple(parts or ()) == tuple(self.motions):
+            common["amount"] = self.amount
         return Problem(**{**common, **self._shared(pair, self.involved(*pair[:2]) if parts is None else parts)})
 
     def _shared(self, pair: JoinedPair, parts: Sequence[str]) -> dict[str, Any]:
@@ -634,7 +679,42 @@ def _neighbours(part: str, joined: Sequence[JoinedPair]) -> Iterator[str]:
             yield pair.two if pair.one == part else pair.one
 
 
-def _made(parts: Mapping[str, Body], sizes: tuple[Size, ...], made: Any) -> dict[str, float]:
+def _off_by(
+    letter: Any, tolerance: Any, scales: Any, parts: Mapping[str, Body], moved: Mapping[str, Motion]
+) -> dict[str, float]:
+    """Return the scales that a requirement letter means."""
+    if scales or letter is None or tolerance is None:
+        what, found = "a requirement and its tolerance go together, in place of scales", f"{letter}, {tolerance}"
+        raise InputError(what, key="requirement", found=found, allowed="both, or scales")
+    choice(letter, "requirement", (*SIGNS,))
+    shares = dict.fromkeys(parts, tolerance)
+    if isinstance(tolerance, Mapping):
+        shares = dict.fromkeys(parts, 0.0) | _by_part(tolerance, "tolerance", parts)
+    known = {part: real(x, "tolerance", "shares, >= 0 and below 1", lambda x: 0 <= x < 1) for part, x in shares.items()}
+    return {part: 1.0 + SIGNS[letter][part not in moved] * share for part, share in known.items()}
+
+
+def _extreme(
+    parts: Mapping[str, Body], sizes: tuple[Size, ...], made: str, joined: Iterable[JoinedPair]
+) -> dict[str, float]:
+    """Return the deviations at which contacts have their least gap at rest, or their largest; see `Assembly`."""
+    found, sign = list[tuple[float, dict[str, float]]](), 1.0 if made == "worst" else -1.0
+    for pair in joined:
+        roles = dict(zip(pair[:2], ROLES, strict=True))
+        own = [replace(size, body=roles[size.body]) for size in sizes if size.body in roles]
+        if own:
+            touching = TouchingSizes.of(parts[pair.one], parts[pair.two], own, least=False, standing=False)
+            gap, places = touching.least() if made == "worst" else touching.largest()
+            found.append((sign * gap, dict(zip((size.name for size in own), places.tolist(), strict=True))))
+    known = dict.fromkeys((size.name for size in sizes), 0.0)
+    for _, at in sorted(found, key=lambda own: -own[0]):
+        known |= at
+    return known
+
+
+def _made(
+    parts: Mapping[str, Body], sizes: tuple[Size, ...], made: Any, joined: Iterable[JoinedPair]
+) -> dict[str, float]:
     """Return all deviations by name."""
     names = [size.name for size in sizes if isinstance(size, Size)]
     if len(names) < len(sizes):
@@ -652,5 +732,8 @@ def _made(parts: Mapping[str, Body], sizes: tuple[Size, ...], made: Any) -> dict
         if not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError("unusable deviation", key=f"made.{name}", found=value, allowed="a finite number")
     known_sizes(made if isinstance(made, Mapping) else (), "made", [size.name for size in sizes])
+    if made in CORNERS[:2]:
+        check_sizes(sizes)
+        return _extreme(parts, sizes, made, joined)
     one = next(iter(parts.values()))
     return made_at(one, one, sizes, {} if made is None else made)

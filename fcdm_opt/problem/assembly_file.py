@@ -12,10 +12,11 @@ from typing import Any, Literal
 from fcdm_opt.errors import InputError, known_arguments, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.units import same_unit
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
-from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, StepEntry
+from fcdm_opt.problem.entries import AmountEntry, BodyEntry, KeepOutEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.keys import by_name, each, unlike_names
+from fcdm_opt.problem.keys import Corner, Requirement, by_name, each, unlike_names
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
@@ -68,10 +69,28 @@ class MadeEntry(Entry, title="Cases of an assembly"):
     scales: dict[str, Positive] = declared(
         {}, "scales > 0 of parts about their seeds, by name, 1 without", {"slide": 1.02}
     )
-    made: Literal["low", "high", "middle"] | dict[str, Number] | None = declared(
+    tolerance: Number | dict[str, Number] | None = declared(
+        None,
+        "relative, >= 0 and below 1 (0.02 is 2 %), or by name: by how much parts are off; with requirement",
+        0.02,
+        {"slide": 0.01},
+    )
+    requirement: Requirement | None = declared(
+        None,
+        'which way parts are off, in place of scales, first those that move, then the fixed ones: "A" (+, +), "B" '
+        '(+, -), "C" (-, +) or "D" (-, -)',
+        "B",
+    )
+    amount: AmountEntry | Literal["weighted"] = declared(
+        "weighted",
+        'what is made least: "weighted" (the total) or { casadi = ... }, an expression of the parameters of all '
+        "motions as Assembly.to_dict writes it",
+        "weighted",
+    )
+    made: Corner | dict[str, Number] | None = declared(
         None,
         "deviations of the [[size]] tables by name, lengths or shares in their own unit, 0 where none is given; or "
-        '"low", "high", "middle" (all sizes)',
+        '"worst" (each contact\'s least gap at rest), "loosest" (largest), "low", "high", "middle" (all sizes)',
         {"slide width": 0.01},
         "high",
     )
@@ -123,7 +142,10 @@ class AssemblyFile(Entry, title="Assembly file"):
             asked = self._asked(file, bodies, keep_out)
             made = []
             for k, case in enumerate(self.case, 1):
-                own: dict[str, Any] = {"name": case.name, "scales": case.scales, "made": case.made}
+                own: dict[str, Any] = {key: getattr(case, key) for key in MadeEntry.model_fields}
+                if isinstance(case.amount, AmountEntry):
+                    names = [f"{part}.{name}" for part, motion in asked["motions"].items() for name in motion.names]
+                    own["amount"] = OwnAmount.from_text(case.amount.casadi, names)
                 try:
                     made.append(Assembly(**asked, **own))
                 except InputError as reason:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -221,6 +222,32 @@ def mismatched(scene: Scene) -> bool:
 def verdict(scene: Scene) -> str:
     """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
     return next(filter(None, map(_verdict, scene.relations.values())), "")
+
+
+def unlike_steps(scene: Scene) -> str:
+    """Return, in words, two contacts that look the same way, and how far apart their faces are in either part as made.
+
+    Those that differ most, so that no shift closes both; empty where none do.
+    """
+    return max((_unlike_steps(problem) for problem in scene.relations.values()), default=(0.0, ""))[1]
+
+
+def _unlike_steps(problem: Problem) -> tuple[float, str]:
+    found, drawn = (problem.contact_slack, ""), drawn_bodies(problem)
+    bodies = list(zip((problem.movable, problem.static), problem.target.tolist(), drawn, strict=True))
+    for one, two in combinations(problem.chosen_joints, 2):
+        if one.normals[0] @ two.normals[0] < 1.0 - DEFAULT.side:
+            continue
+        steps, texts = list[float](), list[str]()
+        for k, (body, rho, named) in enumerate(bodies):
+            both = [(own.feature.one, own.feature.two)[k] for own in (one, two)]
+            first, last = (body.vertices[element.vertices[0] - 1] for element in both)
+            steps.append(rho * float((last - first) @ one.normals[0]))
+            faces, step = " and ".join(told_element(named, own) for own in both), f"{abs(steps[k]):.6g}"
+            texts.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
+        if abs(steps[0] - steps[1]) > found[0]:
+            found = abs(steps[0] - steps[1]), f"do not go together: {', and '.join(texts)}"
+    return found
 
 
 def _verdict(problem: Problem) -> str:

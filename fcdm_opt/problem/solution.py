@@ -458,6 +458,11 @@ class Solution(Bounded):
         return self.problem
 
     @property
+    def exact_of_mesh(self) -> bool:
+        """Whether facets of round faces leave neither the amount open nor a gap that is told."""
+        return self.amount_low == self.amount_high and not (self.usable and self.pair_state != "touching")
+
+    @property
     def _why_unknown(self) -> str:
         problem = self.problem
         if problem.goal not in ("touch", "clear"):

@@ -112,6 +112,15 @@ def searched_limits(problem: Problem) -> Array:
 # ---------------------------------------------------------------------------------------------------------------- cover
 
 
+def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
+    """Return an amount of the user's own that no motion with a weighted parameter beyond `half` is below."""
+    faces, wide = np.arange(2 * len(weights)), np.ones((2 * len(weights), len(weights) - 1))
+    low, high = (np.column_stack([np.full(len(faces), half), sign * wide]) for sign in (-1.0, 1.0))
+    with np.errstate(all="ignore"):
+        found = AmountOfPieces(amount.function, weights).least_beyond(Pieces(faces, faces, low, high))
+        return float(np.nan_to_num(found, nan=-np.inf).min())
+
+
 def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
     """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do.
 

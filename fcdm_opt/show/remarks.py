@@ -52,8 +52,7 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
     low, high = solution.amount_low, solution.amount_high
-    settled = low == high and not (solution.usable and solution.pair_state != "touching")  # no gap is told either
-    told += [*told_solids(problem.bodies), *(() if settled else known_gaps(problem))]
+    told += [*told_solids(problem.bodies), *(() if solution.exact_of_mesh else known_gaps(problem))]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the mesh leaves the amount open between {low:.6g} and {end}")

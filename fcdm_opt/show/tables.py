@@ -192,7 +192,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes | str]]) -> No
         told = times if isinstance(times, str) else _spans(coherent, times.spans)
         print_text(f"- parts made, sizes ({made}): {told}", indent="  ")
         for name, spans in ({} if isinstance(times, str) else times.keep_outs).items():
-            print_text(f"- keep-out {name}: {_spans(coherent, spans)}", indent="  ")
+            print_text(f"- {name if ' - ' in name else f'keep-out {name}'}: {_spans(coherent, spans)}", indent="  ")
     print_text()
 
 

@@ -7,6 +7,7 @@ turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)
 best_first       the least motion under linear conditions with alternatives
 separating_directions  descent over the directions that may separate part pairs
+forbidden_shifts what clearances forbid them
 direction_search tracked contacts direction by direction
 program          the nonlinear program; `relaxation` grows it by what its solutions violate, from several starts
 rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)

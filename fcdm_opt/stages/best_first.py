@@ -32,6 +32,11 @@ class Rows(NamedTuple):
         """Return these conditions and further ones."""
         return Rows(np.concatenate([self.normals, normals]), np.concatenate([self.levels, levels]))
 
+    def about(self, point: Array, directions: Array | None = None) -> Rows:
+        """Return the same conditions on what is added to a point, or on y where directions . y, (k, k), is added."""
+        normals = self.normals if directions is None else self.normals @ directions
+        return Rows(normals, self.levels - self.normals @ point)
+
 
 class Choices(NamedTuple):
     """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order.
@@ -68,6 +73,10 @@ class Choices(NamedTuple):
         firsts = np.concatenate([own.alternatives + n for own, n in zip(every, before, strict=False)])
         before = np.cumsum([0, *(len(own.alternatives) for own in every)])
         return Choices(rows, firsts, np.concatenate([own.groups + n for own, n in zip(every, before, strict=False)]))
+
+    def about(self, point: Array, directions: Array) -> Choices:
+        """Return the same groups, see `Rows.about`."""
+        return self._replace(rows=self.rows.about(point, directions))
 
     @property
     def group_of_alternatives(self) -> Ints:
@@ -225,7 +234,7 @@ def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
     """Return rows over z as rows over the null space, and which of them no move in it changes."""
     normals = rows.normals @ free.T
     flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    return Rows(normals, rows.levels - rows.normals @ centre), np.asarray(flat)
+    return Rows(normals, rows.about(centre).levels), np.asarray(flat)
 
 
 def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[float, int, Array]]:

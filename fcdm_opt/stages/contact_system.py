@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import combinations
+from operator import rshift
 
 import numpy as np
 
@@ -22,17 +23,22 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
+from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
 from fcdm_opt.stages.separating_directions import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
+RESTORED = 8  # last steps, of a motion that turns, to one that does, however large
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
@@ -60,11 +66,11 @@ def contact_system(task: Task) -> Answer | None:
     if task.goal == FIT:
         return _fitted(task)
     own = System.of(task)
-    z, sure = least([own])
+    z, bound = least([own])
     if z is not None:
-        return _answered(own, z, exact=sure)
+        return _answered(own, z, bound)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    if sure:
+    if np.isinf(bound):
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -72,19 +78,27 @@ def contact_system(task: Task) -> Answer | None:
 def among_others(task: Task) -> Answer | None:
     """Return the least shift that brings tracked lines to the target pair and keeps other parts apart; exact.
 
-    None where that is not sure, and of other motions.
+    None where that is not sure, and where parameters that may change turn.
     """
-    if task.goal not in ("at", "seat") or not task.motion.shifts:
+    moving = (task.limits != 0).any(axis=1)
+    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
+    if task.goal not in ("at", "seat") or not directions or any(own is None for own in directions):
         return None
-    own = System(task, (*task.tracked, *task.untracked))
-    z, sure = least([own])
-    if not sure:
-        return None
-    return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if z is None else _answered(own, z, exact=True)
+    motion = reduce(rshift, (Translation(tuple(own.tolist())) for own in directions if own is not None))
+    shifted = replace(task, motion=motion, weights=task.weights[moving], limits=task.limits[moving], resolution=None)
+    own = System(shifted, (*task.tracked, *task.untracked))
+    z, bound = least([own])
+    if z is None:
+        return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if np.isinf(bound) else None
+    q = task.rest
+    q[moving] = own.q(z)
+    answer = _answered(own, z, bound)
+    exact = bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) and task.meets(q, DEFAULT.requirement)
+    return replace(answer, q=q) if exact else None
 
 
-def _answered(own: System, z: Array, *, exact: bool) -> Answer:
-    """Return a motion that restores all contacts as the answer."""
+def _answered(own: System, z: Array, bound: float) -> Answer:
+    """Return a motion that restores all contacts as the answer; see `least`."""
     task, q = own.task, own.q(z)
     count = len(task.joints) or 1
     beside = [task.obstacles[j].keep_out >= 0 for j in range(len(task.obstacles))]
@@ -94,7 +108,7 @@ def _answered(own: System, z: Array, *, exact: bool) -> Answer:
     active = (first, *(f"{name} stays apart" for name in stopped), *own.at_limits(q))
     pairs = {feature.parts for feature in own.features} | {(i, j) for i, j in np.argwhere(at_need & beside).tolist()}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
-    bound = np.inf if exact else displacement_bound(task)
+    bound = np.inf if bound >= np.linalg.norm(z) else max(bound * task.size, displacement_bound(task))
     return task.answer(q, LINEAR if task.motion.shifts else NEWTON, bound, active, counts)
 
 
@@ -117,17 +131,24 @@ def all_at_once(
     prove : bool
         Look for a bound where motions turn.
     """
-    systems = [System.of(task) for task in tasks]
+    systems, asked = [System.of(replace(task, amount_kind="weighted")) for task in tasks], tasks[0]
     stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
-    z, exact = least(systems)
+    z, least_z = least(systems)
+    bound = max(known, least_z * systems[0].task.size)
     if z is None:
-        status = Status.INFEASIBLE if exact else Status.NOT_FOUND
-        return Answer(status, None, stage, np.inf if exact else known, _Told(systems, names).sentences())
+        status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
+        return Answer(status, None, stage, bound, _Told(systems, names).sentences())
     q = systems[0].q(z)
-    amount = float(np.linalg.norm(tasks[0].weights * q))
-    bound = amount if exact else known
     joined = [problem for problem in problems if problem.contacts]
-    if prove and bound < amount and joined:
+    if asked.weighted:
+        amount = asked.amount(q)
+        bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
+    else:
+        other, _ = least([System.of(task) for task in tasks])
+        q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
+        amount = asked.amount(q)
+        bound = _bound_of_own(asked, amount, _unique_within(joined, q) if prove and joined else 0.0)
+    if asked.weighted and prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
         if bound < amount:
             bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
@@ -144,15 +165,22 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     unless it is larger.
     """
     none, fit = answer.q is None, problem.goal == FIT
+    if not task.weighted:  # what boxes of motions hold says nothing of other amounts, but of all there are
+        plain = replace(task, amount_kind="weighted")
+        found = replace(answer, amount=np.inf if none else plain.amount(answer.motion), lower_bound=0.0)
+        found = answer if np.isinf(answer.lower_bound) else check_uniqueness(problem, plain, found)
+        if found.status is Status.INFEASIBLE:
+            return found
+        bound = max(answer.lower_bound, 0.0 if none else _bound_of_own(task, answer.amount, found.unique))
+        return replace(answer, unique=found.unique, lower_bound=bound)
     if (none and fit) or ((none or fit) and problem.motion.shifts):
         return answer
     if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
         return answer  # only where all can be closed does the least gap ask for the same
-    if problem.motion.shifts:  # what holds in one box holds in all
-        only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
-        return replace(answer, unique=np.inf if only else 0.0)
     if answer.q is not None:
-        answer = replace(answer, unique=widest_unique((problem,), answer.q))
+        answer = replace(answer, unique=_unique_within((problem,), answer.q))
+    if problem.motion.shifts:
+        return answer
     if answer.q is not None and not answer.q.any():
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
@@ -161,8 +189,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     bound = min(bound, answer.amount)
     if answer.q is not None or bound <= answer.lower_bound:
         return replace(answer, lower_bound=max(bound, answer.lower_bound))
-    farthest = float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
-    if farthest <= bound:
+    if _farthest(task) <= bound:
         return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     with suppress(pacing.TimeOverError):
         if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
@@ -171,9 +198,29 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
 
 
+def _unique_within(problems: Sequence[Problem], q: Array) -> float:
+    """Return the half width of a box in which no other motion restores the contacts, see `widest_unique`."""
+    if not all(problem.motion.shifts for problem in problems):
+        return widest_unique(problems, q)
+    return np.inf if unique(problems, q, np.array([problems[0].size]))[0] else 0.0  # what holds in one box holds in all
+
+
+def _bound_of_own(task: Task, amount: float, half: float) -> float:
+    """Return a bound of another amount than the weighted one, of a motion that is the only one in a box."""
+    own = task.amount_kind
+    if half >= _farthest(task) or not isinstance(own, OwnAmount):
+        return amount if half >= _farthest(task) else 0.0
+    return min(amount, max(least_outside(own, task.weights, half), 0.0))
+
+
+def _farthest(task: Task) -> float:
+    """Return the largest weighted amount that the limits allow."""
+    return float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
+
+
 def proof_of(problem: Problem, task: Task, answer: Answer) -> Multipliers | None:
     """Return what shows the bound of an answer about several contacts: a box about its motion, or boxes without any."""
-    if not answer.lower_bound > 0.0:
+    if not (task.weighted and answer.lower_bound > 0.0):
         return None
     ends = np.clip(task.limits.T * task.weights, -answer.lower_bound, answer.lower_bound)
     if answer.q is not None:
@@ -307,22 +354,30 @@ class System:
         asked = np.isfinite(task.needs)
         return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
-    def separating_directions(self, pairs: Sequence[Parts], q: Array) -> Choices:
-        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
+    def separating_directions(self, pairs: Sequence[Parts], q: Array, clearances: ForbiddenShifts) -> Choices:
+        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first.
+
+        While nothing turns, as far as `clearances` tell so far: not at all before a pair joins them.
+        """
         task, y = self.task, self.task.weights * q
         if not pairs or not task.motion.shifts:
             around = AROUND * max(float(np.linalg.norm(y)), task.unit)
             scene = Linearised.of(task, y, around) if pairs else None
             return Choices.of([self._turned_apart(scene, parts, y) for parts in pairs], len(y))
-        pose = task.pose(q)
+        pose, walls = task.pose(q), clearances.walls
+        rounded = Choices.of_single_rows([wall for parts in pairs if (wall := walls.get(parts))], len(y))
+        pairs = [parts for parts in pairs if not walls.get(parts)]
+        if not pairs:
+            return rounded
         rows, gaps = zip(*(task.separations(parts, pose)[1:] for parts in pairs), strict=True)
         sizes = list(map(len, gaps))
-        short = np.concatenate(gaps) - np.repeat(task.needs[[j for _, j in pairs]], sizes)
+        needs = [task.needs[j] if (i, j) in walls else min(task.needs[j], 0.0) for i, j in pairs]
+        short = np.concatenate(gaps) - np.repeat(needs, sizes)
         order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
         shifts = task.rates(q)[1][:, :3, 3]
         slopes = self._by_z(-np.concatenate(rows)[order, :3] @ shifts.T)
         apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
-        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1])
+        return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1]).and_also(rounded)
 
     def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
         """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
@@ -366,23 +421,25 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, bool]:
+def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, float]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
 
     Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
 
-    None where there is none; and whether either is sure. It is not of motions that turn, whose least Newton's method
-    may have missed, nor where parts were kept a distance apart along facets: corners may pass one another nearer.
+    None where there is none; and a length below which there is none, infinite where there is none at all. Of motions
+    that turn, whose least Newton's method may have missed, it is 0, and where parts too large for more were kept a
+    distance apart along facets: corners may pass one another nearer.
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
     z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
     touching = [own for own in systems if own.task.must_touch and not own.features]
-    moving, share, last = systems[0].moving, 1.0, np.zeros(len(z))
-    for _ in range(STEPS):
+    clearances = [ForbiddenShifts(own.task) for own in systems]
+    moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
+    for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         pacing.check()
         q = systems[0].q(z)
         values, slopes = _linearised(systems, q)
-        sure = exact and not any(systems[k].task.needs[j] > 0.0 for k, (_, j) in blocked)
+        sure = exact and not any(None in own.walls.values() for own in clearances)
         only = exact and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum()
         if only and not blocked:  # what no motion is left to part needs no way apart
             found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
@@ -390,42 +447,74 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             closing = systems if exact and blocked else touching
             choices = Choices.of([], len(z)).and_also(
                 *(
-                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q)
+                    own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
                     for k, own in enumerate(systems)
                 ),
                 *(own.closings(first.start if exact else q, shared=shared) for own in closing),
             )
-            found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), choices)
+            near = systems[0].limits()
+            if trusted < FARTHEST:
+                near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
+            # of turns that the last steps are for, the nearest to what was found so far that does at all
+            about, directions = (z, np.eye(len(z))) if not exact and remaining < RESTORED else _model(first, z)
+            levels = slopes @ (z - about) - values
+            found, complete = nearest_on(
+                slopes @ directions, levels, near.about(about, directions), choices.about(about, directions)
+            )
+            found = None if found is None else about + directions @ found
+        if found is None and trusted < FARTHEST:
+            trusted *= 4.0
+            continue
         if found is None:
-            return None, sure and complete
-        if not exact:  # what the equations leave free is taken less of where it goes to and fro
-            onto = -np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
-            along = found - z - onto
-            share /= 2.0 if along @ last < -TO_AND_FRO * last @ last < 0.0 else 1.0
-            found, last = z + onto + share * along, along
+            return None, np.inf if sure and complete and remaining >= POLISHED else bound
+        if not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0:  # to and fro, also between two motions
+            trusted = min(trusted, float(np.abs(found - z).max())) / 2.0
+        last = found - z
         step, z = float(np.abs(found - z).max()), found
-        if step > CONTRACTED and not exact:
+        bound = float(np.linalg.norm(z)) if sure and remaining >= POLISHED else bound
+        if step > CONTRACTED and not (exact and first.weighted):
             continue
         q = systems[0].q(z)
         if np.abs(_linearised(systems, q)[0]).max(initial=0.0) > DEFAULT.line:
             if step <= LEAST_STEP or exact:
-                return None, False
+                return None, 0.0
             continue
+        if exact and blocked and remaining and (remaining >= POLISHED or step > CONTRACTED):
+            kept = [{parts for j, parts in blocked if j == k} for k in range(len(systems))]
+            if sum(own.further(q, kept[k], slopes, remaining) for k, own in enumerate(clearances)):
+                continue
         if all(own.meets(q, DEFAULT.requirement) for own in systems):
             if not (exact or blocked or touching):  # a last step of Newton's method
                 values, slopes = _linearised(systems, q)
                 z = np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
-            return z, sure
+            return z, bound
         if only:
-            return None, not all(own.meets(q, DEFAULT.line) for own in systems)
+            return None, bound if all(own.meets(q, DEFAULT.line) for own in systems) else np.inf
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
-                return least(systems, shared=True)[0], False
-            return None, False
-        blocked, share, last = blocked | more, 1.0, np.zeros(len(z))
-    return None, False
+                return least(systems, shared=True)[0], bound
+            return None, bound
+        blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
+    return None, bound
+
+
+def _model(task: Task, z: Array) -> tuple[Array, Array]:
+    """Return a point, (k,), and directions, (k, k), along which the amount is like a squared length near a motion.
+
+    To the second order, of an amount of the user's own; where that bends down or not at all it is to bend a little up.
+    """
+    if not isinstance(task.amount_kind, OwnAmount):
+        return np.zeros(len(z)), np.eye(len(z))
+    scale = task.size / task.weights
+    both = task.amount_kind.derivatives(z * scale)
+    bends, directions = np.linalg.eigh(np.nan_to_num(both[:, :-1] * np.outer(scale, scale)))
+    most = np.abs(bends).max()
+    if not most > 0.0:
+        return np.zeros(len(z)), np.eye(len(z))
+    bends = np.maximum(np.abs(bends), DEFAULT.snap * most)
+    return z - directions @ (directions.T @ np.nan_to_num(scale * both[:, -1]) / bends), directions / np.sqrt(bends)
 
 
 def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
@@ -552,13 +641,14 @@ def _fitted(task: Task) -> Answer:
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
     none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
     blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
+    clearances = ForbiddenShifts(task)
     standing = np.inf if exact else own.misfit(z)
-    for _ in range(STEPS if exact else 2 * STEPS):
+    for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
         gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
         aligned = slopes[count:], slopes[count:] @ z - values[count:]
-        choices, near = own.separating_directions(sorted(blocked), own.q(z)), own.limits()
+        choices, near = own.separating_directions(sorted(blocked), own.q(z), clearances), own.limits()
         if not exact:
             near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
         kept = near
@@ -589,6 +679,8 @@ def _fitted(task: Task) -> Answer:
             step = 0.0
         if not exact and step > CONTRACTED:
             continue
+        if exact and remaining and clearances.further(own.q(z), blocked, aligned[0], remaining):
+            continue
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
@@ -602,7 +694,7 @@ def _fitted(task: Task) -> Answer:
     closed = most <= DEFAULT.touch * task.size  # rounding
     active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
-    known = exact and (not blocked or largest <= 2.0 * DEFAULT.tie)
+    known = exact and remaining >= POLISHED and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)
 
 

@@ -24,11 +24,11 @@ from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest, nearest_on
 from fcdm_opt.stages.contact_system import System, among_others
+from fcdm_opt.stages.forbidden_shifts import SHARPENED, ForbiddenShifts, placed
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
@@ -37,8 +37,6 @@ from fcdm_opt.tolerances import DEFAULT
 # A single pair is done after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 500_000
 BATCH_SIZE = 16  # pairs of many that are taken up together
-MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
-SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
 LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -82,46 +80,9 @@ def shift(task: Task) -> Answer | None:
     if task.meets(q, DEFAULT.requirement):
         return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
-        return _on_one_line(task, rates, gaps, moving) or among_others(task)
+        return among_others(task)
     left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
     return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
-
-
-def _on_one_line(task: Task, rates: Array, gaps: Array, moving: Bools) -> Answer | None:
-    """Return the least motion that keeps other parts apart where the lines leave one way to shift: exact.
-
-    None where they leave more, or a parameter turns.
-    """
-    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
-    weights = task.weights[moving]
-    _, sizes, ways = np.linalg.svd(rates[:, moving] / weights)
-    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]
-    if any(own is None for own in directions) or len(free) != 1 or task.amount_kind != "weighted":
-        return None
-    shifts = np.array(directions) / weights[:, None]
-    middle, along = np.linalg.lstsq(rates[:, moving] / weights, gaps, rcond=DEFAULT.nominal)[0], free[0] @ shifts
-    length = float(np.linalg.norm(along))
-    T, kept = np.eye(4), np.abs(free[0]) > DEFAULT.nominal
-    T[:3, 3] = middle @ shifts
-    ends = ((task.limits[moving] * weights[:, None] - middle[:, None])[kept]) * length / free[0][kept, None]
-    low, high = ends.min(axis=1).max(), ends.max(axis=1).min()
-    if not length > DEFAULT.nominal or not low <= high:
-        return None
-    least = straight(
-        replace(
-            task, movable=task.movable.moved(T), motion=Translation(tuple((along / length).tolist())),
-            weights=np.ones(1), limits=np.array([[low, high]]), tracked=(), untracked=(), seats=(), flush=(),
-            coherent=False, resolution=None,
-        )
-    )  # fmt: skip
-    if least is None or least.q is None:
-        return least
-    q = np.zeros(len(moving))
-    q[moving] = np.clip((middle + least.q[0] / length * free[0]) / weights, *task.limits[moving].T)
-    if not task.meets(q, DEFAULT.requirement):
-        return None
-    apart = (f"{name} stays apart" for name in least.active if name not in ON_THE_WAY)
-    return task.answer(q, LINES, np.inf, ("the contact", *apart), least.modelled)
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
@@ -197,7 +158,7 @@ def straight(task: Task) -> Answer | None:
     for k in np.flatnonzero(met & (needs > 0.0)).tolist():
         pacing.check()
         normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
-        low[k], high[k], distance = nearer_than(needs[k], *_placed(task, (i, j)), along, low[k], high[k], normals[k])
+        low[k], high[k], distance = nearer_than(needs[k], *placed(task, (i, j)), along, low[k], high[k], normals[k])
         beside[k] = max(beside[k], distance - needs[k])
     met &= low <= high + slack
     blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
@@ -254,7 +215,7 @@ def translations(task: Task) -> Answer | None:
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
     shifts = task.motion.ways(task.movable.seed, task.static.seed)
-    walls, polytopes = dict[Parts, Rows](), dict[Parts, Array]()
+    walls, clearances = dict[Parts, Rows](), ForbiddenShifts(task)
     later = _touching(task, shifts)
     closings = dict[Parts, Rows]() if later else None
     stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
@@ -278,15 +239,15 @@ def translations(task: Task) -> Answer | None:
         if new:
             walls |= new
             continue
-        ahead, sharpened = _too_near(task, q, shifts), sharpened + 1
-        curved = curved or bool(ahead.keys() & polytopes)  # not at a facet moved out, where all is exact
-        for parts, place in ahead.items():
-            points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
-            wall = None if points is None else _outside(task, np.vstack([points, place]), shifts)
-            if points is None or wall is None:
+        known, sharpened = {*clearances.points}, sharpened + 1
+        grown = clearances.grow(q)
+        curved = curved or bool(grown & known)  # not at a facet moved out, where all is exact
+        for parts in grown:
+            wall = clearances.walls[parts]
+            if wall is None:
                 return None
-            polytopes[parts], walls[parts] = np.vstack([points, place]), wall
-        if not ahead:
+            walls[parts] = wall
+        if not grown:
             break
     q = np.clip(q, *task.limits.T)
     if not task.meets(q, DEFAULT.requirement):
@@ -301,57 +262,6 @@ def translations(task: Task) -> Answer | None:
             amount = polished.amount
             best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
     return best
-
-
-def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
-    """Return for each part pair that is nearer than its clearance the shift ahead at which it is not."""
-    gaps, ahead = task.pair_gaps(q), dict[Parts, Array]()
-    slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)
-    for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
-        way = task.way_between((i, j), q)
-        gap = task.pair_gaps(q, {(i, j): way})[i, j]
-        if (miss := task.needs[j] - gap) > slack:
-            ahead[i, j] = q @ shifts - miss * way / np.linalg.norm(way)
-    return ahead
-
-
-def _nearer(task: Task, parts: Parts) -> Array | None:
-    """Return shifts that bring two parts just as near as they may be: facets and corners moved out, (n, 3).
-
-    None where the parts are too large.
-    """
-    from scipy.spatial import ConvexHull
-
-    moved, other = _placed(task, parts)
-    if len(moved) * len(other) > MOST_DIFFERENCES:
-        return None
-    differences = (other[:, None] - moved[None]).reshape(-1, 3)
-    need = task.obstacles[parts[1]].need
-    hull = ConvexHull(differences)
-    outward, middles = hull.equations[:, :3], np.zeros_like(differences)
-    np.add.at(middles, hull.simplices, outward[:, None])  # within a corner's normal cone
-    middles[hull.vertices] /= np.linalg.norm(middles[hull.vertices], axis=1)[:, None]
-    facets = differences[hull.simplices] + need * outward[:, None]
-    return np.vstack([facets.reshape(-1, 3), (differences + need * middles)[hull.vertices]])
-
-
-def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
-    """Return the vertices of two parts as made, at rest, about s_2."""
-    one, obstacle, centre = task.movable.parts[parts[0]], task.obstacles[parts[1]], task.static.seed
-    moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
-    return moved, obstacle.placed(centre)
-
-
-def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
-    """Return the half-spaces outside the hull of points, (n, 3); None where no shift of the task crosses it."""
-    from scipy.spatial import ConvexHull
-
-    planes = ConvexHull(points).equations
-    lines = planes[:, :3] @ shifts.T / task.weights
-    flat = np.linalg.norm(lines, axis=1) <= DEFAULT.tie
-    if (planes[flat, 3] >= -DEFAULT.cut * task.size).any():
-        return None
-    return Rows(lines[~flat], -planes[~flat, 3] / task.size)
 
 
 def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:

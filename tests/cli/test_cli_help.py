@@ -291,3 +291,29 @@ def test_a_range_along_several_parameters_takes_the_motion_found(tmp_path: Path)
     refused = run("range", path)
     assert refused.exit_code == 2
     assert "solved without any motion; found 'none'; allowed: NAME=VALUE,... as TZ=1,TX=1" in refused.stderr
+
+
+def test_a_range_of_an_assembly_passed_a_third_part_and_a_keep_out_without_a_word(tmp_path: Path) -> None:
+    """A cube slides on a plate through a post, a part that it has no contact with, and then through a keep-out."""
+    part = '[[part]]\nname = "{}"\nvertices = {}\n'
+    boxes = {"plate": (-9, 9, -9, 9, -1, 0), "cube": (-1, 1, -1, 1, 0, 2), "post": (3, 4, -2, 2, 0.5, 9)}
+    text = "".join(part.format(name, corners(*ends)) for name, ends in boxes.items())
+    text = text.replace('name = "cube"', 'name = "cube"\nmotion = [{ translation = "x" }, { translation = "z" }]')
+    text += f'[[keep_out]]\nname = "rib"\nvertices = {corners(6, 7, -2, 2, 0.5, 9)}\n'
+    path = tmp_path / "a.toml"
+    path.write_text(text + '[[contact]]\nparts = ["cube", "plate"]\n[[case]]\nname = "as drawn"\n')
+    result = run("range", path, "--direction", "cube.TX=1")
+    assert result.exit_code == 0
+    said = flat(result.stdout)
+    assert "- cube - post: apart, from cube.TX 2 cube.TZ 0 overlapping, from cube.TX 5 cube.TZ 0 apart" in said
+    assert "- cube - rib: apart, from cube.TX 5 cube.TZ 0 overlapping, from cube.TX 8 cube.TZ 0 apart" in said
+
+
+def corners(*ends: float) -> list[list[float]]:
+    x, y, z = ends[:2], ends[2:4], ends[4:]
+    return [[a, b, c] for a in x for b in y for c in z]
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+

@@ -470,3 +470,26 @@ def test_more_than_two_meshes_are_told_where_assemblies_are_explained() -> None:
     refused = run("init", "a.stl", "b.stl", "c.stl")
     assert refused.exit_code == 2
     assert "two parts; how a file of more parts is written: docs/assemblies.md" in " ".join(refused.output.split())
+
+
+def test_facets_were_warned_of_where_none_of_them_touches(tmp_path: Path) -> None:
+    """A cube on a disc: seated on plane faces. Beside it the disc's rim is met, and how far it is off is told."""
+    disc = tmp_path / "disc.off"
+    trimesh.creation.cylinder(radius=10.0, height=4.0, sections=24).export(disc)
+    on = box(tmp_path / "on.off", (4.0, 4.0, 4.0), (0.0, 0.0, 4.0))
+    beside = box(tmp_path / "beside.off", (4.0, 4.0, 4.0), (12.5, 0.0, 0.0))
+    for movable, warned in ((on, False), (beside, True)):
+        made = draft(movable, disc, file=tmp_path / "p.toml")
+        assert any("gaps are known to" in line for line in made.summary) == warned
+        assert ("gaps are known to" in made.text) == warned
+
+
+def test_an_octagon_was_taken_for_a_cylinder_and_its_flats_were_offered_as_no_sizes(tmp_path: Path) -> None:
+    """One limit for names and for errors of facets: from twelve a turn on they stand for a circle."""
+    plate = box(tmp_path / "plate.off", (40.0, 40.0, 4.0), (0.0, 0.0, -4.0))
+    for sections, rounded in ((8, False), (11, False), (12, True)):
+        bar = tmp_path / "bar.off"
+        trimesh.creation.cylinder(radius=8.0, height=4.0, sections=sections).export(bar)
+        text = draft(bar, plate, file=tmp_path / "p.toml").text
+        assert ("cylinder radius 8" in text) == rounded
+        assert ("(0.9239, 0.3827, 0) and (-0.9239, -0.3827, 0)" in text) == (sections == 8)

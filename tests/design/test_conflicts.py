@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import replace
 from functools import cache
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -26,7 +27,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
 
 CASES = Path(__file__).parents[1] / "cases"
-X, Y = Translation("x"), Translation("y")
+X, Y, Z = (Translation(axis) for axis in "xyz")
 
 
 WALL = box((5, -10, -1), (6, 10, 1), "wall")  # touched along x at TX = 4 and TX = 7, beside it for |TY| >= 11
@@ -470,3 +471,39 @@ def test_parts_that_do_not_fit_were_said_to_clash_with_nothing():
     assert solve(asked).status is Status.OUTSIDE_FIT
     found = conflicts(asked)
     assert [(clash.names, clash.status) for clash in found.clashes] == [((), Status.OUTSIDE_FIT)]
+
+
+STAIRS = Body.from_parts(
+    [[*product((-2, 0), (-1, 1), (-1, 0))], [*product((0, 2), (-1, 1), (-1, 1))]], seed=(0, 0, -1), name="stairs"
+)
+BLOCK = Body.from_parts(
+    [[*product((-2, 2), (-1, 1), (1, 2))], [*product((-2, 0), (-1, 1), (0, 1))]], seed=(0, 0, 2), name="block"
+)
+
+
+def test_contacts_that_clash_were_named_without_the_steps_and_sizes_that_do_not_go_together():
+    """A block with a step 1 deep on stairs 1 high, as made 1.02 and .98; then with a tread higher by .05."""
+    asked = {"nominal": "drawn", "goal": "seat", "contacts": "all", "motion": Z}
+    found = conflicts(Problem(BLOCK, STAIRS, tolerance=0.02, requirement="B", **asked), relax=False, deviation=False)
+    assert str(found).startswith("do not go together: 1.02 of block between its ")
+    assert "0.98 of stairs between its " in str(found)
+    sizes = [
+        Size("tread", "static", faces={"through": (1, 0, 1)}, tolerance=0.1),
+        Size("thick", "movable", faces="+z", tolerance=0.1),  # the top of the block, which meets nothing
+    ]
+    made = {"tread": 0.05, "thick": 0.02}
+    found = conflicts(Problem(BLOCK, STAIRS, sizes=sizes, made=made, **asked), relax=False, deviation=False)
+    assert [clash.sizes for clash in found.clashes] == [("tread",)]
+    assert ", of sizes tread (proved)" in str(found)
+    assert found.to_dict()["clashes"][0]["sizes"] == ["tread"]
+
+
+def test_a_relaxation_went_through_a_bar_without_a_word():
+    bar = KeepOut(box((2.5, -3, -3), (3, 3, 3), "bar"))
+    it, stop = box((-1, -1, -1), (1, 1, 1), "it"), box((5.5, -1, -1), (7.5, 1, 1), "stop")
+    asked = {"target": (1.0, 1.0), "goal": "touch", "motion": X, "limits": {"TX": (0, 1)}}
+    (found,) = conflicts(Problem(it, stop, **asked, keep_out=[bar]), deviation=False).relaxations
+    assert found.by == pytest.approx(3.5)
+    assert found.note == "straight there it goes through bar"
+    (found,) = conflicts(Problem(it, stop, **asked), deviation=False).relaxations
+    assert found.note == ""

@@ -362,3 +362,25 @@ def test_free_with_all_but_one_parameter_locked_is_that_parameter(amount):
         one, six = usable(asked), usable(asked.changed(motion=Free(), limits=locked))
         assert six.amount == pytest.approx(one.amount, rel=1e-7)
         assert [six.parameters[key] for key in locked] == [0.0] * 5
+
+
+@pytest.mark.parametrize(
+    ("motion", "amount", "least"),
+    [
+        (X >> Z, sym("TX") ** 2 + 2 * sym("TZ") ** 2, 0.035**2 + 2 * 0.015**2),
+        (X >> Z, casadi.fabs(sym("TX")) + 2 * casadi.fabs(sym("TZ")), 0.035 + 2 * 0.015),
+        (X >> Z >> Rotation("y"), sym("TX") ** 2 + sym("TZ") ** 2 + sym("RY") ** 2, 0.035**2 + 0.015**2),
+        (X >> Z >> Rotation("y"), sym("TX") ** 2, 0.0),  # any turn is free, and a whole one restores the contacts again
+    ],
+)
+def test_the_bound_of_an_own_amount_was_0_or_in_units_of_another_one(motion, amount, least):
+    """A block in a corner, which one motion restores; beyond the boxes that hold no other one nothing costs less."""
+    block = Body.convex([*product((-1, 1), (-1, 1), (0, 1))], seed=(0, 0, 3 / 7), name="block")
+    parts = [[*product((-9, 9), (-9, 9), (-1, 0))], [*product((-9, -1), (-9, 9), (0, 5))]]
+    corner = Body.from_parts(parts, seed=(0, 0, 0), name="corner")
+    asked = {"nominal": "drawn", "goal": "at", "contacts": "all", "path": "free", "target": (1.035, 1.0)}
+    solution = solve(Problem(block, corner, **asked, motion=motion, amount=amount), certify=True)
+    assert solution.usable
+    assert solution.amount == pytest.approx(0.035**2 if least == 0.0 else least, rel=1e-9)
+    assert solution.lower_bound == pytest.approx(least, rel=1e-9)
+    assert verify(solution, proof=True).passed

@@ -10,6 +10,7 @@ from math import atan, atan2, cos, hypot, sin, sqrt
 from pathlib import Path
 from types import SimpleNamespace
 
+import casadi
 import numpy as np
 import pytest
 import trimesh
@@ -262,7 +263,7 @@ def test_what_touches_and_what_is_clear_in_a_loop() -> None:
     assert found(solution)["beam"] == pytest.approx([0.06], abs=1e-12)
     assert solution.lower_bound == pytest.approx(0.06, rel=1e-9)
     kept = [*one[:3], {"parts": ("beam", "right"), "goal": "clear", "clearance": 0.25}]
-    assert fo.solve_assembly(fo.Assembly(asked.parts, kept, **more)).status is Status.NOT_FOUND  # told, not proved
+    assert fo.solve_assembly(fo.Assembly(asked.parts, kept, **more)).status is Status.INFEASIBLE
     assert fo.solve_assembly(asked).status is Status.INFEASIBLE
     assert not fo.solve_assembly(asked).usable
 
@@ -374,6 +375,56 @@ def test_nothing_to_do_is_said() -> None:
     assert solution.amount == 0.0
 
 
+# ------------------------------------------------------------------------- amounts, letters and corners of its own
+
+
+@pytest.mark.parametrize("root", [False, True])
+def test_an_assembly_took_no_amount_of_ones_own(root) -> None:
+    """Squares of parameters, each at its own price, and their root: the least of the equations at other weights."""
+    costs, (rows, gaps) = np.array([1.0, 4.0, 9.0, 1.0, 25.0, 0.25]), levels()
+    asked = wedges(X >> Z, X >> Z, scales=MADE)
+    names = [own.name for own in asked.coordinates]
+    amount = sum(cost * casadi.SX.sym(name) ** 2 for cost, name in zip(costs, names, strict=True))
+    asked = asked.changed(amount=casadi.sqrt(amount) if root else amount)
+    solution = fo.solve(fo.Assembly.from_dict(json.loads(json.dumps(asked.to_dict()))), certify=True)
+    w = np.sqrt(costs)
+    least = np.linalg.pinv(rows / w) @ gaps / w
+    assert solution.usable
+    assert flat(solution) == pytest.approx(least, abs=1e-9)
+    assert solution.amount == pytest.approx(np.linalg.norm(w * least) ** (1 if root else 2), rel=1e-9)
+    assert fo.verify(fo.AssemblySolution.from_dict(json.loads(json.dumps(solution.to_dict())))).passed
+    assert not fo.verify(replace(solution, amount=0.9 * solution.amount)).passed
+
+
+def test_an_own_amount_of_the_one_motion_of_a_loop_that_turns_is_proved() -> None:
+    asked = bridge({"left": 1.02, "right": 0.98}, Z >> fo.Rotation("y"))
+    amount = sum(casadi.SX.sym(own.name) ** 2 for own in asked.coordinates)
+    solution = fo.solve(asked.changed(amount=amount), certify=True)
+    assert solution.usable
+    assert flat(solution) == pytest.approx(flat(fo.solve(asked)), abs=1e-12)
+    assert solution.lower_bound == pytest.approx(float(np.square(flat(solution)).sum()), rel=1e-12)
+    assert fo.verify(solution, proof=True).passed
+    assert not fo.verify(replace(solution, lower_bound=1.01 * solution.lower_bound), proof=True).passed
+
+
+def test_a_letter_says_which_way_parts_are_off() -> None:
+    """First those that move, then the fixed ones."""
+    for letter, signs in {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}.items():
+        asked = PLATES.changed(scales=None, requirement=letter, tolerance={"base": 0.01, "plate 2": 0.02})
+        assert asked.scales == {"base": 1 + 0.01 * signs[1], "plate 1": 1.0, "plate 2": 1 + 0.02 * signs[0]}
+        assert asked.changed(scales={"base": 1.1}).scales["base"] == 1.1
+
+
+def test_the_worst_sizes_of_an_assembly_are_those_of_its_contacts() -> None:
+    """A plate on another: the gap between is least where the lower one is thicker and the upper one goes deeper."""
+    thick = fo.Size("thick", "plate 1", faces="+z", tolerance=(-0.1, 0.2))
+    deep = fo.Size("deep", "plate 2", faces="-z", tolerance=(-0.3, 0.05))
+    asked = stack(2, [1.0, 1.0, 1.0], sizes=[thick, deep])
+    assert asked.changed(made="worst").made == pytest.approx({"thick": 0.2, "deep": 0.05})
+    assert asked.changed(made="loosest").made == pytest.approx({"thick": -0.1, "deep": -0.3})
+    assert fo.solve(asked.changed(made="worst")).amount == pytest.approx(0.25)
+
+
 # -------------------------------------------------------------------------------------------------------------- refused
 
 
@@ -407,7 +458,15 @@ PLATES = stack(2, SCALES)
         ({"weights": {"base": 1.0}}, "weights.base"),
         ({"limits": {"plate 1": {"TX": (0, 1)}}}, "limits.plate 1.TX"),
         ({"limits": {"plate 1": {"TZ": (1, 0)}}}, "limits.plate 1.TZ"),
-        ({"made": "worst"}, "made"),
+        ({"made": "worst"}, "sizes"),
+        ({"made": "best"}, "made"),
+        ({"requirement": "A"}, "requirement"),
+        ({"requirement": "E", "tolerance": 0.02}, "requirement"),
+        ({"requirement": "A", "tolerance": 0.02, "scales": {"base": 1.1}}, "requirement"),
+        ({"requirement": "A", "tolerance": 2}, "tolerance"),
+        ({"requirement": "A", "tolerance": {"lid": 0.02}}, "tolerance.lid"),
+        ({"amount": "displacement"}, "amount"),
+        ({"amount": casadi.SX.sym("TZ") ** 2}, "amount"),
         ({"made": {"width": 0.1}}, "made.width"),
         ({"sizes": [fo.Size("width", body="movable", scale="x")]}, "size 'width'.body"),
     ],
@@ -800,14 +859,27 @@ def test_an_assembly_took_no_keep_outs(keep_out, beside, questions) -> None:
     assert len(solution.stages) == questions
     for part, own in solution.parameters.items():
         assert [*own.values()] == pytest.approx([beside[part], rises[part]], abs=1e-9)
-    if not any(own.clearance for own in keep_out):  # corners may pass one another nearer than along facets
-        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
     assert solution.keep_out_gaps["plate 1", keep_out[0].name] >= keep_out[0].clearance - 1e-9
     read = fo.AssemblySolution.from_dict(json.loads(json.dumps(solution.to_dict())))
     assert fo.verify(read).passed
     unasked = fo.solve(posts())
     forged = fo.verify(replace(unasked, assembly=assembly)).failed
     assert any(check.name.endswith(f"keep-out '{keep_out[0].name}': clearance") for check in forged)
+
+
+def test_keep_outs_of_a_part_that_labels_name_second_were_in_no_question() -> None:
+    """Labels say that the fixed part is body 1: what moves is asked about keep-outs the other way round."""
+    asked = stack(1, [1.02, 1.0], keep_out=[HIGH])
+    turned = fo.Problem(asked.parts["base"], asked.parts["plate 1"], goal="at", contacts="all", target=(1, 1), motion=Z)
+    labels = [contact.label for contact in turned.contacts]
+    other = asked.changed(contacts=[{"parts": ("base", "plate 1"), "contacts": labels}])
+    assert {pair: len(own.keep_out) for pair, own in other.questions.items()} == {
+        ("base", "plate 1"): 0, ("plate 1", "base"): 1,
+    }  # fmt: skip
+    assert fo.solve(other).amount == pytest.approx(fo.solve(asked).amount)
+    gaps = [fo.best_pose(own, box=(0.98, 1.02), effort=100).worst_gap for own in (asked, other)]
+    assert gaps[0] == pytest.approx(gaps[1])
 
 
 @pytest.mark.parametrize("kept", ["exact", "surface"])

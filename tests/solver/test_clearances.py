@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -135,3 +136,104 @@ def test_unions_among_keep_outs_keep_clearances_as_the_march_finds_them():
         assert marched is not None
         assert exact.amount == pytest.approx(marched.amount, abs=1e-9)
         assert exact.lower_bound == exact.amount >= marched.lower_bound - 1e-9
+
+
+# ------------------------------------------------------------------------------ of contacts, where several are restored
+
+X, Y, Z = (fo.Translation(axis) for axis in "xyz")
+
+
+@pytest.mark.parametrize("limits", [(-25.0, 25.0), (-20.3, 20.3), (-20.1, 20.1)])
+def test_a_part_carried_past_a_corner_was_kept_off_by_its_faces(limits):
+    """A roof over two blocks as they rise: 20.5 sideways was taken for the least, and 20.3 for too little room.
+
+    Where the top of the upper block ends .05 below the roof's, its edge is .5 away once it is sqrt(.5^2 - .45^2) past.
+    """
+    parts = [
+        box((-30, -30, -10), (30, 30, 0), "base"),
+        box((-15, -15, 0), (15, 15, 20), "block"),
+        box((-10, -10, 20), (10, 10, 32), "top"),
+    ]
+    made = {"base height": 0.3, "block height": 0.1, "top height": 0.15}
+    sizes = [fo.Size(name, name.split()[0], faces=["+z"], tolerance=0.5) for name in made]
+    roof = fo.KeepOut(box((-10, -10, 33), (10, 10, 40), "roof"), clearance=0.5)
+    asked = fo.Assembly(
+        parts, [("block", "base"), ("top", "block")], sizes, {"block": Z >> X, "top": Z},
+        made=made, limits={"block": {"TX": limits}}, keep_out=[roof],
+    )  # fmt: skip
+    solution, aside = fo.solve(asked), 20.0 + math.sqrt(0.5**2 - 0.45**2)
+    if limits[1] < aside:
+        assert solution.status is Status.INFEASIBLE
+        return
+    assert solution.usable
+    assert solution.amount == pytest.approx(math.hypot(0.3, 0.1, aside), rel=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
+
+
+@pytest.mark.parametrize("goal", ["seat", "fit", "an assembly"])
+@pytest.mark.parametrize(
+    ("off", "least"),
+    [([(0.1, 0.1)], 0.3 - math.hypot(0.1, 0.1)), ([(0.1, 0.15), (0.1, -0.15)], math.sqrt(0.0675) - 0.1)],
+)
+def test_corners_of_keep_outs_are_passed_as_near_as_is_asked(goal, off, least):
+    """A block slides on a floor, away from the corner of a post so far off, or back from those of two."""
+    posts = list[fo.KeepOut]()
+    for k, (x, y) in enumerate(off):
+        low, high = ((y + 1.0, 3.0) if y > 0.0 else (-3.0, y - 1.0))
+        posts.append(fo.KeepOut(box((1.0 + x, low, 0.2), (3.0, high, 3.0), f"post {k}"), clearance=0.3))
+    parts = [box((-1, -1, 0), (1, 1, 1), "block"), box((-9, -9, -1), (9, 9, 0), "floor")]
+    if goal == "an assembly":
+        asked = fo.Assembly(parts, [("block", "floor")], motions={"block": X >> Y >> Z}, keep_out=posts)
+    else:
+        given = {"target": (1.0, 1.0), "nominal": "drawn", "contacts": "all", "goal": goal}
+        asked = fo.Problem(*parts, **given, motion=X >> Y >> Z, keep_out=posts)
+    solution = fo.solve(asked)
+    assert solution.usable, solution.certificate
+    assert solution.amount == pytest.approx(least, rel=1e-8)
+    assert solution.lower_bound == pytest.approx(least, rel=1e-8)
+
+
+def test_corners_of_two_parts_that_both_move_keep_their_distance():
+    """Each makes way by half of it; a cap of a ball, which polytopes within only come near to."""
+    off, clearance = np.array([0.02, 0.1, 0.15]), 0.4
+    parts = [box((-9, -9, -9), (9, 9, -8), "base"), box((0, 0, 0), (1, 1, 1), "one"), box(1.0 + off, 2.0 + off, "two")]
+    contacts = [{"parts": ("one", "base"), "goal": "clear"}]
+    contacts += [{"parts": ("one", "two"), "goal": "clear", "clearance": clearance}]
+    follows = {"one": "base", "two": "base"}
+    solution = fo.solve(fo.Assembly(parts, contacts, motions=dict.fromkeys(follows, X >> Y >> Z), follows=follows))
+    least = (clearance - float(np.linalg.norm(off))) / math.sqrt(2.0)
+    assert solution.usable
+    assert solution.amount == pytest.approx(least, rel=1e-9)
+    assert least * (1.0 - 1e-6) <= solution.lower_bound <= least * (1.0 + 1e-9)
+
+
+def test_a_block_that_may_turn_either_way_past_a_corner_went_to_and_fro_between_the_two():
+    """No motion was found. Turned by an angle it is away from the post's corner along a line: the least over angles."""
+    post = fo.KeepOut(box((1.1, 1.1, 0.2), (3.0, 3.0, 3.0), "post"), clearance=0.3)
+    parts = [box((-1, -1, 0), (1, 1, 1), "block", seed=(0, 0, 0)), box((-9, -9, -1), (9, 9, 0), "floor")]
+    solution = fo.solve(
+        fo.Problem(
+            *parts, target=(1.0, 1.0), nominal="drawn", goal="seat", contacts="all",
+            motion=X >> Y >> Z >> fo.Rotation("z"), keep_out=[post],
+        )
+    )  # fmt: skip
+    angles = np.linspace(0.0, 0.2, 200_001)
+    seen = 1.1 * np.array([np.cos(angles) + np.sin(angles), np.cos(angles) - np.sin(angles)])  # from the block
+    shifts, length = 0.3 - np.hypot(*np.maximum(seen - 1.0, 0.0)), math.hypot(2, 2, 1) / 2.0
+    assert solution.usable
+    assert solution.amount == pytest.approx(np.hypot(shifts, length * angles).min(), rel=1e-7)
+
+
+def test_a_fit_that_a_keep_out_holds_open_was_refused_by_the_judge():
+    """A block on a floor, over a rib .05 high that is to be .05 away: open by .1, and a motion of more is refused."""
+    rib = fo.KeepOut(box((-0.5, -0.5, 0.02), (0.5, 0.5, 0.05), "rib"), clearance=0.05)
+    parts = [box((-1, -1, 0), (1, 1, 1), "block"), box((-9, -9, -1), (9, 9, 0), "floor")]
+    given = {"target": (1.0, 1.0), "nominal": "drawn", "contacts": "all", "goal": "fit", "motion": Z}
+    solution = fo.solve(fo.Problem(*parts, **given, keep_out=[rib]))
+    assert solution.usable, solution.certificate
+    assert solution.amount == pytest.approx(0.1)
+    T = np.array(solution.transform)
+    T[2, 3] += 0.05
+    amount = dict.fromkeys(("amount", "amount_low", "amount_high"), solution.amount + 0.05)
+    worse = replace(solution, transform=T, parameters={"TZ": 0.15}, pair_gap=0.15, **amount)
+    assert "largest gap least" in {check.name for check in fo.verify(worse).failed}

@@ -29,7 +29,7 @@ PACKAGES = {
     "judge": {"proof", "problem", "curve", "geometry"},
     "assembling": {"judge", "stages", "model", "problem", "geometry"},
     "solver": {"assembling", "judge", "stages", "model", "problem"},
-    "drafting": {"solver", "problem", "motion", "curve", "geometry"},
+    "drafting": {"solver", "model", "problem", "motion", "curve", "geometry"},
     "design": {"solver", "judge", "along", "stages", "proof", "model", "problem", "motion", "curve", "geometry"},
     "show": {"design", "solver", "judge", "along", "model", "problem", "curve", "geometry"},
     "cli": {"show", "design", "drafting", "solver", "judge", "along", "problem"},

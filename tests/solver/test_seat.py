@@ -678,8 +678,8 @@ def test_a_corner_kept_clear_of_beside_a_face_was_left_to_the_nonlinear_program(
     solution = solve(asked)
     least = np.hypot(14.0 - 15.0 * 0.99 - np.sqrt(0.5**2 - 0.44**2), 0.12)
     assert solution.usable
-    assert solution.amount == pytest.approx(least, rel=1e-12)
-    assert solution.lower_bound == pytest.approx(least, rel=1e-12)
+    assert solution.amount == pytest.approx(least, rel=1e-11)
+    assert solution.lower_bound == pytest.approx(least, rel=1e-11)
     assert solution.stage.startswith("1:")
 
 

@@ -150,6 +150,7 @@ def _assembly(parts: dict[str, fo.Body], contacts: Any, motions: Any, **given: A
 
 FLOOR = box((-5, -5, -1), (5, 5, 0), "floor", seed=(0, 0, -0.5))
 LOWER, UPPER = (box((-1, -1, k), (1, 1, k + 1), name) for k, name in enumerate(("lower", "upper")))
+LAMP = box((-1, -1, 2.05), (1, 1, 3), "lamp")
 LEFT, RIGHT = (box((k - 1, 0, 0), (k, 1, 1), name) for k, name in enumerate(("left", "right")))
 
 
@@ -287,6 +288,21 @@ SCENES = {
         ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(-10 / 11, 1.0),  # until the left one, an eleventh of its size, is beside the floor; over the other
         touches=(-2.01, -1.01, 0.01, 1.01),
+        worst=0.01,
+    ),
+    "chain, keep-outs": Scene(  # above, where the upper part is not to come
+        ask=_chain(as_drawn, keep_out=(LAMP,)), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off,
+        direction="lower.TZ",
+        range=(-1.0, inf),
+        touches=(-3.01, -2.01, -0.99, 0.01),
+        worst=0.01,
+    ),
+    "chain, own amount": Scene(
+        ask=_chain(as_drawn, amount=100 * (casadi.SX.sym("lower.TZ") ** 2 + casadi.SX.sym("upper.TZ") ** 2)),
+        amount=lambda d, _: 200 * d**2, of_moving=lambda d, e: 100 * _chain_off(d, e) ** 2,
+        direction="lower.TZ",
+        range=(-1.0, inf),
+        touches=(-3.01, -2.01, -0.99, 0.01),
         worst=0.01,
     ),
     # to the first contacts of each pair

@@ -18,7 +18,7 @@ from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.geometry.solids import contains
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.judge.sampled_sizes import GapClaims
-from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.tolerances import DEFAULT
@@ -296,10 +296,9 @@ def _kept_clear(
     """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
     asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]
     if isinstance(question, Assembly):
-        asked = [(pair, relation, True) for pair, relation in question.questions.items() if relation.goal == "clear"]
-        for part in question.motions if question.keep_out else ():
-            clear = JoinedPair(part, question.follows[question.chain(part)[0]], CLEAR)
-            asked.append((clear[:2], question.problem(clear, tuple(question.motions)), False))
+        every = question.questions  # the two parts of a contact may be asked about keep-outs the other way round
+        clear = {own: it for own, it in every.items() if it.goal == "clear" and own[::-1] not in every}
+        asked += [(pair, relation, True) for pair, relation in clear.items()]
     for pair, relation, partner in asked:
         whose = columns_of(pair, relation, names, own=own)
         drawn = relation.request if own else vars(relation)

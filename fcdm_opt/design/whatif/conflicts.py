@@ -11,7 +11,7 @@ from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, T
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.fit import verdict
+from fcdm_opt.problem.fit import unlike_steps, verdict
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 
@@ -56,12 +56,13 @@ class Conflicts(Plain):
     seconds: float
 
     def __str__(self) -> str:
-        lines = list(filter(None, (verdict(self.problem),)))  # what `solve` says of it
+        lines = list(filter(None, (verdict(self.problem) or unlike_steps(self.problem),)))  # what `solve` says of it
         for clash in self.clashes:
             what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else f"none found: {clash.status.name}"
-            lines.append(f"{what} ({'proved' if clash.proved else found})")
+            sizes = f", of sizes {', '.join(clash.sizes)}" if clash.sizes else ""
+            lines.append(f"{what}{sizes} ({'proved' if clash.proved else found})")
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
         lines += [f"relax {one}" for one in self.relaxations]

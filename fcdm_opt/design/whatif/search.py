@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
 from fcdm_opt.design.whatif.fitting import narrowed
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.assembly import Assembly
@@ -53,11 +54,15 @@ class Clash(Plain):
         Whether it is proved that no motion keeps them; otherwise none was found.
     status : Status
         How the solve with these alone ended.
+    sizes : tuple of str
+        The sizes made that are off drawn, with which it is so: each that would undo it as drawn, or, where none would
+        without others, all.
     """
 
     names: tuple[str, ...]
     proved: bool
     status: Status
+    sizes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -238,8 +243,16 @@ class ClashSearch:
             status = self.alone(names).status
             listed = [self.chosen[max(parts, key=len)] for chain in self.chains
                       if (parts := [level for level in chain if level <= names])]  # fmt: skip
-            made.append(Clash(names=tuple(listed), proved=status is Status.INFEASIBLE, status=status))
+            proved, sizes = status is Status.INFEASIBLE, self._sizes(names)
+            made.append(Clash(names=tuple(listed), proved=proved, status=status, sizes=sizes))
         return made
+
+    def _sizes(self, names: Names) -> tuple[str, ...]:
+        """Return the sizes made with which some constraints clash, see `Clash`."""
+        off = [size.name for size in self.problem.sizes if (self.problem.made or {}).get(size.name)]
+        kept = without(self.problem, self.names - names)
+        undone = [name for name in off if self.meets(solve(kept.with_sizes({name: 0.0}), effort="quick"))]
+        return tuple(undone or off)
 
     def certified(self, clash: Clash) -> Clash:
         """Return a clash with a proof where branch and bound has one."""
@@ -250,6 +263,13 @@ class ClashSearch:
         return replace(clash, proved=status is Status.INFEASIBLE, status=status)
 
     def least_relaxation(self, constraint: Constraint) -> LeastRelaxation:
+        """Return the least relaxation of a constraint, all others kept, with what the motion then goes through."""
+        found = self._relaxation(constraint)
+        passed = gone_through(found.solution) if found.solution is not None and found.solution.usable else []
+        notes = (f"straight there {one} goes through {other}" for one, other in passed)
+        return replace(found, note="; ".join(filter(None, (found.note, *notes))))
+
+    def _relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept."""
         name = constraint.name
         others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
@@ -367,7 +387,8 @@ class ClashSearch:
         if isinstance(bare, Assembly):
             motions = dict.fromkeys(bare.motions, Free())
             if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
-                yield Trial(change="all motions Free()", solution=self.solved(bare.changed(motions=motions)))
+                free = bare.changed(motions=motions, amount="weighted")
+                yield Trial(change="all motions Free()", solution=self.solved(free))
             return
         given = {"weights": None, "published": None, "amount": "weighted"}
         if self.problem.motion.parameters != Free().parameters:
