@@ -19,6 +19,9 @@ DULL = 0.62
 STEP = 2.0
 """Pixels between two places of a line that are looked at."""
 
+SAMPLES = 20
+"""Points of a line that are looked at to tell how much of it is seen."""
+
 ROOMY = 0.95
 """Of the greatest distance to an outline: places so far from it are as good as any."""
 
@@ -61,20 +64,20 @@ class Raster:
         """How long a pixel is."""
         return 1.0 / self._scale
 
-    def fill(self, polygons: Sequence[Array], colour: str, owner: int) -> None:
-        """Draw convex polygons, (k, 3) each, where nothing is nearer."""
+    def fill(self, polygons: Sequence[Array], colour: str, owner: int, *, white: float = TINT) -> None:
+        """Draw convex polygons, (k, 3) each, where nothing is nearer, their colour mixed with so much white."""
         from matplotlib.colors import to_rgb
 
         if not polygons:
             return
         starts = np.cumsum([0, *map(len, polygons)])
-        corners, tint = np.concatenate(polygons), TINT + (1.0 - TINT) * np.array(to_rgb(colour))
+        corners, tint = np.concatenate(polygons), white + (1.0 - white) * np.array(to_rgb(colour))
         frame = np.column_stack([self._page, self._toward])
         placed = corners @ frame
         placed[:, :2] = (placed[:, :2] - self._low) * self._scale
         fill_pixels(placed, starts, self._scale, tint, owner, self._depth, self._owner, self._colour)
 
-    def visible(self, ends: Array) -> list[Array]:
+    def visible(self, ends: Array | Sequence[Array]) -> list[Array]:
         """Return the pieces of straight lines (m, 2, 3) that no surface hides, on the page, (2, 2) each."""
         from scipy.ndimage import minimum_filter
 
@@ -88,6 +91,15 @@ class Raster:
             stops = np.flatnonzero(seen & ~np.r_[seen[1:], False])
             found += [places[[a, b]] for a, b in zip(starts, stops, strict=True) if b > a]
         return found
+
+    def share_seen(self, ends: Array) -> float:
+        """Return the share of straight lines (m, 2, 3), or of points, that no surface hides."""
+        from scipy.ndimage import minimum_filter
+
+        shares = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
+        points = (ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])).reshape(-1, 3)
+        long = np.linalg.norm((ends[:, 1] - ends[:, 0]) @ self._page, axis=1) + self.pixel
+        return float(np.average(self._seen(points, minimum_filter(self._depth, 3)), weights=np.tile(long, SAMPLES)))
 
     def _seen(self, points: Array, behind: Array) -> Flags:
         """Tell which points (m, 3) no surface hides, by depths to compare with."""

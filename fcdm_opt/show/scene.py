@@ -20,9 +20,9 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import normals_of_faces
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
-from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
+from fcdm_opt.show.lettering import Names, Sheet, clipped, fitted, literal
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Touching, draw_section
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section
 from fcdm_opt.show.texts import shortened
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
@@ -35,6 +35,9 @@ keep from the edge of its area, for arrows."""
 WIDE = 3.1
 """Inches across of a scene in a report: words of it can be read on a phone."""
 
+DIRECTIONS = ((0.0, 0.7), (0.0, 0.65)), ((0.7, 1.4), (0.0, 0.36))
+"""Inches across and up: where the world's directions are in their corner, and the bar of known length."""
+
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
 
@@ -46,6 +49,12 @@ COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
 
 MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
 """Corners that can be numbered legibly, contacts that are numbered and told, letters of a body's name in the legend."""
+
+LEAST_CONTACT, OPENED = 0.4, 0.45
+"""Share of the outline of what touches that is to be seen, else bodies are cut open; white in the colour of cuts."""
+
+CUT_OPEN = "cut open {}; thin lines: what is cut away"
+"""What the key says then."""
 
 LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
@@ -151,9 +160,10 @@ def scene_pieces(
     shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * WIDE + MARGIN, LEAST, WIDE))
-    sheet = Sheet.of(WIDE, height + FOOT)
-    axes = draw_scene(sheet, (0.0, FOOT, WIDE, height), shown, contacts=contacts, moved=moved)
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
+    foot = _foot_below(shown, moved, np.array([WIDE, height]))
+    sheet = Sheet.of(WIDE, height + foot)
+    axes = draw_scene(sheet, (0.0, foot, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
     facings = []
@@ -164,6 +174,20 @@ def scene_pieces(
     facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
     key = tuple(axes.get_legend_handles_labels()[1])
     return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing)
+
+
+def _foot_below(shown: ShownPair, moved: ArrayLike | None, size: Array) -> float:
+    """Return how much room a scene of a size (inches) needs below it for the world's directions, at most `FOOT`."""
+    from scipy.spatial import ConvexHull
+
+    old = shown.before(moved)[0] if moved is not None else None
+    flat = np.vstack([shown.points, *([] if old is None else [old.vertices])]) @ page_directions(*shown.view)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    flat = (flat - (low + high) / 2.0) * ((size - MARGIN) / (high - low)).min() + size / 2.0
+    outline = flat[ConvexHull(flat).simplices]
+    feet = (foot for foot in np.linspace(0.0, FOOT, 12).tolist()
+            if not any(clipped(outline + np.array([0.0, foot]), box)[1].any() for box in DIRECTIONS))  # fmt: skip
+    return next(feet, FOOT)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
@@ -215,7 +239,7 @@ def parts_figure(
     axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
     colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
     labels = [shortened(name, LONGEST_NAME) for name in names]
-    raster = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
+    raster, _ = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
     places, page = raster.roomiest(), page_directions(*shown.view)
     for k, way in enumerate(ways):
         flat = way @ page
@@ -342,12 +366,12 @@ def draw_scene(
         (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
         *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
     ]
-    raster = _draw_solids(axes, shown, named)
+    raster, cut = _draw_solids(axes, shown, named, contacts, moved)
     if old is not None:
-        _draw_old(axes, raster, shown, old, times)
+        _draw_old(axes, raster, shown, old, times, cut)
         _draw_arrow(axes, raster, shown, old, said)
     if contacts:
-        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact")
+        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact", cut)
     if numbered:
         _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
@@ -366,7 +390,7 @@ def draw_numbered(
     """
     body, page = shown.bodies[0], page_directions(*shown.view)
     axes = _axes_for(sheet, area, shown)
-    raster = _draw_solids(axes, shown, [(body, colour, "")])
+    raster, _ = _draw_solids(axes, shown, [(body, colour, "")])
     every = [*dict.fromkeys(numbers.values())]
     faces = raster.empty()
     for face, number in numbers.items():
@@ -383,38 +407,95 @@ def draw_numbered(
     return axes, written
 
 
-def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:
-    """Draw bodies shaded, with the edges that can be seen; return the picture, to ask what is hidden."""
+def _draw_solids(
+    axes: Any,
+    shown: ShownPair,
+    bodies: Sequence[tuple[Body, str, str]],
+    contacts: Sequence[Touching] = (),
+    moved: ArrayLike | None = None,
+) -> tuple[Raster, Cut | None]:
+    """Draw bodies shaded, with the edges that can be seen, cut open where they would hide what touches.
+
+    Returns the picture, to ask what is hidden, and where the bodies are cut.
+    """
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
+    raster = _raster_of(axes, page)
+    solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
+    for k, (polygons, *_) in enumerate(solids):
+        raster.fill(polygons, bodies[k][1], k)
+    cut = None
+    if contacts and raster.share_seen(_outlines(contacts)) < LEAST_CONTACT:
+        cut, whole, raster = Cut.through(contacts, moved, page), raster, raster.empty()
+        gone = cut.turned.behind([edge for _, edges, _ in solids for edge in edges])
+        away = {"colors": GREY, "linewidths": 0.5, "alpha": 0.6}
+        axes.add_collection(LineCollection(_joined(whole.visible(gone), 1.0), zorder=2.5, **away))
+        solids = [_cut_open(body, cut) for body, *_ in bodies]
+        for k, (polygons, _, opened) in enumerate(solids):
+            raster.fill(polygons, bodies[k][1], k)
+            raster.fill(opened, bodies[k][1], k, white=OPENED)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    inches = axes.get_position().width * axes.figure.get_figwidth()
-    raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
-    for k, (body, colour, _) in enumerate(bodies):
-        raster.fill(own_polygons(body), colour, k)
     axes.imshow(raster.image, extent=(left, right, bottom, top), origin="lower", zorder=1, aspect="auto")
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    for body, colour, label in bodies:
-        seen = raster.visible(sharp_edges(body))
-        axes.add_collection(LineCollection(seen, colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
+    for (_, colour, label), (_, edges, _) in zip(bodies, solids, strict=True):
+        axes.add_collection(LineCollection(raster.visible(edges), colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
         if label:
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
-    return raster
+    if cut is not None:
+        where = "at the contact" if contacts[0].across is None else OVERLAP
+        axes.plot([], [], color=GREY, linewidth=0.6, label=CUT_OPEN.format(where))
+    return raster, cut
 
 
-def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float) -> None:
+def _raster_of(axes: Any, page: Array) -> Raster:
+    """Return an empty picture that fills axes."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    inches = axes.get_position().width * axes.figure.get_figwidth()
+    return Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
+
+
+def _outlines(contacts: Sequence[Touching]) -> Array:
+    """Return lines round what touches (m, 2, 3): areas of several pieces as one; points as lines of no length."""
+    found = []
+    for contact in contacts:
+        ends = np.concatenate([np.stack([own, np.roll(own, -1, axis=0)], axis=1) for own in contact.pieces])
+        near = 1e-6 * float(np.ptp(ends, axis=(0, 1)).max()) or 1.0
+        _, which, counts = np.unique(
+            np.rint(np.sort(ends, axis=1) / near), axis=0, return_inverse=True, return_counts=True
+        )
+        once = counts[which.reshape(-1)] == 1
+        found.append(ends[once] if once.any() else ends)
+    return np.concatenate(found)
+
+
+def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
+    """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
+    polygons, edges = own_polygons(body), list(sharp_edges(body))
+    left, (opened, round_it) = cut.behind(polygons), cut.across(body)
+    return (left, cut.behind(edges) + round_it, opened) if left else (polygons, edges, [])
+
+
+def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
     """Draw the old place of body 1 in dashes, where nothing hides it."""
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    alone = Raster(page, np.array([left, bottom]), np.array([right, top]), 500)
-    alone.fill(own_polygons(old), BLUE, 0)
-    pieces = _joined(alone.visible(sharp_edges(old)), right - left)
-    axes.add_collection(LineCollection(pieces, colors=BLUE, linewidths=0.8, linestyles=[(0, (4, 2.5))], zorder=3))
-    far = f" (motion drawn {times:g} times larger)" if times > 1.0 else ""
-    axes.plot([], [], color=BLUE, linewidth=0.8, linestyle=(0, (4, 2.5)), label=f"before the motion{far}")
+    (left, right), alone = axes.get_xlim(), _raster_of(axes, page)
+    polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
+    alone.fill(polygons + opened, BLUE, 0)
+    pieces = _joined(alone.visible(edges), right - left)
+    look = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
+    axes.add_collection(LineCollection(pieces, colors=BLUE, zorder=3, **look))
+    far = f", drawn {times:g} times as far off" if times > 1.0 else ""
+    axes.plot([], [], color=BLUE, label=f"before the motion: the same part{far}", **look)
+    steps, ends = (old.vertices - shown.bodies[0].vertices) @ page, np.concatenate([*pieces, np.empty((0, 2))])
+    away = steps[np.linalg.norm(steps, axis=1).argmax()]
+    ends = ends[np.argsort(-(ends @ away), kind="stable")]
+    beside = np.array([[0.02], [0.1]]) * (right - left) * away / np.linalg.norm(away)
+    clear = [end for end in ends if raster.free(end + beside)]
+    lines = [line[k : k + 2] for line in pieces for k in range(len(line) - 1)]
+    Names(axes, lines).put("before", clear, away, colour=BLUE)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
@@ -480,14 +561,14 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
     return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
 
 
-def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: str) -> None:
+def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: str, cut: Cut | None) -> None:
     """Draw where two bodies touch, not all of the faces that do: points, lines, and areas as one."""
     from scipy.ndimage import gaussian_filter
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    inches = axes.get_position().width * axes.figure.get_figwidth()
-    areas = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
+    areas = _raster_of(axes, page)
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
+    contacts = [_laid_open(each, cut) for each in contacts] if cut else contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
         if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
@@ -495,7 +576,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
             solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
             way = np.ptp(flat, axis=0).argmax()
-            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
+            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=3.0, zorder=4)
         else:
             axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
     colour, label = contacts[0].colour, label if contacts[0].across is None else OVERLAP
@@ -513,6 +594,12 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
         names.keep(place, 6.0)
     for number, place in places.items():
         names.put(str(number), place, (0.0, 1.0), colour=BLACK)
+
+
+def _laid_open(contact: Touching, cut: Cut) -> Touching:
+    """Return what a cut shows of a contact: of areas lines, of lines points; what is left of one that it misses."""
+    met = cut.met(contact.pieces) if contact.across is None else []
+    return contact._replace(pieces=tuple(met or cut.behind(contact.pieces)) or contact.pieces)
 
 
 def sharp_edges(body: Body) -> Array:

@@ -29,6 +29,9 @@ nowhere; at most this share."""
 ALONG_AXIS = 1.0 - 1e-6
 """Component of a direction along an axis of the world from which on it is that axis."""
 
+LEAST_FACING = 0.4
+"""Cosine between a section's normal and the way to the reader from which on it can be seen."""
+
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
 
@@ -63,6 +66,11 @@ class Touching(NamedTuple):
             return np.asarray(self.across.mean(axis=0))
         middles = np.array([piece.mean(axis=0) for piece in self.pieces])
         return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
+
+    def step(self, moved: ArrayLike | None) -> Array:
+        """Return the way that its middle went by a motion that brought body 1 here."""
+        back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
+        return np.asarray(self.middle - (back @ [*self.middle, 1.0])[:3])
 
     @property
     def colour(self) -> str:
@@ -102,6 +110,81 @@ class Touching(NamedTuple):
         return cls(pieces, across / max(float(np.linalg.norm(across)), 1e-300))
 
 
+class Cut(NamedTuple):
+    """A plane at which bodies are cut open; what stands before it is taken away.
+
+    Attributes
+    ----------
+    point : (3,) array
+        On it.
+    facing : (3,) array
+        Unit normal, towards the reader.
+    plane : (3, 2) array
+        Its directions, right and up.
+    """
+
+    point: Array
+    facing: Array
+    plane: Array
+
+    @classmethod
+    def through(cls, contacts: Sequence[Touching], moved: ArrayLike | None, page: Array) -> Cut:
+        """Return the plane across a contact, through its middle, that cuts most of the others too."""
+        first, toward = contacts[0], np.cross(page[:, 0], page[:, 1])
+        facing, plane = _section_plane(first.normal, first.step(moved), page)
+        if facing @ toward < LEAST_FACING:
+            facing, plane = _section_plane(first.normal, np.zeros(3), page)
+        heights = [np.vstack(own.pieces) @ facing for own in contacts]
+        ends = np.array([(own.min(), own.max()) for own in heights])
+        levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
+        met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).sum(axis=0)
+        return cls(first.middle + (levels[met.argmax()] - first.middle @ facing) * facing, facing, plane)
+
+    @property
+    def turned(self) -> Cut:
+        """The same plane, seen from its other side."""
+        return self._replace(facing=-self.facing)
+
+    def behind(self, shapes: Sequence[Array]) -> list[Array]:
+        """Return what of convex polygons, straight lines and points, (k, 3) each, does not stand before the plane."""
+        found = []
+        for shape, heights in zip(shapes, self._heights(shapes), strict=True):
+            if (heights <= 0.0).all():
+                found.append(shape)
+            elif (heights < 0.0).any():
+                corners = list[Array]()
+                for k in range(len(shape)):
+                    here, there = heights[k], heights[k - 1]
+                    if here * there < 0.0 and (k or len(shape) > 2):
+                        corners.append(shape[k] + here / (here - there) * (shape[k - 1] - shape[k]))
+                    corners += [shape[k]] if here <= 0.0 else []
+                found.append(np.array(corners))
+        return found
+
+    def across(self, body: Body) -> tuple[list[Array], list[Array]]:
+        """Return the section of a body: triangles that make it up (3, 3), and the edges round it (2, 3)."""
+        from manifold3d import CrossSection, FillRule, triangulate
+
+        outlines = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
+        corners = [self.point + own @ self.plane.T for own in outlines]
+        edges = [np.array(ends) for own in corners for ends in zip(own, np.roll(own, -1, axis=0), strict=True)]
+        return list(np.concatenate(corners)[np.array(triangulate(outlines))]) if outlines else [], edges
+
+    def met(self, shapes: Sequence[Array]) -> list[Array]:
+        """Return where the plane meets convex polygons, straight lines and points: lines (2, 3), points (1, 3)."""
+        left = self.behind(shapes)
+        ends = [shape[heights == 0.0][:2] for shape, heights in zip(left, self._heights(left), strict=True)]
+        return [own for own, shape in zip(ends, left, strict=True) if len(own) > (len(shape) > 2)]
+
+    def _heights(self, shapes: Sequence[Array]) -> list[Array]:
+        """Return how far each corner stands before the plane, 0 for rounding."""
+        if not len(shapes):
+            return []
+        heights = (np.concatenate(shapes) - self.point) @ self.facing
+        heights[np.abs(heights) <= 1e-9 * np.abs(heights).max()] = 0.0
+        return np.split(heights, np.cumsum(list(map(len, shapes)))[:-1])
+
+
 def draw_section(
     sheet: Sheet,
     corner: tuple[float, float],
@@ -136,7 +219,7 @@ def draw_section(
     movable, static = bodies
     middle = contact.middle
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
-    was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
+    was, step = movable.moved(back), contact.step(moved)
     facing, plane = _section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))

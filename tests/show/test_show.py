@@ -30,8 +30,10 @@ from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
+    CUT_OPEN,
     MOVES,
     ShownPair,
+    _cut_open,
     _joined,
     contacts_of,
     draw_scene,
@@ -43,7 +45,7 @@ from fcdm_opt.show.scene import (
     true_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, _section_plane, free_corner, section
+from fcdm_opt.show.sections import CORNER, Cut, Touching, _section_plane, free_corner, section
 from fcdm_opt.show.texts import described
 
 TITLE = "Example (reconstruction)"
@@ -341,7 +343,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
     assert times > 10.0
     figure = scene_figure(shown, moved=motion, said="0.001 along -x")
-    assert f"before the motion (motion drawn {times:g} times larger)" in texts(figure)
+    assert f"before the motion: the same part, drawn {times:g} times as far off" in texts(figure)
     motion[0, 3] = -1.0
     assert shown.before(motion)[1] == 1.0
 
@@ -351,6 +353,40 @@ def test_a_section_is_what_a_plane_cuts_out() -> None:
     (square,) = section(box((0.0, 0.0, 0.0), 2.0), np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 1.0]), plane)
     assert sorted(map(tuple, square.tolist())) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
     assert section(box((0.0, 0.0, 9.0), 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), plane) == []
+
+
+def peg_in_a_blind_hole() -> tuple[Body, Body]:
+    """A peg of 2 x 2 x 3 on the bottom of a hole of 3 x 3 x 2 in a block of 6 x 6 x 3."""
+    corners = ((-1, -1, 0), (1, 1, 3)), ((-3, -3, -1), (3, 3, 2)), ((-1.5, -1.5, 0), (1.5, 1.5, 3))
+    peg, block, hole = (trimesh.creation.box(bounds=ends) for ends in corners)
+    return Body.from_mesh(peg), Body.from_mesh(trimesh.boolean.difference([block, hole]))
+
+
+def volume(polygons: Sequence[Any]) -> float:
+    """What closed polygons enclose, by the divergence theorem."""
+    fans = ((own[0], own[k], own[k + 1]) for own in polygons for k in range(1, len(own) - 1))
+    return sum(float(np.linalg.det(np.array(fan))) for fan in fans) / 6.0
+
+
+def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None:
+    """The block hides all of the peg's foot; cut through the middle, half of each is left, and nothing hides it."""
+    peg, block = bodies = peg_in_a_blind_hole()
+    foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
+    shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
+    assert CUT_OPEN.format("at the contact") in texts(scene_figure(shown, contacts=[foot]))
+    whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
+    opened, cut = whole.empty(), Cut.through([foot], None, page)
+    np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
+    (line,) = cut.met(foot.pieces)
+    np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-9)
+    for body, size in zip(bodies, (2 * 2 * 3, 6 * 6 * 3 - 3 * 3 * 2), strict=True):
+        left, edges, section = _cut_open(body, cut)
+        assert volume([*left, *section]) == pytest.approx(size / 2.0)
+        assert min(own[:, 1].min() for own in (*left, *edges, *section)) == pytest.approx(0.0, abs=1e-9)
+        whole.fill(own_polygons(body), "#0072B2", 0)
+        opened.fill([*left, *section], "#0072B2", 0)
+    assert whole.share_seen(line[None]) == 0.0
+    assert opened.share_seen(line[None]) > 0.9
 
 
 def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
@@ -494,6 +530,12 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert len(steps) == 2
     assert np.linalg.norm(steps, axis=1) == pytest.approx([np.linalg.norm(steps[0])] * 2)  # however far they go
     assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["boxes", "locating"])
+def test_contacts_that_are_seen_are_not_cut_open(name: str) -> None:
+    solution = solved(name, next(iter(problems(name))))
+    assert not [text for text in texts(solution_figure(solution)) if text.startswith("cut open")]
 
 
 def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:
