@@ -19,9 +19,6 @@ DULL = 0.62
 STEP = 2.0
 """Pixels between two places of a line that are looked at."""
 
-SAMPLES = 20
-"""Points of a line that are looked at to tell how much of it is seen."""
-
 ROOMY = 0.95
 """Of the greatest distance to an outline: places so far from it are as good as any."""
 
@@ -92,14 +89,11 @@ class Raster:
             found += [places[[a, b]] for a, b in zip(starts, stops, strict=True) if b > a]
         return found
 
-    def share_seen(self, ends: Array) -> float:
-        """Return the share of straight lines (m, 2, 3), or of points, that no surface hides."""
+    def share_seen(self, points: Sequence[Array]) -> float:
+        """Return the share of points that no surface hides."""
         from scipy.ndimage import minimum_filter
 
-        shares = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-        points = (ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])).reshape(-1, 3)
-        long = np.linalg.norm((ends[:, 1] - ends[:, 0]) @ self._page, axis=1) + self.pixel
-        return float(np.average(self._seen(points, minimum_filter(self._depth, 3)), weights=np.tile(long, SAMPLES)))
+        return float(np.mean(self._seen(np.array(points), minimum_filter(self._depth, 3))))
 
     def _seen(self, points: Array, behind: Array) -> Flags:
         """Tell which points (m, 3) no surface hides, by depths to compare with."""

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import normals_of_faces
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
-from fcdm_opt.show.lettering import Names, Sheet, clipped, fitted, literal
+from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section
 from fcdm_opt.show.texts import shortened
@@ -32,11 +32,8 @@ LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
 keep from the edge of its area, for arrows."""
 
-WIDE = 3.1
-"""Inches across of a scene in a report: words of it can be read on a phone."""
-
-DIRECTIONS = ((0.0, 0.7), (0.0, 0.65)), ((0.7, 1.4), (0.0, 0.36))
-"""Inches across and up: where the world's directions are in their corner, and the bar of known length."""
+WIDE, LOW = 3.1, 0.36
+"""Inches across of a scene in a report: words of it can be read on a phone; below it, where no legend is."""
 
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
@@ -50,8 +47,8 @@ COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
 MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
 """Corners that can be numbered legibly, contacts that are numbered and told, letters of a body's name in the legend."""
 
-LEAST_CONTACT, OPENED = 0.4, 0.45
-"""Share of the outline of what touches that is to be seen, else bodies are cut open; white in the colour of cuts."""
+LEAST_CONTACT, OPENED = 0.6, 0.45
+"""Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
 
 CUT_OPEN = "cut open {}; thin lines: what is cut away"
 """What the key says then."""
@@ -161,9 +158,8 @@ def scene_pieces(
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
     height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
-    foot = _foot_below(shown, moved, np.array([WIDE, height]))
-    sheet = Sheet.of(WIDE, height + foot)
-    axes = draw_scene(sheet, (0.0, foot, WIDE, height), shown, contacts=contacts, moved=moved)
+    sheet = Sheet.of(WIDE, height + LOW)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
     facings = []
@@ -174,20 +170,6 @@ def scene_pieces(
     facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
     key = tuple(axes.get_legend_handles_labels()[1])
     return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing)
-
-
-def _foot_below(shown: ShownPair, moved: ArrayLike | None, size: Array) -> float:
-    """Return how much room a scene of a size (inches) needs below it for the world's directions, at most `FOOT`."""
-    from scipy.spatial import ConvexHull
-
-    old = shown.before(moved)[0] if moved is not None else None
-    flat = np.vstack([shown.points, *([] if old is None else [old.vertices])]) @ page_directions(*shown.view)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    flat = (flat - (low + high) / 2.0) * ((size - MARGIN) / (high - low)).min() + size / 2.0
-    outline = flat[ConvexHull(flat).simplices]
-    feet = (foot for foot in np.linspace(0.0, FOOT, 12).tolist()
-            if not any(clipped(outline + np.array([0.0, foot]), box)[1].any() for box in DIRECTIONS))  # fmt: skip
-    return next(feet, FOOT)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
@@ -425,10 +407,12 @@ def _draw_solids(
     solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
-    cut = None
-    if contacts and raster.share_seen(_outlines(contacts)) < LEAST_CONTACT:
-        cut, whole, raster = Cut.through(contacts, moved, page), raster, raster.empty()
-        gone = cut.turned.behind([edge for _, edges, _ in solids for edge in edges])
+    corners, cut = [corner for each in contacts for own in each.pieces for corner in own], None
+    if corners and raster.share_seen(corners) < LEAST_CONTACT:
+        cut = Cut.through(contacts, moved, page)
+    if cut is not None:
+        whole, raster = raster, raster.empty()
+        gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
         away = {"colors": GREY, "linewidths": 0.5, "alpha": 0.6}
         axes.add_collection(LineCollection(_joined(whole.visible(gone), 1.0), zorder=2.5, **away))
         solids = [_cut_open(body, cut) for body, *_ in bodies]
@@ -453,20 +437,6 @@ def _raster_of(axes: Any, page: Array) -> Raster:
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inches = axes.get_position().width * axes.figure.get_figwidth()
     return Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
-
-
-def _outlines(contacts: Sequence[Touching]) -> Array:
-    """Return lines round what touches (m, 2, 3): areas of several pieces as one; points as lines of no length."""
-    found = []
-    for contact in contacts:
-        ends = np.concatenate([np.stack([own, np.roll(own, -1, axis=0)], axis=1) for own in contact.pieces])
-        near = 1e-6 * float(np.ptp(ends, axis=(0, 1)).max()) or 1.0
-        _, which, counts = np.unique(
-            np.rint(np.sort(ends, axis=1) / near), axis=0, return_inverse=True, return_counts=True
-        )
-        once = counts[which.reshape(-1)] == 1
-        found.append(ends[once] if once.any() else ends)
-    return np.concatenate(found)
 
 
 def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:

@@ -128,8 +128,8 @@ class Cut(NamedTuple):
     plane: Array
 
     @classmethod
-    def through(cls, contacts: Sequence[Touching], moved: ArrayLike | None, page: Array) -> Cut:
-        """Return the plane across a contact, through its middle, that cuts most of the others too."""
+    def through(cls, contacts: Sequence[Touching], moved: ArrayLike | None, page: Array) -> Cut | None:
+        """Return the plane through the middle of a contact that meets most of the others; None where it misses half."""
         first, toward = contacts[0], np.cross(page[:, 0], page[:, 1])
         facing, plane = _section_plane(first.normal, first.step(moved), page)
         if facing @ toward < LEAST_FACING:
@@ -138,17 +138,14 @@ class Cut(NamedTuple):
         ends = np.array([(own.min(), own.max()) for own in heights])
         levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
         met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).sum(axis=0)
+        if 2 * met.max() <= len(contacts):
+            return None
         return cls(first.middle + (levels[met.argmax()] - first.middle @ facing) * facing, facing, plane)
 
-    @property
-    def turned(self) -> Cut:
-        """The same plane, seen from its other side."""
-        return self._replace(facing=-self.facing)
-
-    def behind(self, shapes: Sequence[Array]) -> list[Array]:
-        """Return what of convex polygons, straight lines and points, (k, 3) each, does not stand before the plane."""
+    def behind(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
+        """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""
         found = []
-        for shape, heights in zip(shapes, self._heights(shapes), strict=True):
+        for shape, heights in zip(shapes, self._heights(shapes, side), strict=True):
             if (heights <= 0.0).all():
                 found.append(shape)
             elif (heights < 0.0).any():
@@ -176,11 +173,11 @@ class Cut(NamedTuple):
         ends = [shape[heights == 0.0][:2] for shape, heights in zip(left, self._heights(left), strict=True)]
         return [own for own, shape in zip(ends, left, strict=True) if len(own) > (len(shape) > 2)]
 
-    def _heights(self, shapes: Sequence[Array]) -> list[Array]:
+    def _heights(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
         """Return how far each corner stands before the plane, 0 for rounding."""
         if not len(shapes):
             return []
-        heights = (np.concatenate(shapes) - self.point) @ self.facing
+        heights = (np.concatenate(shapes) - self.point) @ self.facing * side
         heights[np.abs(heights) <= 1e-9 * np.abs(heights).max()] = 0.0
         return np.split(heights, np.cumsum(list(map(len, shapes)))[:-1])
 

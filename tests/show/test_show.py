@@ -377,6 +377,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
     opened, cut = whole.empty(), Cut.through([foot], None, page)
     np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
+    assert cut is not None
     (line,) = cut.met(foot.pieces)
     np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-9)
     for body, size in zip(bodies, (2 * 2 * 3, 6 * 6 * 3 - 3 * 3 * 2), strict=True):
@@ -385,8 +386,8 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
         assert min(own[:, 1].min() for own in (*left, *edges, *section)) == pytest.approx(0.0, abs=1e-9)
         whole.fill(own_polygons(body), "#0072B2", 0)
         opened.fill([*left, *section], "#0072B2", 0)
-    assert whole.share_seen(line[None]) == 0.0
-    assert opened.share_seen(line[None]) > 0.9
+    assert whole.share_seen(line) == 0.0
+    assert opened.share_seen(line) > 0.9
 
 
 def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
