@@ -41,7 +41,7 @@ FINE = 180
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
 
-COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
 """Of parts of an assembly, one after the other."""
 
 MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
@@ -204,25 +204,28 @@ def parts_figure(
     names: Sequence[str],
     ways: Sequence[Array] = (),
     *,
+    contacts: Sequence[Touching] = (),
     unit: str = "",
     title: str = "",
     caption: str = "",
 ) -> Figure:
-    """Draw several bodies where they are, each in its colour, with its name in the legend.
+    """Draw several bodies where they are, each in its colour, with its name in the legend, and what touches.
 
     `ways`, (3,) each: where each came from, shown by an arrow of one length, pointing away from there; none where 0.
     """
     points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
     shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
-    foot = max(FOOT, 0.16 * (len(bodies) + 1))
+    foot = max(FOOT, 0.16 * (len(bodies) + 1 + 2 * bool(contacts)))
     wide = 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
     sheet = Sheet.of(wide, height + foot, title=title, caption=caption)
     axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
     colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
     labels = [shortened(name, LONGEST_NAME) for name in names]
-    raster, _ = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
+    raster, cut = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)), contacts)
     places, page = raster.roomiest(), page_directions(*shown.view)
+    if contacts:
+        _draw_contacts(axes, page, contacts, "in contact", cut)
     for k, way in enumerate(ways):
         flat = way @ page
         if k in places and np.linalg.norm(flat) > 0.0:
@@ -563,7 +566,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
     for place in places.values():
         names.keep(place, 6.0)
     for number, place in places.items():
-        names.put(str(number), place, (0.0, 1.0), colour=BLACK)
+        names.put(str(number), place, (1.0, 1.0), colour=BLACK)
 
 
 def _laid_open(contact: Touching, cut: Cut) -> Touching:

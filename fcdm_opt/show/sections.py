@@ -131,9 +131,9 @@ class Cut(NamedTuple):
     def through(cls, contacts: Sequence[Touching], moved: ArrayLike | None, page: Array) -> Cut | None:
         """Return the plane through the middle of a contact that meets most of the others; None where it misses half."""
         first, toward = contacts[0], np.cross(page[:, 0], page[:, 1])
-        facing, plane = _section_plane(first.normal, first.step(moved), page)
+        facing, plane = section_plane(first.normal, first.step(moved), page)
         if facing @ toward < LEAST_FACING:
-            facing, plane = _section_plane(first.normal, np.zeros(3), page)
+            facing, plane = section_plane(first.normal, np.zeros(3), page)
         heights = [np.vstack(own.pieces) @ facing for own in contacts]
         ends = np.array([(own.min(), own.max()) for own in heights])
         levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
@@ -217,7 +217,7 @@ def draw_section(
     middle = contact.middle
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
     was, step = movable.moved(back), contact.step(moved)
-    facing, plane = _section_plane(contact.normal, step, page)
+    facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
@@ -271,7 +271,7 @@ def free_corner(half: float, line: Array) -> tuple[float, float]:
     return corners[0]
 
 
-def _section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
+def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
     """Return the direction from a section to the reader, and the section's directions (3, 2), right and up.
 
     Normal and motion lie in the section. Where that leaves a choice it is cut along axes of the world, and seen from

@@ -45,7 +45,7 @@ from fcdm_opt.show.scene import (
     true_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, Cut, Touching, _section_plane, free_corner, section
+from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
 from fcdm_opt.show.texts import described
 
 TITLE = "Example (reconstruction)"
@@ -406,7 +406,7 @@ def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
 def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], way: Any) -> None:
     """Whichever way a part moves in the scene, it moves in the inset, as right, left, up or down; z stays up."""
     step, page = np.array(way), page_directions(*view)
-    facing, plane = _section_plane(step, 0.1 * step, page)
+    facing, plane = section_plane(step, 0.1 * step, page)
     assert facing @ np.cross(page[:, 0], page[:, 1]) > 0.0  # seen from the scene's side
     np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
     np.testing.assert_allclose(sorted(np.abs(step @ plane)), [0.0, 1.0], atol=1e-12)

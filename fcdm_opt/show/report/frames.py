@@ -23,10 +23,13 @@ from fcdm_opt.geometry.bodies import IDENTITY, Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.plain import drawn
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show.assemblies import touching
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_of
+from fcdm_opt.show.scene import COLOURS, VIEW, face_polygons, own_polygons, page_directions, sharp_edges, view_of
+from fcdm_opt.show.sections import section_plane
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -217,16 +220,47 @@ def scene(problem: Problem, facing: Array) -> dict[str, Any]:
     The first two are shown at scales about their `seed`, the others as they are. `facing`: from a section through the
     contact to the reader.
     """
-    keep_outs = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
+    keep_outs = [("keep-out", keep_out.body.scaled(keep_out.ends[1])) for keep_out in problem.keep_out]
+    objects = solids([("movable", problem.movable), ("static", problem.static), *keep_outs])
+    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
+
+
+def solids(bodies: Iterable[tuple[str, Body]]) -> list[dict[str, Any]]:
+    """Return bodies, each with its role, as triangles and true edges."""
     objects = []
-    for k, body in enumerate((problem.movable, problem.static, *keep_outs)):
+    for k, (role, body) in enumerate(bodies):
         rows: Rows = {}
         triangles = _triangles(rows, own_polygons(body))
         edges = [_rows(rows, ends) for ends in sharp_edges(body)]
         shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
-        objects.append({"body": k, "name": body.name, **shape})
-    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
+        objects.append({"body": k, "name": body.name, "role": role, **shape})
+    return objects
+
+
+def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
+    """Return what scripts draw of an assembly: its parts in their colours, as made and after their motions."""
+    assembly, contacts = solution.assembly, touching(solution)
+    parts = [("static" if part in assembly.fixed else "movable", body) for part, body in assembly.bodies_made.items()]
+    objects = solids([*parts, *(("keep-out", keep_out.body) for keep_out in assembly.keep_out)])
+    names = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
+    for own, name in zip(objects, names, strict=True):
+        own |= {"name": name, "colour": COLOURS[own["body"] % len(COLOURS)]}
+    transforms = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
+    made = {"sizes": [assembly.scales[part] for part in assembly.parts], "transforms": [None] * len(transforms)}
+    moved = {
+        "transforms": [None if own is None else drawn(np.ravel(own)) for own in transforms],
+        "contacts": [drawn(each.middle) for each in contacts],
+        "areas": [drawn(piece) for each in contacts for piece in each.pieces if len(piece) > 1],
+    }
+    normal = contacts[0].normal if contacts else np.eye(3)[2]
+    facing, _ = section_plane(normal, np.zeros(3), page_directions(*VIEW))
+    return {
+        "name": assembly.name,
+        "scene": {"size": assembly.size, "objects": objects, "view": [*VIEW], "section": drawn(facing)},
+        "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.status.found else None},
+        "feature_shapes": [],
+    }
 
 
 def contact_shapes(problem: Problem, feature: Feature) -> dict[str, Any]:
