@@ -169,7 +169,8 @@ def draft(
         words=WORDS,
         tie=TIE,
     )
-    contacts = f", contacts = {toml(choice.contacts)}" if choice.contacts else ""
+    several = choice.contacts if isinstance(choice.contacts, str) else f"{len(choice.contacts or ())}"
+    contacts = f", {several} contacts" if choice.contacts else ""
     asked = f'goal "{choice.goal}"{contacts}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
