@@ -158,10 +158,8 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     state = moved if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})"
     contacts = touching(solution)
-    if told := numbered_contacts(contacts):
-        caption += f"\ncontacts: {'; '.join(told)}"
+    if texts := numbered_contacts(contacts):
+        caption += f"\ncontacts: {'; '.join(texts)}"
     least = NOTHING * max(body.size for body in bodies)
     ways = [way if np.linalg.norm(way) > least else np.zeros(3) for way in ways]
-    return parts_figure(
-        bodies, names, ways, contacts=contacts, unit=assembly.unit, title=title, caption=caption
-    )
+    return parts_figure(bodies, names, ways, contacts=contacts, unit=assembly.unit, title=title, caption=caption)

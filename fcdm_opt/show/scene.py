@@ -410,9 +410,9 @@ def _draw_solids(
     solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
-    corners, cut = [corner for each in contacts for own in each.pieces for corner in own], None
-    if corners and raster.share_seen(corners) < LEAST_CONTACT:
-        cut = Cut.through(contacts, moved, page)
+    corners = [corner for each in contacts for own in each.pieces for corner in own]
+    hidden = bool(corners) and raster.share_seen(corners) < LEAST_CONTACT
+    cut = Cut.through(contacts, moved, page) if hidden else None
     if cut is not None:
         whole, raster = raster, raster.empty()
         gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
@@ -445,8 +445,8 @@ def _raster_of(axes: Any, page: Array) -> Raster:
 def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
     """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
     polygons, edges = own_polygons(body), list(sharp_edges(body))
-    left, (opened, round_it) = cut.behind(polygons), cut.across(body)
-    return (left, cut.behind(edges) + round_it, opened) if left else (polygons, edges, [])
+    rest, (opened, rim) = cut.behind(polygons), cut.across(body)
+    return (rest, cut.behind(edges) + rim, opened) if rest else (polygons, edges, [])
 
 
 def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
@@ -454,21 +454,19 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    (left, right), alone = axes.get_xlim(), _raster_of(axes, page)
+    width, alone = float(np.ptp(axes.get_xlim())), _raster_of(axes, page)
     polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
     alone.fill(polygons + opened, BLUE, 0)
-    pieces = _joined(alone.visible(edges), right - left)
+    pieces = _joined(alone.visible(edges), width)
     look = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
     axes.add_collection(LineCollection(pieces, colors=BLUE, zorder=3, **look))
     far = f", drawn {times:g} times as far off" if times > 1.0 else ""
     axes.plot([], [], color=BLUE, label=f"before the motion: the same part{far}", **look)
-    steps, ends = (old.vertices - shown.bodies[0].vertices) @ page, np.concatenate([*pieces, np.empty((0, 2))])
+    steps = (old.vertices - shown.bodies[0].vertices) @ page
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
-    ends = ends[np.argsort(-(ends @ away), kind="stable")]
-    beside = np.array([[0.02], [0.1]]) * (right - left) * away / np.linalg.norm(away)
-    clear = [end for end in ends if raster.free(end + beside)]
-    lines = [line[k : k + 2] for line in pieces for k in range(len(line) - 1)]
-    Names(axes, lines).put("before", clear, away, colour=BLUE)
+    ahead = np.array([[0.02], [0.1]]) * width * away / np.linalg.norm(away)
+    ends = sorted((end for line in pieces for end in line if raster.free(end + ahead)), key=lambda end: -(end @ away))
+    Names(axes).put("before", ends, away, colour=BLUE)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:

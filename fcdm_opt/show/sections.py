@@ -145,41 +145,35 @@ class Cut(NamedTuple):
     def behind(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
         """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""
         found = []
-        for shape, heights in zip(shapes, self._heights(shapes, side), strict=True):
-            if (heights <= 0.0).all():
-                found.append(shape)
-            elif (heights < 0.0).any():
-                corners = list[Array]()
-                for k in range(len(shape)):
-                    here, there = heights[k], heights[k - 1]
-                    if here * there < 0.0 and (k or len(shape) > 2):
-                        corners.append(shape[k] + here / (here - there) * (shape[k - 1] - shape[k]))
-                    corners += [shape[k]] if here <= 0.0 else []
-                found.append(np.array(corners))
+        for shape in shapes:
+            heights, corners = side * self._heights(shape), list[Array]()
+            for k in range(len(shape) if (heights < 0.0).any() and (heights > 0.0).any() else 0):
+                here, there = heights[k], heights[k - 1]
+                if here * there < 0.0 and (k or len(shape) > 2):
+                    corners.append(shape[k] + here / (here - there) * (shape[k - 1] - shape[k]))
+                corners += [shape[k]] if here <= 0.0 else []
+            found += [np.array(corners)] if corners else [shape] if (heights <= 0.0).all() else []
         return found
 
     def across(self, body: Body) -> tuple[list[Array], list[Array]]:
         """Return the section of a body: triangles that make it up (3, 3), and the edges round it (2, 3)."""
         from manifold3d import CrossSection, FillRule, triangulate
 
-        outlines = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
-        corners = [self.point + own @ self.plane.T for own in outlines]
+        loops = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
+        corners = [self.point + own @ self.plane.T for own in loops]
         edges = [np.array(ends) for own in corners for ends in zip(own, np.roll(own, -1, axis=0), strict=True)]
-        return list(np.concatenate(corners)[np.array(triangulate(outlines))]) if outlines else [], edges
+        return list(np.concatenate(corners)[np.array(triangulate(loops))]) if loops else [], edges
 
     def met(self, shapes: Sequence[Array]) -> list[Array]:
         """Return where the plane meets convex polygons, straight lines and points: lines (2, 3), points (1, 3)."""
-        left = self.behind(shapes)
-        ends = [shape[heights == 0.0][:2] for shape, heights in zip(left, self._heights(left), strict=True)]
-        return [own for own, shape in zip(ends, left, strict=True) if len(own) > (len(shape) > 2)]
+        ends = [(shape[self._heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
+        return [own for own, is_area in ends if len(own) > is_area]
 
-    def _heights(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
-        """Return how far each corner stands before the plane, 0 for rounding."""
-        if not len(shapes):
-            return []
-        heights = (np.concatenate(shapes) - self.point) @ self.facing * side
-        heights[np.abs(heights) <= 1e-9 * np.abs(heights).max()] = 0.0
-        return np.split(heights, np.cumsum(list(map(len, shapes)))[:-1])
+    def _heights(self, shape: Array) -> Array:
+        """Return how far corners stand before the plane, 0 for rounding."""
+        arms = shape - self.point
+        heights = arms @ self.facing
+        return np.asarray(np.where(np.abs(heights) <= 1e-9 * np.abs(arms).max(), 0.0, heights))
 
 
 def draw_section(
