@@ -18,7 +18,6 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Box
-from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.facets import NearFacets, facets_of, near_facets, surface_distance
@@ -78,15 +77,6 @@ def active_bodies(
         own, others = (np.unique(near.parts[order, k]).tolist() or [0] for k in (0, 1))
         known[key] = movable.subset(own), static.subset(others)
     return known[key], ((a, b), (c, d))
-
-
-def need_all_parts(problem: Problem, what: str) -> None:
-    """Refuse a question that takes all parts about bodies of which only some are looked at."""
-    if problem.partial:
-        found = f"{len(problem.movable.parts)} and {len(problem.static.parts)}"
-        wrong = f"{what} looks at all parts of the bodies, and of these only some are looked at"
-        allowed = f"solve and verify, or solids cut into at most {FEW} pairs of parts"
-        raise InputError(wrong, key="bodies", found=found, allowed=allowed)
 
 
 def _nearest(movable: Body, static: Body, nominal: Array) -> NearFacets:

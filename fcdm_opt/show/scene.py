@@ -44,8 +44,8 @@ ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "col
 COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
 """Of parts of an assembly, one after the other."""
 
-MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
-"""Corners that can be numbered legibly, contacts that are numbered and told, letters of a body's name in the legend."""
+MOST_TOLD, LONGEST_NAME = 8, 44
+"""Contacts that are numbered and told, letters of a body's name in the legend."""
 
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
@@ -224,13 +224,15 @@ def parts_figure(
     labels = [shortened(name, LONGEST_NAME) for name in names]
     raster, cut = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)), contacts)
     places, page = raster.roomiest(), page_directions(*shown.view)
-    if contacts:
-        _draw_contacts(axes, page, contacts, "in contact", cut)
+    arrows = list[Array]()
     for k, way in enumerate(ways):
         flat = way @ page
         if k in places and np.linalg.norm(flat) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
+            arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
+    if contacts:
+        _draw_contacts(axes, page, contacts, "in contact", cut, arrows)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     return sheet.figure
@@ -337,11 +339,11 @@ def draw_scene(
     contacts: Sequence[Touching] = (),
     moved: ArrayLike | None = None,
     said: str = "",
-    numbered: bool = False,
+    opened: bool = True,
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
 
-    Parameters are those of `scene_figure`; `numbered` gives each corner its number, and shows hidden edges dotted.
+    Parameters are those of `scene_figure`; `opened`: bodies are cut open where they would hide what touches.
     """
     page, (one, two) = page_directions(*shown.view), shown.bodies
     old, times = shown.before(moved) if moved is not None else (None, 1.0)
@@ -351,14 +353,12 @@ def draw_scene(
         (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
         *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
     ]
-    raster, cut = _draw_solids(axes, shown, named, contacts, moved)
+    raster, cut = _draw_solids(axes, shown, named, contacts if opened else ())
     if old is not None:
         _draw_old(axes, raster, shown, old, times, cut)
         _draw_arrow(axes, raster, shown, old, said)
     if contacts:
         _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact", cut)
-    if numbered:
-        _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
 
 
@@ -393,11 +393,7 @@ def draw_numbered(
 
 
 def _draw_solids(
-    axes: Any,
-    shown: ShownPair,
-    bodies: Sequence[tuple[Body, str, str]],
-    contacts: Sequence[Touching] = (),
-    moved: ArrayLike | None = None,
+    axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]], contacts: Sequence[Touching] = ()
 ) -> tuple[Raster, Cut | None]:
     """Draw bodies shaded, with the edges that can be seen, cut open where they would hide what touches.
 
@@ -406,13 +402,13 @@ def _draw_solids(
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    raster = _raster_of(axes, page)
+    raster = raster_of(axes, page)
     solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
     corners = [corner for each in contacts for own in each.pieces for corner in own]
     hidden = bool(corners) and raster.share_seen(corners) < LEAST_CONTACT
-    cut = Cut.through(contacts, moved, page) if hidden else None
+    cut = Cut.through(contacts, page) if hidden else None
     if cut is not None:
         whole, raster = raster, raster.empty()
         gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
@@ -435,7 +431,7 @@ def _draw_solids(
     return raster, cut
 
 
-def _raster_of(axes: Any, page: Array) -> Raster:
+def raster_of(axes: Any, page: Array) -> Raster:
     """Return an empty picture that fills axes."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inches = axes.get_position().width * axes.figure.get_figwidth()
@@ -454,7 +450,7 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    width, alone = float(np.ptp(axes.get_xlim())), _raster_of(axes, page)
+    width, alone = float(np.ptp(axes.get_xlim())), raster_of(axes, page)
     polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
     alone.fill(polygons + opened, BLUE, 0)
     pieces = _joined(alone.visible(edges), width)
@@ -532,12 +528,14 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
     return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
 
 
-def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: str, cut: Cut | None) -> None:
-    """Draw where two bodies touch, not all of the faces that do: points, lines, and areas as one."""
+def _draw_contacts(
+    axes: Any, page: Array, contacts: Sequence[Touching], label: str, cut: Cut | None, clear: Sequence[Array] = ()
+) -> None:
+    """Draw where two bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`."""
     from scipy.ndimage import gaussian_filter
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    areas = _raster_of(axes, page)
+    areas = raster_of(axes, page)
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     contacts = [_laid_open(each, cut) for each in contacts] if cut else contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
@@ -561,10 +559,10 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
         axes.contour(x, y, soft, levels=[0.3], colors=[colour], linewidths=1.2, zorder=4)
     axes.scatter([], [], s=40, marker="s", color=colour, label=label)
     names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
-    for place in places.values():
+    for place in (*places.values(), *clear):
         names.keep(place, 6.0)
     for number, place in places.items():
-        names.put(str(number), place, (1.0, 1.0), colour=BLACK)
+        names.put(str(number), place, (0.0, 1.0), colour=BLACK)
 
 
 def _laid_open(contact: Touching, cut: Cut) -> Touching:
@@ -832,28 +830,3 @@ def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Show
     axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))
     axes.set_axis_off()
     return axes
-
-
-def _number(axes: Any, page: Array, raster: Raster, bodies: Sequence[tuple[Body, str]]) -> None:
-    """Write each corner's number beside it, outwards if it can stand there, grey where hidden; not those of cuts."""
-    from matplotlib.collections import LineCollection
-
-    labels = [np.array(body.corners) for body, _ in bodies]
-    if sum(map(len, labels)) > MOST_NUMBERS:
-        return
-    edges = [np.array(list(true_edges(body).values())) for body, _ in bodies]
-    seen = np.concatenate([np.reshape(raster.visible(own), (-1, 2)) for own in edges])
-    corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
-    reach = 0.01 * np.ptp(np.concatenate(corners), axis=0).max()
-    names = Names(axes, np.concatenate(edges) @ page)
-    axes.add_collection(
-        LineCollection(list(np.concatenate(edges) @ page), colors=GREY, linewidths=0.4, linestyles=":", zorder=2)
-    )
-    for place in np.concatenate(corners):
-        names.keep(place, 3.0)
-    for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
-        middle = places.mean(axis=0)
-        for label, place in zip(some.tolist(), places, strict=True):
-            hidden = not len(seen) or np.linalg.norm(seen - place, axis=1).min() > reach
-            away = place - middle
-            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=GREY if hidden else colour)

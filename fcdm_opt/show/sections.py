@@ -29,9 +29,6 @@ nowhere; at most this share."""
 ALONG_AXIS = 1.0 - 1e-6
 """Component of a direction along an axis of the world from which on it is that axis."""
 
-LEAST_FACING = 0.4
-"""Cosine between a section's normal and the way to the reader from which on it can be seen."""
-
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
 
@@ -66,11 +63,6 @@ class Touching(NamedTuple):
             return np.asarray(self.across.mean(axis=0))
         middles = np.array([piece.mean(axis=0) for piece in self.pieces])
         return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
-
-    def step(self, moved: ArrayLike | None) -> Array:
-        """Return the way that its middle went by a motion that brought body 1 here."""
-        back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
-        return np.asarray(self.middle - (back @ [*self.middle, 1.0])[:3])
 
     @property
     def colour(self) -> str:
@@ -128,12 +120,10 @@ class Cut(NamedTuple):
     plane: Array
 
     @classmethod
-    def through(cls, contacts: Sequence[Touching], moved: ArrayLike | None, page: Array) -> Cut | None:
+    def through(cls, contacts: Sequence[Touching], page: Array) -> Cut | None:
         """Return the plane through the middle of a contact that meets most of the others; None where it misses half."""
-        first, toward = contacts[0], np.cross(page[:, 0], page[:, 1])
-        facing, plane = section_plane(first.normal, first.step(moved), page)
-        if facing @ toward < LEAST_FACING:
-            facing, plane = section_plane(first.normal, np.zeros(3), page)
+        first = contacts[0]
+        facing, plane = section_plane(first.normal, np.zeros(3), page)
         heights = [np.vstack(own.pieces) @ facing for own in contacts]
         ends = np.array([(own.min(), own.max()) for own in heights])
         levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
@@ -210,7 +200,7 @@ def draw_section(
     movable, static = bodies
     middle = contact.middle
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
-    was, step = movable.moved(back), contact.step(moved)
+    was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
     facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))

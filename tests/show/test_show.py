@@ -24,7 +24,7 @@ from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import GREY, MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show import MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -36,7 +36,6 @@ from fcdm_opt.show.scene import (
     _cut_open,
     _joined,
     contacts_of,
-    draw_scene,
     own_polygons,
     page_directions,
     parts_figure,
@@ -261,22 +260,6 @@ def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
     assert (4, 10) in ell  # the reflex edge
 
 
-def test_a_scene_numbers_corners_at_one_scale() -> None:
-    """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
-    cube = box((0.0, 0.0, 0.0), 1.0)
-    sheet = Sheet.of(4.0, 3.0)
-    shown = ShownPair.of(cube, box((9.0, 0.0, 0.0), 1.0), view=(30.0, -50.0))
-    axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown, numbered=True)
-    numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]
-    grey = [text.get_text() for text in numbers if text.get_color() == GREY]
-    assert sorted(text.get_text() for text in numbers) == sorted("12345678" * 2)
-    assert grey == ["3", "3"]  # (-1, 1, -1), farthest from where x > 0, y < 0, z > 0
-    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
-    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
-    gram = rows @ rows.T
-    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
-
-
 def box(at: Sequence[float], size: float) -> Body:
     corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     return Body.convex(np.array(corners) * size / 2.0 + at)
@@ -375,7 +358,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
     assert CUT_OPEN.format("at the contact") in texts(scene_figure(shown, contacts=[foot]))
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
-    opened, cut = whole.empty(), Cut.through([foot], None, page)
+    opened, cut = whole.empty(), Cut.through([foot], page)
     np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
     assert cut is not None
     (line,) = cut.met(foot.pieces)
