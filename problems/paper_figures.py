@@ -123,7 +123,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, contacts: Sequence[Any] = ()) -> None:
     """Draw a scene into half of the sheet, with its title above and directions below."""
-    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts, opened=False)
+    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts)
     number_corners(axes, shown)
     draw_directions(sheet, axes, shown, (left + 0.1, 0.0))
     x, y, *_ = sheet.place(left + PAGE / 4, 3.28, 0.0, 0.0)

@@ -50,9 +50,6 @@ MOST_TOLD, LONGEST_NAME = 8, 44
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
 
-CUT_OPEN = "cut open {}; thin lines: what is cut away"
-"""What the key says then."""
-
 LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
@@ -302,6 +299,8 @@ class ShownPair:
 
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
+        from scipy.spatial.transform import Rotation
+
         body, motion = self.bodies[0], np.asarray(moved, dtype=float)
         was = body.moved(np.linalg.inv(motion))
         page = page_directions(*self.view)
@@ -311,18 +310,16 @@ class ShownPair:
         if not long > 1e-12 * size:
             return None, 1.0
         times = max(1.0, FAR * size / long)
-        turn = np.linalg.inv(motion)[:3, :3]
-        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
-        sine = float(np.linalg.norm(axis))
-        angle = float(np.arctan2(sine, (np.trace(turn) - 1.0) / 2.0))
-        if angle > 0.0:
-            times = max(1.0, min(times, MOST_TURN / angle))
+        turn = Rotation.from_matrix(motion[:3, :3].T)
+        times = max(1.0, min(times, MOST_TURN / max(turn.magnitude(), 1e-300)))
         if times < 1.5:
             return was, 1.0
         times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
         middle = body.vertices.mean(axis=0)
-        shift = times * (was.vertices.mean(axis=0) - middle)
-        return body.moved(_turned(axis / sine if sine else axis, times * angle, middle, shift)), times
+        moved = np.eye(4)
+        moved[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
+        moved[:3, 3] = middle - moved[:3, :3] @ middle + times * (was.vertices.mean(axis=0) - middle)
+        return body.moved(moved), times
 
     @property
     def slenderness(self) -> float:
@@ -339,11 +336,10 @@ def draw_scene(
     contacts: Sequence[Touching] = (),
     moved: ArrayLike | None = None,
     said: str = "",
-    opened: bool = True,
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
 
-    Parameters are those of `scene_figure`; `opened`: bodies are cut open where they would hide what touches.
+    Parameters are those of `scene_figure`.
     """
     page, (one, two) = page_directions(*shown.view), shown.bodies
     old, times = shown.before(moved) if moved is not None else (None, 1.0)
@@ -353,7 +349,7 @@ def draw_scene(
         (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
         *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
     ]
-    raster, cut = _draw_solids(axes, shown, named, contacts if opened else ())
+    raster, cut = _draw_solids(axes, shown, named, contacts)
     if old is not None:
         _draw_old(axes, raster, shown, old, times, cut)
         _draw_arrow(axes, raster, shown, old, said)
@@ -401,8 +397,7 @@ def _draw_solids(
     """
     from matplotlib.collections import LineCollection
 
-    page = page_directions(*shown.view)
-    raster = raster_of(axes, page)
+    raster = raster_of(axes, page := page_directions(*shown.view))
     solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
@@ -412,8 +407,7 @@ def _draw_solids(
     if cut is not None:
         whole, raster = raster, raster.empty()
         gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
-        away = {"colors": GREY, "linewidths": 0.5, "alpha": 0.6}
-        axes.add_collection(LineCollection(_joined(whole.visible(gone), 1.0), zorder=2.5, **away))
+        axes.add_collection(LineCollection(whole.visible(gone), colors=GREY, linewidths=0.5, alpha=0.6, zorder=2.5))
         solids = [_cut_open(body, cut) for body, *_ in bodies]
         for k, (polygons, _, opened) in enumerate(solids):
             raster.fill(polygons, bodies[k][1], k)
@@ -427,7 +421,7 @@ def _draw_solids(
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
     if cut is not None:
         where = "at the contact" if contacts[0].across is None else OVERLAP
-        axes.plot([], [], color=GREY, linewidth=0.6, label=CUT_OPEN.format(where))
+        axes.plot([], [], color=GREY, linewidth=0.6, label=f"cut open {where}; thin lines: what is cut away")
     return raster, cut
 
 
@@ -537,7 +531,10 @@ def _draw_contacts(
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     areas = raster_of(axes, page)
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
-    contacts = [_laid_open(each, cut) for each in contacts] if cut else contacts
+    if cut is not None:  # of areas lines are seen, of lines points
+        met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
+        rest = [own or cut.behind(each.pieces) for own, each in zip(met, contacts, strict=True)]
+        contacts = [each._replace(pieces=tuple(own) or each.pieces) for own, each in zip(rest, contacts, strict=True)]
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
         if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
@@ -563,12 +560,6 @@ def _draw_contacts(
         names.keep(place, 6.0)
     for number, place in places.items():
         names.put(str(number), place, (0.0, 1.0), colour=BLACK)
-
-
-def _laid_open(contact: Touching, cut: Cut) -> Touching:
-    """Return what a cut shows of a contact: of areas lines, of lines points; what is left of one that it misses."""
-    met = cut.met(contact.pieces) if contact.across is None else []
-    return contact._replace(pieces=tuple(met or cut.behind(contact.pieces)) or contact.pieces)
 
 
 def sharp_edges(body: Body) -> Array:
@@ -806,16 +797,6 @@ def _hidden(levels: Array, speeds: Array, firsts: Ints) -> bool:
     leave = np.minimum.reduceat(np.where(flat | (speeds < 0.0), np.inf, times), firsts)
     clear = np.logical_or.reduceat(flat & (levels <= 0.0), firsts)
     return bool((~clear & (leave > np.maximum(enter, 0.0) + 1e-9)).any())
-
-
-def _turned(axis: Array, angle: float, centre: Array, shift: Array) -> Array:
-    """Return the rigid transform that turns about an axis through a centre, then shifts."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    made = np.eye(4)
-    made[:3, :3] += np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
-    made[:3, 3] = centre - made[:3, :3] @ centre + shift
-    return made
 
 
 def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair, more: ArrayLike = ()) -> Any:

@@ -30,7 +30,6 @@ from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
-    CUT_OPEN,
     MOVES,
     ShownPair,
     _cut_open,
@@ -356,7 +355,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     peg, block = bodies = peg_in_a_blind_hole()
     foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
     shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
-    assert CUT_OPEN.format("at the contact") in texts(scene_figure(shown, contacts=[foot]))
+    assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
     opened, cut = whole.empty(), Cut.through([foot], page)
     np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)

@@ -220,36 +220,36 @@ def scene(problem: Problem, facing: Array) -> dict[str, Any]:
     The first two are shown at scales about their `seed`, the others as they are. `facing`: from a section through the
     contact to the reader.
     """
+    parts = [("movable", problem.movable), ("static", problem.static)]
     keep_outs = [("keep-out", keep_out.body.scaled(keep_out.ends[1])) for keep_out in problem.keep_out]
-    objects = solids([("movable", problem.movable), ("static", problem.static), *keep_outs])
+    objects = [{"name": own.name, **_solid(k, role, own)} for k, (role, own) in enumerate([*parts, *keep_outs])]
     view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
 
 
-def solids(bodies: Iterable[tuple[str, Body]]) -> list[dict[str, Any]]:
-    """Return bodies, each with its role, as triangles and true edges."""
-    objects = []
-    for k, (role, body) in enumerate(bodies):
-        rows: Rows = {}
-        triangles = _triangles(rows, own_polygons(body))
-        edges = [_rows(rows, ends) for ends in sharp_edges(body)]
-        shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
-        objects.append({"body": k, "name": body.name, "role": role, **shape})
-    return objects
+def _solid(number: int, role: str, body: Body) -> dict[str, Any]:
+    """Return a body as triangles and true edges."""
+    rows: Rows = {}
+    triangles = _triangles(rows, own_polygons(body))
+    edges = [_rows(rows, ends) for ends in sharp_edges(body)]
+    shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
+    return {"body": number, "role": role, **shape}
 
 
 def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
     """Return what scripts draw of an assembly: its parts in their colours, as made and after their motions."""
     assembly, contacts = solution.assembly, touching(solution)
-    parts = [("static" if part in assembly.fixed else "movable", body) for part, body in assembly.bodies_made.items()]
-    objects = solids([*parts, *(("keep-out", keep_out.body) for keep_out in assembly.keep_out)])
-    names = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
-    for own, name in zip(objects, names, strict=True):
-        own |= {"name": name, "colour": COLOURS[own["body"] % len(COLOURS)]}
-    transforms = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
-    made = {"sizes": [assembly.scales[part] for part in assembly.parts], "transforms": [None] * len(transforms)}
+    roles = ("static" if part in assembly.fixed else "movable" for part in assembly.parts)
+    shown = [*zip(assembly.parts, roles, assembly.bodies_made.values(), strict=True)]
+    shown += [(keep_out.name, "keep-out", keep_out.body) for keep_out in assembly.keep_out]
+    objects = [
+        {"name": name, "colour": COLOURS[k % len(COLOURS)], **_solid(k, role, own)}
+        for k, (name, role, own) in enumerate(shown)
+    ]
+    poses = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
+    made = {"sizes": [assembly.scales[part] for part in assembly.parts], "transforms": [None] * len(poses)}
     moved = {
-        "transforms": [None if own is None else drawn(np.ravel(own)) for own in transforms],
+        "transforms": [None if pose is None else drawn(np.ravel(pose)) for pose in poses],
         "contacts": [drawn(each.middle) for each in contacts],
         "areas": [drawn(piece) for each in contacts for piece in each.pieces if len(piece) > 1],
     }
@@ -258,6 +258,7 @@ def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
     return {
         "name": assembly.name,
         "scene": {"size": assembly.size, "objects": objects, "view": [*VIEW], "section": drawn(facing)},
+        "normal": drawn(normal),
         "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.status.found else None},
         "feature_shapes": [],
     }

@@ -330,6 +330,7 @@ function lookAtContact() {
 
 /** Normal of the first contact: of its face, or across its two edges; else from seed to seed, but across its edge. */
 function contactNormal() {
+  if (currentCase().normal) return currentCase().normal;
   const frame = currentFrame(), feature = currentCase().feature_shapes[featuresOf(frame)[0]];
   const shapes = (feature?.shapes ?? []).map(shape => ({ kind: shape.kind, points: placed(shape.points, shape.body, frame) }));
   const face = shapes.find(shape => shape.kind === "F"), edges = shapes.filter(shape => shape.kind === "E");
