@@ -402,8 +402,10 @@ def _draw_solids(
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
     corners = [corner for each in contacts for own in each.pieces for corner in own]
-    hidden = bool(corners) and raster.share_seen(corners) < LEAST_CONTACT
-    cut = Cut.through(contacts, page) if hidden else None
+    cut, seen = None, raster.share_seen(corners) if corners else 1.0
+    if seen < LEAST_CONTACT:
+        cut, met = Cut.through(contacts, [body for body, *_ in bodies], page)
+        cut = cut if met > seen else None
     if cut is not None:
         whole, raster = raster, raster.empty()
         gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
@@ -533,8 +535,9 @@ def _draw_contacts(
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     if cut is not None:  # of areas lines are seen, of lines points
         met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
-        rest = [own or cut.behind(each.pieces) for own, each in zip(met, contacts, strict=True)]
-        contacts = [each._replace(pieces=tuple(own) or each.pieces) for own, each in zip(rest, contacts, strict=True)]
+        few = len(contacts) <= MOST_TOLD
+        rest = [own or cut.behind(each.pieces)[: None if few else 0] for own, each in zip(met, contacts, strict=True)]
+        contacts = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
         if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):

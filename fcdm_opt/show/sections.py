@@ -29,6 +29,9 @@ nowhere; at most this share."""
 ALONG_AXIS = 1.0 - 1e-6
 """Component of a direction along an axis of the world from which on it is that axis."""
 
+SLIVER = 0.15
+"""Share of a body's extent that a cut leaves at least."""
+
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
 
@@ -120,17 +123,25 @@ class Cut(NamedTuple):
     plane: Array
 
     @classmethod
-    def through(cls, contacts: Sequence[Touching], page: Array) -> Cut | None:
-        """Return the plane through the middle of a contact that meets most of the others; None where it misses half."""
-        first = contacts[0]
-        facing, plane = section_plane(first.normal, np.zeros(3), page)
-        heights = [np.vstack(own.pieces) @ facing for own in contacts]
-        ends = np.array([(own.min(), own.max()) for own in heights])
-        levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
-        met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).sum(axis=0)
-        if 2 * met.max() <= len(contacts):
-            return None
-        return cls(first.middle + (levels[met.argmax()] - first.middle @ facing) * facing, facing, plane)
+    def through(cls, contacts: Sequence[Touching], bodies: Sequence[Body], page: Array) -> tuple[Cut | None, float]:
+        """Return the plane through the middle of a contact that meets the largest share of them, and that share.
+
+        Of those across the first contact; None where each leaves but a sliver of some body.
+        """
+        first, found = contacts[0], list[tuple[float, Cut]]()
+        facing, _ = section_plane(first.normal, np.zeros(3), page)
+        for step in (np.zeros(3), facing):
+            facing, plane = section_plane(first.normal, step, page)
+            heights = [np.vstack(own.pieces) @ facing for own in contacts]
+            ends = np.array([(own.min(), own.max()) for own in heights])
+            levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
+            met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
+            point = first.middle + (levels[met.argmax()] - first.middle @ facing) * facing
+            depths = [-(body.vertices - point) @ facing for body in bodies]
+            if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):
+                found.append((float(met.max()), cls(point, facing, plane)))
+        share, cut = max(found, key=lambda own: own[0], default=(0.0, None))
+        return cut, share
 
     def behind(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
         """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""

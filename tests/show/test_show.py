@@ -357,9 +357,9 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
     assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
-    opened, cut = whole.empty(), Cut.through([foot], page)
-    np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
+    opened, (cut, _) = whole.empty(), Cut.through([foot], bodies, page)
     assert cut is not None
+    np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
     (line,) = cut.met(foot.pieces)
     np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-9)
     for body, size in zip(bodies, (2 * 2 * 3, 6 * 6 * 3 - 3 * 3 * 2), strict=True):
