@@ -29,6 +29,7 @@ from fcdm_opt.show.plots import (
     reaching,
     window,
 )
+from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     ShownPair,
     contacts_of,
@@ -36,7 +37,6 @@ from fcdm_opt.show.scene import (
     draw_scene,
     own_polygons,
     page_directions,
-    raster_of,
     true_edges,
 )
 from fcdm_opt.show.texts import motion_text
@@ -135,7 +135,8 @@ def number_corners(axes: Any, shown: ShownPair) -> None:
     from matplotlib.collections import LineCollection
 
     page, bodies = page_directions(*shown.view), list(zip(shown.bodies, (BLUE, VERMILLION), strict=True))
-    raster = raster_of(axes, page)
+    (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    raster = Raster(page, np.array([low, bottom]), np.array([high, top]), 800)
     for k, (body, colour) in enumerate(bodies):
         raster.fill(own_polygons(body), colour, k)
     labels = [np.array(body.corners) for body, _ in bodies]

@@ -169,8 +169,7 @@ def draft(
         words=WORDS,
         tie=TIE,
     )
-    several = choice.contacts if isinstance(choice.contacts, str) else f"{len(choice.contacts or ())}"
-    contacts = f", {several} contacts" if choice.contacts else ""
+    contacts = f", {own if isinstance(own, str) else len(own)} contacts" if (own := choice.contacts) else ""
     asked = f'goal "{choice.goal}"{contacts}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),

@@ -197,15 +197,9 @@ def body_figure(body: Body) -> Figure:
 
 @styled
 def parts_figure(
-    bodies: Sequence[Body],
-    names: Sequence[str],
-    ways: Sequence[Array] = (),
-    *,
-    contacts: Sequence[Touching] = (),
-    unit: str = "",
-    title: str = "",
-    caption: str = "",
-) -> Figure:
+    bodies: Sequence[Body], names: Sequence[str], ways: Sequence[Array] = (), *, contacts: Sequence[Touching] = (),
+    unit: str = "", title: str = "", caption: str = "",
+) -> Figure:  # fmt: skip
     """Draw several bodies where they are, each in its colour, with its name in the legend, and what touches.
 
     `ways`, (3,) each: where each came from, shown by an arrow of one length, pointing away from there; none where 0.
@@ -229,7 +223,7 @@ def parts_figure(
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
             arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
     if contacts:
-        _draw_contacts(axes, page, contacts, "in contact", cut, arrows)
+        _draw_contacts(axes, page, raster, contacts, "in contact", cut, arrows)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     return sheet.figure
@@ -354,7 +348,7 @@ def draw_scene(
         _draw_old(axes, raster, shown, old, times, cut)
         _draw_arrow(axes, raster, shown, old, said)
     if contacts:
-        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact", cut)
+        _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)
     return axes
 
 
@@ -397,7 +391,9 @@ def _draw_solids(
     """
     from matplotlib.collections import LineCollection
 
-    raster = raster_of(axes, page := page_directions(*shown.view))
+    page, ((left, right), (bottom, top)) = page_directions(*shown.view), (axes.get_xlim(), axes.get_ylim())
+    inches = axes.get_position().width * axes.figure.get_figwidth()
+    raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
     solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
@@ -414,7 +410,6 @@ def _draw_solids(
         for k, (polygons, _, opened) in enumerate(solids):
             raster.fill(polygons, bodies[k][1], k)
             raster.fill(opened, bodies[k][1], k, white=OPENED)
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     axes.imshow(raster.image, extent=(left, right, bottom, top), origin="lower", zorder=1, aspect="auto")
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for (_, colour, label), (_, edges, _) in zip(bodies, solids, strict=True):
@@ -425,13 +420,6 @@ def _draw_solids(
         where = "at the contact" if contacts[0].across is None else OVERLAP
         axes.plot([], [], color=GREY, linewidth=0.6, label=f"cut open {where}; thin lines: what is cut away")
     return raster, cut
-
-
-def raster_of(axes: Any, page: Array) -> Raster:
-    """Return an empty picture that fills axes."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    inches = axes.get_position().width * axes.figure.get_figwidth()
-    return Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
 
 
 def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
@@ -446,7 +434,7 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    width, alone = float(np.ptp(axes.get_xlim())), raster_of(axes, page)
+    width, alone = float(np.ptp(axes.get_xlim())), raster.empty()
     polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
     alone.fill(polygons + opened, BLUE, 0)
     pieces = _joined(alone.visible(edges), width)
@@ -525,13 +513,14 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
 
 
 def _draw_contacts(
-    axes: Any, page: Array, contacts: Sequence[Touching], label: str, cut: Cut | None, clear: Sequence[Array] = ()
-) -> None:
+    axes: Any, page: Array, raster: Raster, contacts: Sequence[Touching], label: str, cut: Cut | None,
+    clear: Sequence[Array] = (),
+) -> None:  # fmt: skip
     """Draw where two bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`."""
     from scipy.ndimage import gaussian_filter
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    areas = raster_of(axes, page)
+    areas = raster.empty()
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     if cut is not None:  # of areas lines are seen, of lines points
         met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]

@@ -110,10 +110,8 @@ class Cut(NamedTuple):
 
     Attributes
     ----------
-    point : (3,) array
-        On it.
-    facing : (3,) array
-        Unit normal, towards the reader.
+    point, facing : (3,) arrays
+        A point on it; its unit normal, towards the reader.
     plane : (3, 2) array
         Its directions, right and up.
     """
@@ -132,8 +130,7 @@ class Cut(NamedTuple):
         facing, _ = section_plane(first.normal, np.zeros(3), page)
         for step in (np.zeros(3), facing):
             facing, plane = section_plane(first.normal, step, page)
-            heights = [np.vstack(own.pieces) @ facing for own in contacts]
-            ends = np.array([(own.min(), own.max()) for own in heights])
+            ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
             levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
             met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
             point = first.middle + (levels[met.argmax()] - first.middle @ facing) * facing
