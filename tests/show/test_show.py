@@ -515,6 +515,18 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
 
 
+def test_a_cut_took_all_of_a_part_but_a_sliver() -> None:
+    """A small cube on a large one near its back: cut from front to back, not across, which leaves 5 of 100."""
+    large, small = box((0.0, 0.0, 0.0), 10.0), box((0.0, 4.5, 5.5), 1.0)
+    corners = [(x, y, 5.0) for x, y in ((-0.5, 4.0), (0.5, 4.0), (0.5, 5.0), (-0.5, 5.0))]
+    page = page_directions(32.0, -55.0)
+    cut, share = Cut.through([Touching((np.array(corners),), np.eye(3)[2])], (small, large), page)
+    assert cut is not None
+    assert share == 1.0
+    np.testing.assert_allclose(np.abs(cut.facing), [1.0, 0.0, 0.0], atol=1e-12)
+    assert cut.facing @ np.cross(*page.T) > 0.0  # towards the reader
+
+
 @pytest.mark.parametrize("name", ["boxes", "locating"])
 def test_contacts_that_are_seen_are_not_cut_open(name: str) -> None:
     solution = solved(name, next(iter(problems(name))))
