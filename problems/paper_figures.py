@@ -29,7 +29,16 @@ from fcdm_opt.show.plots import (
     reaching,
     window,
 )
-from fcdm_opt.show.scene import ShownPair, contacts_of, draw_directions, draw_scene
+from fcdm_opt.show.raster import Raster
+from fcdm_opt.show.scene import (
+    ShownPair,
+    contacts_of,
+    draw_directions,
+    draw_scene,
+    own_polygons,
+    page_directions,
+    true_edges,
+)
 from fcdm_opt.show.texts import motion_text
 
 if TYPE_CHECKING:
@@ -114,10 +123,39 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, contacts: Sequence[Any] = ()) -> None:
     """Draw a scene into half of the sheet, with its title above and directions below."""
-    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts, numbered=True)
+    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts)
+    number_corners(axes, shown)
     draw_directions(sheet, axes, shown, (left + 0.1, 0.0))
     x, y, *_ = sheet.place(left + PAGE / 4, 3.28, 0.0, 0.0)
     sheet.figure.text(x, y, title, ha="center", va="top")
+
+
+def number_corners(axes: Any, shown: ShownPair) -> None:
+    """Write each corner's number beside it, outwards if it can stand there, grey where hidden; hidden edges dotted."""
+    from matplotlib.collections import LineCollection
+
+    page, bodies = page_directions(*shown.view), list(zip(shown.bodies, (BLUE, VERMILLION), strict=True))
+    (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    raster = Raster(page, np.array([low, bottom]), np.array([high, top]), 800)
+    for k, (body, colour) in enumerate(bodies):
+        raster.fill(own_polygons(body), colour, k)
+    labels = [np.array(body.corners) for body, _ in bodies]
+    edges = [np.array(list(true_edges(body).values())) for body, _ in bodies]
+    seen = np.concatenate([np.reshape(raster.visible(own), (-1, 2)) for own in edges])
+    corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
+    reach = 0.01 * np.ptp(np.concatenate(corners), axis=0).max()
+    names = Names(axes, np.concatenate(edges) @ page)
+    axes.add_collection(
+        LineCollection(list(np.concatenate(edges) @ page), colors=GREY, linewidths=0.4, linestyles=":", zorder=2)
+    )
+    for place in np.concatenate(corners):
+        names.keep(place, 3.0)
+    for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
+        middle = places.mean(axis=0)
+        for label, place in zip(some.tolist(), places, strict=True):
+            hidden = not len(seen) or np.linalg.norm(seen - place, axis=1).min() > reach
+            away = place - middle
+            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=GREY if hidden else colour)
 
 
 @styled

@@ -175,7 +175,7 @@ def draft(
         words=WORDS,
         tie=TIE,
     )
-    contacts = f", contacts = {toml(choice.contacts)}" if choice.contacts else ""
+    contacts = f", {own if isinstance(own, str) else len(own)} contacts" if (own := choice.contacts) else ""
     asked = f'goal "{choice.goal}"{contacts}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),

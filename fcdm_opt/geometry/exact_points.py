@@ -17,8 +17,9 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element, Elements
 from fcdm_opt.geometry.facet_errors import bounding_bodies
 from fcdm_opt.geometry.hull import convex_hull
-from fcdm_opt.geometry.measures import cross, norms, units
+from fcdm_opt.geometry.measures import cross, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
+from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.tolerances import DEFAULT
 
 BENT = 0.3  # radians: how far the face turns across such a piece
@@ -46,7 +47,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return inner
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
-    told = list[tuple[int, int, int]]()
+    labels = list[tuple[int, int, int]]()
     for corners, row in pieces:
         hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
         used, pair = hull.used + count + 1, np.sort(hull.used[hull.edges[:, :2]], axis=1) + count + 1
@@ -57,11 +58,11 @@ def exact_at(body: Body, points: Array) -> Body | None:
         )
         edges = frozen(hull.edges, np.int64)
         parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, edges, named))
-        told.append((count + 1, count + len(corners), row))
+        labels.append((count + 1, count + len(corners), row))
         count += len(corners)
         rows.append(corners)
     points, every = frozen(np.concatenate(rows)), (*inner.parts, *parts)
-    return replace(inner, name=body.name, vertices=points, parts=every, pieces=tuple(told), exact_of=body)
+    return replace(inner, name=body.name, vertices=points, parts=every, pieces=tuple(labels), exact_of=body)
 
 
 def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
@@ -83,12 +84,13 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
     if len(patches) == 1:
         _, frame = np.linalg.eigh(patches[0].bends(point[None])[0])
         one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
-        ways = [one, -one, two, -two]
+        directions = [one, -one, two, -two]
     else:  # along the edge, and from it along either face
         along = units(cross(normals[0], normals[1]))
-        ways = [along, -along, cross(normals[0], along), -cross(normals[1], along)]
-        ways = [*ways[:2], *(way * -np.sign(way @ other) for way, other in zip(ways[2:], normals[1::-1], strict=True))]
-    ring = [_within(patches, point + width * way) for way in ways]
+        on_faces = (cross(normal, along) for normal in normals[:2])
+        away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[1::-1], strict=True))
+        directions = [along, -along, *away]
+    ring = [_within(patches, point + width * direction) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
     return corners, faces.row_at(next(k for k in near if faces.is_round[k]), point)
 
@@ -106,12 +108,6 @@ def _within(patches: Sequence[Patch], point: Array) -> Array:
 
 def _room(faces: TrueFaces, near: list[int], point: Array) -> float:
     """Return how far other faces' edges are from a point."""
-    own = np.sort(near)[:2] if len(near) > 1 else None
-    ends = faces.every_edge
-    if len(ends) == 0:
-        return np.inf
-    other = np.ones(len(ends), bool) if own is None else ~(np.sort(faces.every_beside, axis=1) == own).all(axis=1)
-    ends = ends[other]
-    ways = ends[:, 1] - ends[:, 0]
-    share = np.clip(((point - ends[:, 0]) * ways).sum(axis=1) / np.maximum((ways**2).sum(axis=1), 1e-300), 0.0, 1.0)
-    return float(norms(point - ends[:, 0] - share[:, None] * ways).min(initial=np.inf))
+    own = np.sort(near)[:2] if len(near) > 1 else [-1, -1]
+    others = (np.sort(faces.every_pair_of_patches, axis=1) != own).any(axis=1)
+    return float(distances(point[None], faces.every_edge[others]).min(initial=np.inf))

@@ -25,7 +25,7 @@ from fcdm_opt.geometry.naming import FEWEST, GENTLE, MANY, ROUNDED, Label, neigh
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
+from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
@@ -94,7 +94,7 @@ def _recognised(body: Body) -> Array | None:
 
 
 class _OfRound(NamedTuple):
-    """Errors of facets that are taken for round faces, (faces, 2), these surfaces, all facets of such; looked for?"""
+    """Errors of facets taken for round faces, (faces, 2), these surfaces, all facets of such; whether looked for."""
 
     errors: Array
     surfaces: RoundFaces
@@ -357,8 +357,8 @@ def _inward(body: Body, off: Array) -> list[Array]:
     for part, faces in zip(body.parts, body.facet_faces, strict=True):
         its = reached[start : start + len(part.vertices)]
         start += len(part.vertices)
-        moves = ((off[list(own)] if own else its[list(loop)]).any() for own, loop in zip(faces, part.loops, strict=True))
-        found.append(np.where(list(moves), far, 0.0))
+        both = zip(faces, part.loops, strict=True)
+        found.append(np.where([(off[list(own)] if own else its[list(loop)]).any() for own, loop in both], far, 0.0))
     return found
 
 

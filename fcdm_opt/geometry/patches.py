@@ -8,6 +8,7 @@ that are near each other.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -17,7 +18,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facet_errors import round_surfaces
-from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.tolerances import DEFAULT
@@ -26,7 +27,7 @@ STEPS = 60  # of Newton's method
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
-BESIDE = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
+RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
 class Patch(NamedTuple):
@@ -72,7 +73,7 @@ class TrueFaces:
     is_round : (p,) array of bool
     edges : (m, 2, 3) array
         Ends of the convex edges between two patches.
-    beside : (m, 2) int array
+    edge_patches : (m, 2) int array
         These.
     tips : (v, 3) array
         Corners, in which edges of several kinds meet.
@@ -112,20 +113,20 @@ class TrueFaces:
         one, two = order[pair], order[pair + 1]
         other = self.owners[of[one]] != self.owners[of[two]]
         one, two = one[other], two[other]
-        self.every_edge = np.stack([self.corners[of[one], places[one]], self.corners[of[one], (places[one] + 1) % 3]], 1)
-        self.every_beside = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
+        start, end = (self.corners[of[one], (places[one] + step) % 3] for step in (0, 1))
+        self.every_edge = np.stack([start, end], axis=1)
+        self.every_pair_of_patches = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
         far = self.corners[of[two], (places[two] + 2) % 3]
-        start = self.corners[of[one], places[one]]
         convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
-        self.edges, self.beside = self.every_edge[convex], self.every_beside[convex]
+        self.edges, self.edge_patches = self.every_edge[convex], self.every_pair_of_patches[convex]
         tips, spot = distinct_rows(self.edges.reshape(-1, 3))
-        kinds = np.repeat(np.unique(np.sort(self.beside, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
+        kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
         meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
         self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
 
     def covers(self, k: int, points: Array) -> Flags:
         """Tell which points of a patch are on the piece of it that its triangles stand for."""
-        return _hit(points, self.patches[k].gaps(points)[1], self.corners[self.owners == k]).any(axis=1)
+        return np.asarray(_hit(points, self.patches[k].gaps(points)[1], self.corners[self.owners == k]).any(axis=1))
 
     def _distances(self, k: int, point: Array) -> tuple[Array, Ints]:
         """Return how far the triangles of a patch are from a point, and their numbers."""
@@ -142,9 +143,9 @@ class TrueFaces:
         off, own = self._distances(k, point)
         return int(self.rows[own[off.argmin()]])
 
-    def depth(self, point: Array, way: Array) -> float:
+    def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""
-        hit = _lengths(point[None], way[None], self.corners)[0]
+        hit = _lengths(point[None], direction[None], self.corners)[0]
         return float(hit[hit > DEFAULT.nominal * self.body.size + 2.0 * max(self.body.deviation)].min(initial=np.inf))
 
     @property
@@ -188,7 +189,8 @@ class _Placed:
 
     def __init__(self, faces: TrueFaces, scale: float, transform: Array) -> None:
         seed, turn = faces.body.seed, transform[:3, :3]
-        self.faces, self.scale, self.turn, self.seed, self.centre = faces, scale, turn, seed, turn @ seed + transform[:3, 3]
+        self.faces, self.scale, self.turn, self.seed = faces, scale, turn, seed
+        self.centre = turn @ seed + transform[:3, 3]
         rigid = np.eye(4)
         rigid[:3, :3], rigid[:3, 3] = turn, self.centre / scale - turn @ seed
         self.patches = [own.placed(rigid, scale) for own in faces.patches]
@@ -205,7 +207,7 @@ class _Placed:
     def covers(self, k: int, points: Array) -> Flags:
         """Tell which points of a patch are on the piece of it that its triangles stand for."""
         corners = self.corners[self.faces.owners == k]
-        return _hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1)
+        return np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
         """Tell which points are behind a patch, and nearer before another one: beyond a thin wall."""
@@ -219,36 +221,36 @@ class _Placed:
 
     def crossed(self, pair: Array, points: Array) -> Flags:
         """Tell which points of the curve between two patches are on an edge of the body."""
-        own = self.edges[(self.faces.beside == pair).all(axis=1)]
-        ways = own[:, 1] - own[:, 0]
-        share = ((points[:, None] - own[:, 0]) * ways).sum(axis=2) / (ways**2).sum(axis=1)
-        off = norms(points[:, None] - own[:, 0] - share[:, :, None] * ways)
-        return ((share > -BESIDE) & (share < 1.0 + BESIDE) & (off <= norms(ways))).any(axis=1)
+        own = self.edges[(self.faces.edge_patches == pair).all(axis=1)]
+        directions = own[:, 1] - own[:, 0]
+        share = ((points[:, None] - own[:, 0]) * directions).sum(axis=2) / (directions**2).sum(axis=1)
+        off = norms(points[:, None] - own[:, 0] - share[:, :, None] * directions)
+        return ((share > -RIM_SLACK) & (share < 1.0 + RIM_SLACK) & (off <= norms(directions))).any(axis=1)
 
 
-def _lines(points: Array, ways: Array, corners: Array) -> tuple[Flags, Array]:
+def _lines(points: Array, directions: Array, corners: Array) -> tuple[Flags, Array]:
     """Tell which lines through points (n, 3) meet triangles (t, 3, 3), and how far along: both (n, t)."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     start = points[:, None] - corners[:, 0]
-    across = cross(ways[:, None], two[None])
+    across = cross(directions[:, None], two[None])
     turned = cross(start, np.broadcast_to(one, start.shape))
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / (across * one).sum(axis=2)
-        u, v = (start * across).sum(axis=2) * inverse, (turned * ways[:, None]).sum(axis=2) * inverse
+        u, v = (start * across).sum(axis=2) * inverse, (turned * directions[:, None]).sum(axis=2) * inverse
         far = (turned * two).sum(axis=2) * inverse
-        return (u >= -BESIDE) & (v >= -BESIDE) & (u + v <= 1.0 + BESIDE), far
+        return (u >= -RIM_SLACK) & (v >= -RIM_SLACK) & (u + v <= 1.0 + RIM_SLACK), far
 
 
-def _hit(points: Array, ways: Array, corners: Array) -> Flags:
+def _hit(points: Array, directions: Array, corners: Array) -> Flags:
     """Tell which triangles stand for points of their surface with these normals, (n, t)."""
-    met, far = _lines(points, ways, corners)
+    met, far = _lines(points, directions, corners)
     longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
     return met & (np.abs(far) <= longest)  # not the far side of a cylinder
 
 
-def _lengths(points: Array, ways: Array, corners: Array) -> Array:
+def _lengths(points: Array, directions: Array, corners: Array) -> Array:
     """Return how far along lines the triangles are that they meet, infinite where they meet none, (n, t)."""
-    met, far = _lines(points, ways, corners)
+    met, far = _lines(points, directions, corners)
     return np.where(met, far, np.inf)
 
 
@@ -275,12 +277,14 @@ def nearest_on_faces(one: Body, two: Body, scales: Array, transform: Array, band
     return sorted(found, key=lambda own: own.gap)
 
 
-def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool):
+def _nearest(
+    own: _Placed, other: _Placed, band: float, *, both: bool
+) -> Iterator[tuple[Array, Array, Array, Array]]:
     """Yield where features of one body come nearest to patches of the other."""
     faces, others = own.faces, other.faces
     features = (
         (own.corners, faces.owners[:, None]),
-        (own.edges, faces.beside),
+        (own.edges, faces.edge_patches),
         (own.tips[:, None], np.empty((len(own.tips), 0), np.int64)),
     )
     for points, of in features:
@@ -308,8 +312,8 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool):
             rows = near[(keys == key).all(axis=1), 0]
             start = points[rows].mean(axis=1)
             *on, against = key
-            reach = float(norms(np.ptp(points[rows], axis=(0, 1))))
-            x = lowest(start, [own.patches[k] for k in on], other.patches[against], reach)
+            extent = float(norms(np.ptp(points[rows], axis=(0, 1))))
+            x = lowest(start, [own.patches[k] for k in on], other.patches[against], extent)
             if len(on) == 1:
                 kept = own.covers(on[0], x)
             elif on:
@@ -333,7 +337,7 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool):
                 yield gap[chosen], normal[chosen], x[chosen], foot[chosen]
 
 
-def lowest(points: Array, on: list[Patch], against: Patch, reach: float) -> Array:
+def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Array:
     """Return points of a patch, or of the curve between two, where the gap to another is least, from some start.
 
     Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
@@ -354,11 +358,11 @@ def lowest(points: Array, on: list[Patch], against: Patch, reach: float) -> Arra
             break
         pull = np.linalg.solve(own @ own.transpose(0, 2, 1), own @ pulled[:, :, None])
         bends = against.bends(here) - sum(pull[:, k, :, None] * each.bends(here) for k, each in enumerate(on))
-        values, ways = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
-        share = (ways.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
-        share /= np.maximum(np.abs(values), LEAST_BEND / reach)
-        share *= np.minimum(1.0, 0.5 * reach / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
-        move = np.einsum("kji,kj->ki", tangents, -(ways @ share[:, :, None])[..., 0])
+        values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
+        share = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
+        share /= np.maximum(np.abs(values), LEAST_BEND / extent)
+        share *= np.minimum(1.0, 0.5 * extent / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
+        move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
             trial = _onto(here[trying] + 0.5**halved * move[trying], on)

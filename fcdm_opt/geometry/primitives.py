@@ -24,7 +24,7 @@ from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.tolerances import DEFAULT
 
 FACETS = 32
-"""A turn has as many facets where nothing else is asked: as many as in STEP files, see `Tolerances.tessellation_turn`."""
+"""Facets of a turn where nothing else is asked: as many as in STEP files, see `Tolerances.tessellation_turn`."""
 STEPS = 12  # of Newton's method, onto a curve or a corner
 X_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -58,7 +58,7 @@ def Box(  # noqa: N802
 
 @known_arguments
 def Prism(  # noqa: N802
-    outline: ArrayLike,
+    polygon: ArrayLike,
     height: float,
     *,
     base: ArrayLike = (0.0, 0.0, 0.0),
@@ -70,12 +70,12 @@ def Prism(  # noqa: N802
 
     Parameters
     ----------
-    outline : (n, 2) array
+    polygon : (n, 2) array
         Corners of the polygon in order; it need not be convex. Square to the axis z they are x and y.
     height : float
         How far it is drawn out, > 0.
     base : (3,) array
-        Where the origin of the outline is.
+        Where the origin of the polygon is.
     axis : (3,) array
         The direction in which it is drawn out.
     name, unit
@@ -86,9 +86,9 @@ def Prism(  # noqa: N802
     InputError
         For what is no polygon that bounds a piece of the plane, and no height.
     """
-    flat, tall = numbers(outline, f"body '{name}': outline"), _length(height, name, "height")
+    flat, tall = numbers(polygon, f"body '{name}': polygon"), _length(height, name, "height")
     if flat.ndim != 2 or flat.shape[1:] != (2,) or len(flat) < 3 or not np.isfinite(flat).all():
-        raise InputError("no polygon", key=f"body '{name}': outline", found=flat.shape, allowed="(n, 2), n >= 3")
+        raise InputError("no polygon", key=f"body '{name}': polygon", found=flat.shape, allowed="(n, 2), n >= 3")
     on = np.roll(flat, -1, axis=0)
     flat = flat if (flat[:, 0] * on[:, 1] - flat[:, 1] * on[:, 0]).sum() > 0.0 else flat[::-1]
     frame = _frame(_vector(axis, name, "axis"), name)
@@ -237,11 +237,13 @@ def Torus(  # noqa: N802
     """
     large, small = _length(ring, name, "ring"), _length(radius, name, "radius")
     if not small < large:
-        raise InputError("the tube meets itself", key=f"body '{name}': radius", found=radius, allowed=f"less than {ring}")
+        allowed = f"less than {ring}"
+        raise InputError("the tube meets itself", key=f"body '{name}': radius", found=radius, allowed=allowed)
     frame, middle = _frame(_vector(axis, name, "axis"), name), _vector(centre, name, "centre")
     x, y = _turn(facets, name)
     u, v = x[::2], y[::2]
-    points = np.concatenate([np.column_stack([(large + small * u) * a, (large + small * u) * b, small * v]) for a, b in zip(x, y, strict=True)])
+    rings = ([(large + small * u) * a, (large + small * u) * b, small * v] for a, b in zip(x, y, strict=True))
+    points = np.concatenate([np.column_stack(ring) for ring in rings])
     n, m = len(x), len(u)
     faces = [
         (i * m + j, (i + 1) % n * m + j, (i + 1) % n * m + (j + 1) % m, i * m + (j + 1) % m)
@@ -325,8 +327,8 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
             rows = list(faces)
             cosines = normals @ turns[rows].T
             heights = (turns[rows] * places[rows]).sum(axis=1)
-            same = (np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (np.abs(levels[:, None] - np.sign(cosines) * heights) <= near)
-            of[same.any(axis=1)] = len(surfaces)
+            off = np.abs(levels[:, None] - np.sign(cosines) * heights)
+            of[((np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (off <= near)).any(axis=1)] = len(surfaces)
             surfaces.append(surface)
     (flat,) = np.nonzero(of < 0)
     planes = [_plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
@@ -335,10 +337,10 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     touched = np.unique(corners[owners < len(surfaces)])
     moved = points.copy()
     for v in touched.tolist():
-        own = [(*surfaces, *planes)[k] for k in np.unique(owners[corners == v]).tolist()]
+        meeting = [(*surfaces, *planes)[k] for k in np.unique(owners[corners == v]).tolist()]
         for _ in range(STEPS):
-            off, ways = zip(*(each.misses(moved[v][None]) for each in own), strict=True)
-            moved[v] -= np.linalg.lstsq(np.concatenate(ways), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+            misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)
+            moved[v] -= np.linalg.lstsq(np.concatenate(slopes), np.concatenate(misses), rcond=DEFAULT.sharp)[0]
     return moved, [*surfaces, *planes]
 
 

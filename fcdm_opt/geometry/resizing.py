@@ -247,13 +247,13 @@ def _moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
     corners, owners = body.face_triangles
     for surface, rows in round_surfaces(body):
         own = offsets[list(rows)]
-        length, shift = float(own[0]), np.zeros(3)
+        length, shift = float(own[0]), np.zeros(3, np.float64)
         normals = body.face_planes[0][list(rows)]
         if np.ptp(own) > DEFAULT.nominal * body.size:
             answer = np.linalg.lstsq(np.column_stack([np.ones(len(rows)), normals]), own)[0]
             if np.abs(answer[0] + normals @ answer[1:] - own).max() > DEFAULT.nominal * body.size:
                 return None
-            length, shift = float(answer[0]), answer[1:]
+            length, shift[:] = float(answer[0]), answer[1:]
         first = corners[owners == rows[0]][:1].mean(axis=1)
         outward = math.copysign(1.0, surface.misses(first)[1][0] @ normals[0])
         found.append((surface.offset(outward * length, shift), rows))

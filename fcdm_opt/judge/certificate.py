@@ -112,7 +112,8 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         judge = _Judge(solution, tolerances)
         found = judge.motion, judge.requirement, judge.only_motion, judge.contact
         stages = (*found, judge.sides, judge.path, judge.seats)
-        checks = (finite, *(check for stage in (*stages, judge.pair, judge.true_faces, judge.scene) for check in stage()))
+        last = judge.pair, judge.true_faces, judge.scene
+        checks = (finite, *(check for stage in (*stages, *last) for check in stage()))
     stored = same_as_read(solution, checks, solution.problem.contact_slack)
     return (*checks, *stored, *_same_derivatives(solution))
 
@@ -747,10 +748,10 @@ class _Judge:
         bodies = problem.movable, problem.static
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
         gap = gap_of_true_faces(*bodies, problem.target, self.transform, need + self.limit + 2.0 * off)
-        told = "least gap of the faces that facets stand for, on points of these"
-        found = [_at_least("true faces", gap, need - self.limit, told)]
+        note = "least gap of the faces that facets stand for, on points of these"
+        found = [_at_least("true faces", gap, need - self.limit, note)]
         if "touch" in (problem.goal, problem.pair):
-            found.append(_at_most("true faces touching", gap, self.limit, told))
+            found.append(_at_most("true faces touching", gap, self.limit, note))
         return found
 
     def pair(self) -> list[Check]:

@@ -1,8 +1,8 @@
 """The judge's look at round faces: on points of these, by equations of its own, and finer where they come nearest.
 
 What is solved for bodies of facets must hold for the faces that these stand for. Points are taken on the triangles of
-either body near the other, brought onto the surface that a triangle stands for, and measured against the surfaces of the
-other body; about the nearest the grid is made finer until it tells no more.
+either body near the other, brought onto the surface that a triangle stands for, and measured against the surfaces of
+the other body; about the nearest the grid is made finer until it tells no more.
 """
 
 from __future__ import annotations
@@ -73,23 +73,23 @@ class _There:
         if not self.is_round[k]:
             return points
         for _ in range(3):
-            height, ways = _height(surface, points)
-            points = points - height[:, None] * ways
+            height, directions = _height(surface, points)
+            points = points - height[:, None] * directions
         return points
 
 
-    def beside(self, points: Array, own: int, band: Array, slack: float) -> Flags:
+    def cut_off(self, points: Array, own: int, band: Array, slack: float) -> Flags:
         """Tell which points are before another face than their own, by less than so much each: outside of the solid."""
         found = np.zeros(len(points), bool)
         for k in range(len(self.patches)):
             if k == own:
                 continue
             surface, side = self.patches[k]
-            height, ways = _height(surface, points)
+            height, directions = _height(surface, points)
             off = side * height
             rows = np.flatnonzero((off > slack) & (off <= band) & ~found)
-            feet = points[rows] - height[rows, None] * ways[rows]
-            found[rows] = _over(feet, ways[rows], self.corners[self.owners == k])
+            feet = points[rows] - height[rows, None] * directions[rows]
+            found[rows] = _over(feet, directions[rows], self.corners[self.owners == k])
         return found
 
 
@@ -101,9 +101,9 @@ def _height(surface: Swept, points: Array) -> tuple[Array, Array]:
     r = np.sqrt(np.einsum("ni,ni->n", radial, radial))
     out = radial / np.where(r > 0.0, r, 1.0)[:, None]
     if surface.line is None:  # a circle of this radius about (ring, 0) in the half-plane of r and z
-        reach = np.sqrt((r - surface.ring) ** 2 + z**2)
-        safe = np.where(reach > 0.0, reach, 1.0)
-        return reach - surface.radius, ((r - surface.ring) / safe)[:, None] * out + np.outer(z / safe, surface.axis)
+        extent = np.sqrt((r - surface.ring) ** 2 + z**2)
+        safe = np.where(extent > 0.0, extent, 1.0)
+        return extent - surface.radius, ((r - surface.ring) / safe)[:, None] * out + np.outer(z / safe, surface.axis)
     a, b = surface.line  # the line a r - b z = radius, a and b of length 1
     return a * r - b * z - surface.radius, a * out - b * surface.axis
 
@@ -131,16 +131,16 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
     deepest, width = -np.inf, 1.0
     for turn in range(TIMES):
         points = own.onto(j, np.einsum("nk,nki->ni", shares, triangles[which]))
-        height, ways = _height(surface, points)
+        height, directions = _height(surface, points)
         depth = -side * height
-        feet, slack = points - height[:, None] * ways, SLACK * band
+        feet, slack = points - height[:, None] * directions, SLACK * band
         inside = np.abs(height) <= band
         rows = np.flatnonzero(inside)
-        inside[rows] = _over(feet[rows], ways[rows], theirs)
+        inside[rows] = _over(feet[rows], directions[rows], theirs)
         for there, face, places, far in ((own, j, points, band), (other, k, feet, band), (other, k, points, depth)):
-            if places is points and there is other or not there.is_round[face]:
+            if (places is points and there is other) or not there.is_round[face]:
                 rows = np.flatnonzero(inside)
-                inside[rows] = ~there.beside(places[rows], face, np.broadcast_to(far, inside.shape)[rows], slack)
+                inside[rows] = ~there.cut_off(places[rows], face, np.broadcast_to(far, inside.shape)[rows], slack)
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
@@ -156,7 +156,7 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
     return deepest
 
 
-def _over(feet: Array, ways: Array, triangles: Array) -> Flags:
+def _over(feet: Array, directions: Array, triangles: Array) -> Flags:
     """Tell which points of a surface have one of its triangles below or above them."""
     found = np.zeros(len(feet), bool)
     sides = triangles - np.roll(triangles, 1, axis=1)
@@ -165,12 +165,12 @@ def _over(feet: Array, ways: Array, triangles: Array) -> Flags:
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     room = 0.25 * (high - low).max(axis=1, keepdims=True)  # a surface leaves its triangle by less
     for start in range(0, len(feet), BLOCK):
-        own, way = feet[start : start + BLOCK], ways[start : start + BLOCK]
+        own, direction = feet[start : start + BLOCK], directions[start : start + BLOCK]
         near = ((own[:, None] >= low - room) & (own[:, None] <= high + room)).all(axis=2)
         i, t = np.nonzero(near)
         arms = triangles[t] - own[i, None]
         turns = np.cross(arms, np.roll(arms, -1, axis=1))
-        sides = np.einsum("nki,ni->nk", turns, way[i])
+        sides = np.einsum("nki,ni->nk", turns, direction[i])
         sides[np.abs(sides) <= ROUNDING * np.einsum("nki,nki->nk", arms, arms).max(axis=1, keepdims=True)] = 0.0
         met = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
         found[start + i[met]] = True

@@ -89,7 +89,7 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
     return solution
 
 
-def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution]) -> Solution:
+def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution] | None) -> Solution:
     """Return a solution whose parts are exact where they meet, and elsewhere within the true ones.
 
     The motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart
@@ -101,9 +101,11 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if problem.goal == "clear" or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)
     low = 0.0
+    one, two = (bounding_bodies(body) for body in problem.of_facets.bodies[:2])
+    if solve is None or one is None or two is None:
+        return solution
     with suppress(pacing.TimeOverError):
-        bodies = [bounding_bodies(body) for body in problem.of_facets.bodies]
-        outer = _Scene(*(own[1] for own in bodies[:2] if own is not None), ())
+        outer = _Scene(one[1], two[1], ())
         seconds = max(SHORTEST, sum(solution.seconds.values()))
         low = _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount)
     return _between(solution, low, amount)

@@ -1,9 +1,10 @@
 """Motions for the true faces of round parts: facets are made exact where the parts meet.
 
 Both parts are taken within the true ones, which ask for no more than these, and the motion that they need is found.
-Where the true faces overlap after it, the parts are made exact at those points, and it is found anew, until they overlap
-nowhere: then it is right for the true ones too. This is the exchange method for infinitely many constraints (Hettich and
-Kortanek, Semi-infinite programming, SIAM Review 35, 1993): each point of a round face is one, and few matter.
+Where the true faces overlap after it, the parts are made exact at those points, and it is found anew, until they
+overlap nowhere: then it is right for the true ones too. This is the exchange method for infinitely many constraints
+(Hettich and Kortanek, Semi-infinite programming, SIAM Review 35, 1993): each point of a round face is one, and few
+matter.
 """
 
 from __future__ import annotations

@@ -51,11 +51,15 @@ class SurfaceEntry(Entry, title="Round surfaces"):
     """The surface that some faces stand for: a cylinder, a cone, a sphere or a torus."""
 
     origin: Point = declared(
-        ..., "[x, y, z], length units: a point of the axis, of a cone its apex, of a sphere or torus the centre", [0, 0, 0]
+        ...,
+        "[x, y, z], length units: a point of the axis, of a cone its apex, of a sphere or torus the centre",
+        [0, 0, 0],
     )
     axis: Point = declared(..., "[x, y, z], unit direction of the axis; of a sphere any", [0.0, 0.0, 1.0])
     line: Pair | None = declared(
-        None, "[cos, sin] of the half angle of a cone, a unit vector; [1, 0] of a cylinder; without it a sphere or torus", [1.0, 0.0]
+        None,
+        "[cos, sin] of the half angle of a cone, a unit vector; [1, 0] of a cylinder; without it a sphere or torus",
+        [1.0, 0.0],
     )
     ring: Length = declared(0.0, "radius of the circle that a torus is about, length units; 0 of others", 20.0)
     radius: Number = declared(0.0, "radius, length units, of a torus that of its tube; 0 of a cone", 5.0)
@@ -117,7 +121,9 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         [{"origin": [0, 0, 0], "axis": [0, 0, 1], "line": [1, 0], "radius": 5.0, "faces": [1, 2]}],
     )
     round: bool = declared(
-        True, "whether facets of a cylinder, cone, sphere or torus stand for that; false: they are the true faces", False
+        True,
+        "whether facets of a cylinder, cone, sphere or torus stand for that; false: they are the true faces",
+        False,
     )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
@@ -243,22 +249,22 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
-    told = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
+    more = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
     if body.facet_errors is not None:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
-        told["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
+        more["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]
     if body.surfaces is not None:
-        told["surfaces"] = [
+        more["surfaces"] = [
             {key: value for key, value in plain({**own._asdict(), "faces": [row + 1 for row in rows]}).items() if value}
             for own, rows in body.surfaces
         ]
-    told = {key: value for key, value in told.items() if value or key in ("facet_errors", "surfaces")}
+    more = {key: value for key, value in more.items() if value or key in ("facet_errors", "surfaces")}
     unit = {"unit": body.unit} if body.unit else {}
     if body.is_surface:  # one part under each face: made again from these
         drawn = body.vertices[: max(v for face in body.triangles for triangle in face for v in triangle) + 1].tolist()
         faces = [[v + 1 for v in triangle] for face in body.triangles for triangle in face]
         surface = {"vertices": drawn, "faces": faces, "decomposition": "surface"}
-        return {"name": body.name, **surface, **told, "seed": body.seed.tolist(), **unit}
+        return {"name": body.name, **surface, **more, "seed": body.seed.tolist(), **unit}
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [
@@ -270,7 +276,7 @@ def plain_body(body: Body) -> dict[str, Any]:
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
     faces = [list(face) for face in body.outlines]
-    return {**entry, **told, "faces": faces, "seed": body.seed.tolist(), **unit}
+    return {**entry, **more, "faces": faces, "seed": body.seed.tolist(), **unit}
 
 
 class KeepOutEntry(BodyEntry, title="Keep-outs"):

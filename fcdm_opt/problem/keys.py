@@ -177,8 +177,8 @@ class Defaults(SizeKeys, title="Defaults of all cases"):
     )
     exact_at: dict[str, list[Place]] | None = declared(
         None,
-        'points of round faces, [x, y, z], length units, by "movable" and "static", at which parts are exact, and elsewhere within '
-        "the true ones; a solution names those that it needs",
+        'points of round faces, [x, y, z], length units, by "movable" and "static", at which parts are exact, and '
+        "elsewhere within the true ones; a solution names those that it needs",
         {"movable": [[10.0, 0.0, 5.0]], "static": []},
     )
     snap: Length = declared(

@@ -14,7 +14,8 @@ from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
-from fcdm_opt.show.scene import parts_figure
+from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts, parts_figure
+from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
 from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described
@@ -127,6 +128,20 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
     return rows
 
 
+def touching(solution: AssemblySolution) -> list[Touching]:
+    """Return what touches after the motions, in the world, with the number of its contact; nothing without motions."""
+    found, asked = list[Touching](), solution.assembly.contacts
+    for number, (pair, own) in enumerate(zip(asked, solution.contacts, strict=False), 1):
+        if own.rho is None or own.transform is None:
+            continue
+        problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
+        shown = ShownPair.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
+        for one in contacts_of(problem.curve_after(own.transform, own.rho), own.rho, shown, own.features):
+            pieces = tuple(piece @ pose[:3, :3].T + pose[:3, 3] for piece in one.pieces)
+            found.append(one._replace(pieces=pieces, normal=pose[:3, :3] @ one.normal, number=number, told=str(pair)))
+    return found
+
+
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions; as drawn where none were found."""
     assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
@@ -141,7 +156,10 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
     moved = "after these motions; arrows: where each part goes, with what it follows"
     state = moved if solution.status.found else "as made, not moved"
-    caption = f"{assembly_verdict(solution)} (shown {state})"
+    caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
+    contacts = touching(solution)
+    if texts := numbered_contacts(contacts):
+        caption += f"\ncontacts: {'; '.join(texts)}"
     least = NOTHING * max(body.size for body in bodies)
     ways = [way if np.linalg.norm(way) > least else np.zeros(3) for way in ways]
-    return parts_figure(bodies, names, ways, unit=assembly.unit, title=title, caption=caption)
+    return parts_figure(bodies, names, ways, contacts=contacts, unit=assembly.unit, title=title, caption=caption)

@@ -24,5 +24,6 @@ EXPLAINED = {
     "at": "goal: the contact drawn holds at exactly the sizes made",
     "touch": "goal: the parts made touch, wherever they meet first",
     "fit": "goal: none of several contacts overlaps, and the largest of their gaps is least",
+    "published": "a motion that the file gives to compare with, as a paper or a hand calculation has it",
 }
-"""These, and the goals that the README leaves out."""
+"""These, and what the README leaves out."""

@@ -61,20 +61,20 @@ class Raster:
         """How long a pixel is."""
         return 1.0 / self._scale
 
-    def fill(self, polygons: Sequence[Array], colour: str, owner: int) -> None:
-        """Draw convex polygons, (k, 3) each, where nothing is nearer."""
+    def fill(self, polygons: Sequence[Array], colour: str, owner: int, *, white: float = TINT) -> None:
+        """Draw convex polygons, (k, 3) each, where nothing is nearer, their colour mixed with so much white."""
         from matplotlib.colors import to_rgb
 
         if not polygons:
             return
         starts = np.cumsum([0, *map(len, polygons)])
-        corners, tint = np.concatenate(polygons), TINT + (1.0 - TINT) * np.array(to_rgb(colour))
+        corners, tint = np.concatenate(polygons), white + (1.0 - white) * np.array(to_rgb(colour))
         frame = np.column_stack([self._page, self._toward])
         placed = corners @ frame
         placed[:, :2] = (placed[:, :2] - self._low) * self._scale
         fill_pixels(placed, starts, self._scale, tint, owner, self._depth, self._owner, self._colour)
 
-    def visible(self, ends: Array) -> list[Array]:
+    def visible(self, ends: Array | Sequence[Array]) -> list[Array]:
         """Return the pieces of straight lines (m, 2, 3) that no surface hides, on the page, (2, 2) each."""
         from scipy.ndimage import minimum_filter
 
@@ -88,6 +88,12 @@ class Raster:
             stops = np.flatnonzero(seen & ~np.r_[seen[1:], False])
             found += [places[[a, b]] for a, b in zip(starts, stops, strict=True) if b > a]
         return found
+
+    def share_seen(self, points: Sequence[Array]) -> float:
+        """Return the share of points that no surface hides."""
+        from scipy.ndimage import minimum_filter
+
+        return float(np.mean(self._seen(np.array(points), minimum_filter(self._depth, 3))))
 
     def _seen(self, points: Array, behind: Array) -> Flags:
         """Tell which points (m, 3) no surface hides, by depths to compare with."""

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.naming import normals_of_faces
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Touching, draw_section
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section
 from fcdm_opt.show.texts import shortened
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
@@ -32,8 +32,8 @@ LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
 keep from the edge of its area, for arrows."""
 
-WIDE = 3.1
-"""Inches across of a scene in a report: words of it can be read on a phone."""
+WIDE, LOW = 3.1, 0.36
+"""Inches across of a scene in a report: words of it can be read on a phone; below it, where no legend is."""
 
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
@@ -41,11 +41,14 @@ FINE = 180
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
 
-COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
 """Of parts of an assembly, one after the other."""
 
-MOST_NUMBERS, MOST_TOLD, LONGEST_NAME = 80, 8, 44
-"""Corners that can be numbered legibly, contacts that are numbered and told, letters of a body's name in the legend."""
+MOST_TOLD, LONGEST_NAME = 8, 44
+"""Contacts that are numbered and told, letters of a body's name in the legend."""
+
+LEAST_CONTACT, OPENED = 0.6, 0.45
+"""Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
 
 LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
@@ -151,9 +154,9 @@ def scene_pieces(
     shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * WIDE + MARGIN, LEAST, WIDE))
-    sheet = Sheet.of(WIDE, height + FOOT)
-    axes = draw_scene(sheet, (0.0, FOOT, WIDE, height), shown, contacts=contacts, moved=moved)
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
+    sheet = Sheet.of(WIDE, height + LOW)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
     facings = []
@@ -194,34 +197,33 @@ def body_figure(body: Body) -> Figure:
 
 @styled
 def parts_figure(
-    bodies: Sequence[Body],
-    names: Sequence[str],
-    ways: Sequence[Array] = (),
-    *,
-    unit: str = "",
-    title: str = "",
-    caption: str = "",
-) -> Figure:
-    """Draw several bodies where they are, each in its colour, with its name in the legend.
+    bodies: Sequence[Body], names: Sequence[str], ways: Sequence[Array] = (), *, contacts: Sequence[Touching] = (),
+    unit: str = "", title: str = "", caption: str = "",
+) -> Figure:  # fmt: skip
+    """Draw several bodies where they are, each in its colour, with its name in the legend, and what touches.
 
     `ways`, (3,) each: where each came from, shown by an arrow of one length, pointing away from there; none where 0.
     """
     points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
     shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
-    foot = max(FOOT, 0.16 * (len(bodies) + 1))
+    foot = max(FOOT, 0.16 * (len(bodies) + 1 + 2 * bool(contacts)))
     wide = 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
     sheet = Sheet.of(wide, height + foot, title=title, caption=caption)
     axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
     colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
     labels = [shortened(name, LONGEST_NAME) for name in names]
-    raster = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
+    raster, cut = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)), contacts)
     places, page = raster.roomiest(), page_directions(*shown.view)
+    arrows = list[Array]()
     for k, way in enumerate(ways):
         flat = way @ page
         if k in places and np.linalg.norm(flat) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
+            arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
+    if contacts:
+        _draw_contacts(axes, page, raster, contacts, "in contact", cut, arrows)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     return sheet.figure
@@ -291,6 +293,8 @@ class ShownPair:
 
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
+        from scipy.spatial.transform import Rotation
+
         body, motion = self.bodies[0], np.asarray(moved, dtype=float)
         was = body.moved(np.linalg.inv(motion))
         page = page_directions(*self.view)
@@ -300,18 +304,16 @@ class ShownPair:
         if not long > 1e-12 * size:
             return None, 1.0
         times = max(1.0, FAR * size / long)
-        turn = np.linalg.inv(motion)[:3, :3]
-        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
-        sine = float(np.linalg.norm(axis))
-        angle = float(np.arctan2(sine, (np.trace(turn) - 1.0) / 2.0))
-        if angle > 0.0:
-            times = max(1.0, min(times, MOST_TURN / angle))
+        turn = Rotation.from_matrix(motion[:3, :3].T)
+        times = max(1.0, min(times, MOST_TURN / max(turn.magnitude(), 1e-300)))
         if times < 1.5:
             return was, 1.0
         times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
         middle = body.vertices.mean(axis=0)
-        shift = times * (was.vertices.mean(axis=0) - middle)
-        return body.moved(_turned(axis / sine if sine else axis, times * angle, middle, shift)), times
+        moved = np.eye(4)
+        moved[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
+        moved[:3, 3] = middle - moved[:3, :3] @ middle + times * (was.vertices.mean(axis=0) - middle)
+        return body.moved(moved), times
 
     @property
     def slenderness(self) -> float:
@@ -328,11 +330,10 @@ def draw_scene(
     contacts: Sequence[Touching] = (),
     moved: ArrayLike | None = None,
     said: str = "",
-    numbered: bool = False,
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
 
-    Parameters are those of `scene_figure`; `numbered` gives each corner its number, and shows hidden edges dotted.
+    Parameters are those of `scene_figure`.
     """
     page, (one, two) = page_directions(*shown.view), shown.bodies
     old, times = shown.before(moved) if moved is not None else (None, 1.0)
@@ -342,14 +343,12 @@ def draw_scene(
         (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
         *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
     ]
-    raster = _draw_solids(axes, shown, named)
+    raster, cut = _draw_solids(axes, shown, named, contacts)
     if old is not None:
-        _draw_old(axes, raster, shown, old, times)
+        _draw_old(axes, raster, shown, old, times, cut)
         _draw_arrow(axes, raster, shown, old, said)
     if contacts:
-        _draw_contacts(axes, page, contacts, "in contact" if moved is not None else "intended contact")
-    if numbered:
-        _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
+        _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)
     return axes
 
 
@@ -366,7 +365,7 @@ def draw_numbered(
     """
     body, page = shown.bodies[0], page_directions(*shown.view)
     axes = _axes_for(sheet, area, shown)
-    raster = _draw_solids(axes, shown, [(body, colour, "")])
+    raster, _ = _draw_solids(axes, shown, [(body, colour, "")])
     every = [*dict.fromkeys(numbers.values())]
     faces = raster.empty()
     for face, number in numbers.items():
@@ -383,38 +382,71 @@ def draw_numbered(
     return axes, written
 
 
-def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:
-    """Draw bodies shaded, with the edges that can be seen; return the picture, to ask what is hidden."""
+def _draw_solids(
+    axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]], contacts: Sequence[Touching] = ()
+) -> tuple[Raster, Cut | None]:
+    """Draw bodies shaded, with the edges that can be seen, cut open where they would hide what touches.
+
+    Returns the picture, to ask what is hidden, and where the bodies are cut.
+    """
     from matplotlib.collections import LineCollection
 
-    page = page_directions(*shown.view)
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    page, ((left, right), (bottom, top)) = page_directions(*shown.view), (axes.get_xlim(), axes.get_ylim())
     inches = axes.get_position().width * axes.figure.get_figwidth()
     raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
-    for k, (body, colour, _) in enumerate(bodies):
-        raster.fill(own_polygons(body), colour, k)
+    solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
+    for k, (polygons, *_) in enumerate(solids):
+        raster.fill(polygons, bodies[k][1], k)
+    corners = [corner for each in contacts for own in each.pieces for corner in own]
+    cut, seen = None, raster.share_seen(corners) if corners else 1.0
+    if seen < LEAST_CONTACT:
+        cut, met = Cut.through(contacts, [body for body, *_ in bodies], page)
+        cut = cut if met > seen else None
+    if cut is not None:
+        whole, raster = raster, raster.empty()
+        gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
+        axes.add_collection(LineCollection(whole.visible(gone), colors=GREY, linewidths=0.5, alpha=0.6, zorder=2.5))
+        solids = [_cut_open(body, cut) for body, *_ in bodies]
+        for k, (polygons, _, opened) in enumerate(solids):
+            raster.fill(polygons, bodies[k][1], k)
+            raster.fill(opened, bodies[k][1], k, white=OPENED)
     axes.imshow(raster.image, extent=(left, right, bottom, top), origin="lower", zorder=1, aspect="auto")
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    for body, colour, label in bodies:
-        seen = raster.visible(sharp_edges(body))
-        axes.add_collection(LineCollection(seen, colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
+    for (_, colour, label), (_, edges, _) in zip(bodies, solids, strict=True):
+        axes.add_collection(LineCollection(raster.visible(edges), colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
         if label:
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
-    return raster
+    if cut is not None:
+        where = "at the contact" if contacts[0].across is None else OVERLAP
+        axes.plot([], [], color=GREY, linewidth=0.6, label=f"cut open {where}; thin lines: what is cut away")
+    return raster, cut
 
 
-def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float) -> None:
+def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
+    """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
+    polygons, edges = own_polygons(body), list(sharp_edges(body))
+    rest, (opened, rim) = cut.behind(polygons), cut.across(body)
+    return (rest, cut.behind(edges) + rim, opened) if rest else (polygons, edges, [])
+
+
+def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
     """Draw the old place of body 1 in dashes, where nothing hides it."""
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    alone = Raster(page, np.array([left, bottom]), np.array([right, top]), 500)
-    alone.fill(own_polygons(old), BLUE, 0)
-    pieces = _joined(alone.visible(sharp_edges(old)), right - left)
-    axes.add_collection(LineCollection(pieces, colors=BLUE, linewidths=0.8, linestyles=[(0, (4, 2.5))], zorder=3))
-    far = f" (motion drawn {times:g} times larger)" if times > 1.0 else ""
-    axes.plot([], [], color=BLUE, linewidth=0.8, linestyle=(0, (4, 2.5)), label=f"before the motion{far}")
+    width, alone = float(np.ptp(axes.get_xlim())), raster.empty()
+    polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
+    alone.fill(polygons + opened, BLUE, 0)
+    pieces = _joined(alone.visible(edges), width)
+    look = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
+    axes.add_collection(LineCollection(pieces, colors=BLUE, zorder=3, **look))
+    far = f", drawn {times:g} times as far off" if times > 1.0 else ""
+    axes.plot([], [], color=BLUE, label=f"before the motion: the same part{far}", **look)
+    steps = (old.vertices - shown.bodies[0].vertices) @ page
+    away = steps[np.linalg.norm(steps, axis=1).argmax()]
+    ahead = np.array([[0.02], [0.1]]) * width * away / np.linalg.norm(away)
+    ends = sorted((end for line in pieces for end in line if raster.free(end + ahead)), key=lambda end: -(end @ away))
+    Names(axes).put("before", ends, away, colour=BLUE)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
@@ -480,14 +512,21 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
     return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
 
 
-def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: str) -> None:
-    """Draw where two bodies touch, not all of the faces that do: points, lines, and areas as one."""
+def _draw_contacts(
+    axes: Any, page: Array, raster: Raster, contacts: Sequence[Touching], label: str, cut: Cut | None,
+    clear: Sequence[Array] = (),
+) -> None:  # fmt: skip
+    """Draw where two bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`."""
     from scipy.ndimage import gaussian_filter
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    inches = axes.get_position().width * axes.figure.get_figwidth()
-    areas = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
+    areas = raster.empty()
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
+    if cut is not None:  # of areas lines are seen, of lines points
+        met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
+        few = len(contacts) <= MOST_TOLD
+        rest = [own or cut.behind(each.pieces)[: None if few else 0] for own, each in zip(met, contacts, strict=True)]
+        contacts = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
         if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
@@ -495,7 +534,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
             solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
             way = np.ptp(flat, axis=0).argmax()
-            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=2.6, zorder=4)
+            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=3.0, zorder=4)
         else:
             axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
     colour, label = contacts[0].colour, label if contacts[0].across is None else OVERLAP
@@ -509,7 +548,7 @@ def _draw_contacts(axes: Any, page: Array, contacts: Sequence[Touching], label: 
         axes.contour(x, y, soft, levels=[0.3], colors=[colour], linewidths=1.2, zorder=4)
     axes.scatter([], [], s=40, marker="s", color=colour, label=label)
     names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
-    for place in places.values():
+    for place in (*places.values(), *clear):
         names.keep(place, 6.0)
     for number, place in places.items():
         names.put(str(number), place, (0.0, 1.0), colour=BLACK)
@@ -752,16 +791,6 @@ def _hidden(levels: Array, speeds: Array, firsts: Ints) -> bool:
     return bool((~clear & (leave > np.maximum(enter, 0.0) + 1e-9)).any())
 
 
-def _turned(axis: Array, angle: float, centre: Array, shift: Array) -> Array:
-    """Return the rigid transform that turns about an axis through a centre, then shifts."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    made = np.eye(4)
-    made[:3, :3] += np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
-    made[:3, 3] = centre - made[:3, :3] @ centre + shift
-    return made
-
-
 def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair, more: ArrayLike = ()) -> Any:
     """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
     points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
@@ -774,28 +803,3 @@ def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Show
     axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))
     axes.set_axis_off()
     return axes
-
-
-def _number(axes: Any, page: Array, raster: Raster, bodies: Sequence[tuple[Body, str]]) -> None:
-    """Write each corner's number beside it, outwards if it can stand there, grey where hidden; not those of cuts."""
-    from matplotlib.collections import LineCollection
-
-    labels = [np.array(body.corners) for body, _ in bodies]
-    if sum(map(len, labels)) > MOST_NUMBERS:
-        return
-    edges = [np.array(list(true_edges(body).values())) for body, _ in bodies]
-    seen = np.concatenate([np.reshape(raster.visible(own), (-1, 2)) for own in edges])
-    corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
-    reach = 0.01 * np.ptp(np.concatenate(corners), axis=0).max()
-    names = Names(axes, np.concatenate(edges) @ page)
-    axes.add_collection(
-        LineCollection(list(np.concatenate(edges) @ page), colors=GREY, linewidths=0.4, linestyles=":", zorder=2)
-    )
-    for place in np.concatenate(corners):
-        names.keep(place, 3.0)
-    for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
-        middle = places.mean(axis=0)
-        for label, place in zip(some.tolist(), places, strict=True):
-            hidden = not len(seen) or np.linalg.norm(seen - place, axis=1).min() > reach
-            away = place - middle
-            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=GREY if hidden else colour)

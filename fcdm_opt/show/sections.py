@@ -29,6 +29,9 @@ nowhere; at most this share."""
 ALONG_AXIS = 1.0 - 1e-6
 """Component of a direction along an axis of the world from which on it is that axis."""
 
+SLIVER = 0.15
+"""Share of a body's extent that a cut leaves at least."""
+
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
 
@@ -102,6 +105,75 @@ class Touching(NamedTuple):
         return cls(pieces, across / max(float(np.linalg.norm(across)), 1e-300))
 
 
+class Cut(NamedTuple):
+    """A plane at which bodies are cut open; what stands before it is taken away.
+
+    Attributes
+    ----------
+    point, facing : (3,) arrays
+        A point on it; its unit normal, towards the reader.
+    plane : (3, 2) array
+        Its directions, right and up.
+    """
+
+    point: Array
+    facing: Array
+    plane: Array
+
+    @classmethod
+    def through(cls, contacts: Sequence[Touching], bodies: Sequence[Body], page: Array) -> tuple[Cut | None, float]:
+        """Return the plane through the middle of a contact that meets the largest share of them, and that share.
+
+        Of those across the first contact; None where each leaves but a sliver of some body.
+        """
+        first, found = contacts[0], list[tuple[float, Cut]]()
+        facing, _ = section_plane(first.normal, np.zeros(3), page)
+        for step in (np.zeros(3), facing):
+            facing, plane = section_plane(first.normal, step, page)
+            ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
+            levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
+            met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
+            point = first.middle + (levels[met.argmax()] - first.middle @ facing) * facing
+            depths = [-(body.vertices - point) @ facing for body in bodies]
+            if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):
+                found.append((float(met.max()), cls(point, facing, plane)))
+        share, cut = max(found, key=lambda own: own[0], default=(0.0, None))
+        return cut, share
+
+    def behind(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:
+        """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""
+        found = []
+        for shape in shapes:
+            heights, corners = side * self._heights(shape), list[Array]()
+            for k in range(len(shape) if (heights < 0.0).any() and (heights > 0.0).any() else 0):
+                here, there = heights[k], heights[k - 1]
+                if here * there < 0.0 and (k or len(shape) > 2):
+                    corners.append(shape[k] + here / (here - there) * (shape[k - 1] - shape[k]))
+                corners += [shape[k]] if here <= 0.0 else []
+            found += [np.array(corners)] if corners else [shape] if (heights <= 0.0).all() else []
+        return found
+
+    def across(self, body: Body) -> tuple[list[Array], list[Array]]:
+        """Return the section of a body: triangles that make it up (3, 3), and the edges round it (2, 3)."""
+        from manifold3d import CrossSection, FillRule, triangulate
+
+        loops = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
+        corners = [self.point + own @ self.plane.T for own in loops]
+        edges = [np.array(ends) for own in corners for ends in zip(own, np.roll(own, -1, axis=0), strict=True)]
+        return list(np.concatenate(corners)[np.array(triangulate(loops))]) if loops else [], edges
+
+    def met(self, shapes: Sequence[Array]) -> list[Array]:
+        """Return where the plane meets convex polygons, straight lines and points: lines (2, 3), points (1, 3)."""
+        ends = [(shape[self._heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
+        return [own for own, is_area in ends if len(own) > is_area]
+
+    def _heights(self, shape: Array) -> Array:
+        """Return how far corners stand before the plane, 0 for rounding."""
+        arms = shape - self.point
+        heights = arms @ self.facing
+        return np.asarray(np.where(np.abs(heights) <= 1e-9 * np.abs(arms).max(), 0.0, heights))
+
+
 def draw_section(
     sheet: Sheet,
     corner: tuple[float, float],
@@ -137,7 +209,7 @@ def draw_section(
     middle = contact.middle
     back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
-    facing, plane = _section_plane(contact.normal, step, page)
+    facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
@@ -191,7 +263,7 @@ def free_corner(half: float, line: Array) -> tuple[float, float]:
     return corners[0]
 
 
-def _section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
+def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
     """Return the direction from a section to the reader, and the section's directions (3, 2), right and up.
 
     Normal and motion lie in the section. Where that leaves a choice it is cut along axes of the world, and seen from

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.texts import (
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from fcdm_opt.show.solved import SolvedCase
 
 OPTIONAL = ("published\namount", 'least\n"touch"')
-NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\npair")
+NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\nsizes")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CUT = ", exactly the solid"  # what a note on a body says first
 MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
@@ -115,6 +116,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     for row in rows:
         print_text(f"{row.solution.problem.name}: {verdict_text(row.solution)}", indent="   ")
     fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
+    if any(row.solution.problem.requirement for row in rows):
+        fits |= {f"requirements: {WORDS['requirement'].partition(': ')[2]}.": None}
     print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     said: dict[str, list[str]] = {}  # notes, and the cases that they are of
@@ -157,7 +160,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "found\namount": amount_text(solution.amount)
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
-        "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
+        "new/old\nsizes": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",

@@ -566,7 +566,7 @@ class _Told:
         if not told:
             which = "all contacts" if count > 1 else "the contact"
             return (
-                f"where {which} would be closed parts overlap, a limit is passed, or a contact is beyond its faces",
+                f"to close {which} parts would overlap, pass a limit, or be moved until faces lose each other",
             )
         return (*told, *self._carried())
 

@@ -9,10 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from picture_checks import check_texts, shown
 from scripts import loaded
 
 import fcdm_opt as fo
+from fcdm_opt.show import GREY
+from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.show.scene import ShownPair, draw_scene
 
 SCRIPT = Path(__file__).parents[2] / "problems" / "paper_figures.py"
 
@@ -86,3 +90,20 @@ def test_the_script_writes_every_figure(tmp_path: Path, monkeypatch: pytest.Monk
     assert written == ["fig3.png", "fig3.svg", "fig4.png", "fig4.svg"]
     assert "reconstructions" in (tmp_path / "paper" / "fig4.svg").read_text()
     assert fo.load_problems(SCRIPT.parent / "example1.toml")[0].name == "A"
+
+
+def test_a_scene_numbers_corners_at_one_scale() -> None:
+    """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
+    cube, far = (fo.Body.convex([[x + k, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) for k in (0, 18))
+    sheet = Sheet.of(4.0, 3.0)
+    shown_pair = ShownPair.of(cube, far, view=(30.0, -50.0))
+    axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown_pair)
+    script().number_corners(axes, shown_pair)
+    numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]
+    grey = [text.get_text() for text in numbers if text.get_color() == GREY]
+    assert sorted(text.get_text() for text in numbers) == sorted("12345678" * 2)
+    assert grey == ["3", "3"]  # (-1, 1, -1), farthest from where x > 0, y < 0, z > 0
+    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
+    gram = rows @ rows.T
+    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])

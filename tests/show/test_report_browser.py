@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from study_results import TAUS, result
 
+import fcdm_opt as fo
 from fcdm_opt.design.study.point import row
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.report.page import study_page
+from fcdm_opt.show.report.page import assembly_page, study_page
 
 CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -309,6 +310,36 @@ def test_zoom_of_the_curve(wide, payload):
     for zoom in ("box", "window"):
         wide.page.click(f"[data-zoom={zoom}]")
         wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
+
+
+def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
+    """A key 2 % too large between two wedges: each part where its motion takes it, and what touches on the slopes."""
+    path = PROBLEMS / "assemblies" / "loop_of_four.toml"
+    asked = next(each for each in fo.load_assemblies(path) if each.scales["key"] == 1.02)
+    solution = fo.solve(asked)
+    text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": ""}], [solution])
+    (tmp_path / "report.html").write_text(text, encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
+    opened.drawn("0 corrected")
+    solids = opened.page.evaluate(
+        "document.getElementById('bodies').data.filter(t => t.type === 'mesh3d' && t.name !== 'contact area')"
+        ".map(t => ({ x: [...t.x], y: [...t.y], z: [...t.z] }))"
+    )
+    for part, solid in zip(asked.parts, solids, strict=True):
+        seed, pose = asked.parts[part].seed, np.asarray(solution.transforms.get(part, np.eye(4)))
+        corners = seed + asked.scales[part] * (asked.parts[part].vertices - seed)
+        expected = corners @ pose[:3, :3].T + pose[:3, 3]
+        found = points(solid)
+        assert max(np.linalg.norm(found - corner, axis=1).min() for corner in expected) < 1e-5
+    shift = solution.parameters["left wedge"]["TX"]
+    places = points(opened.trace("bodies", "contact"))
+    assert (np.abs(places[:2, 2]) < 1e-5).all()  # both wedges stand on the base, z = 0
+    assert places[2, 2] == pytest.approx(-(places[2, 0] - shift) - 1.0, abs=1e-5)  # on the left one's slope
+    opened.page.check("input[name=pose][value=rescaled]", force=True)
+    opened.drawn("0 rescaled")
+    assert opened.trace("bodies", "before the motion") is None
+    assert opened.wrong == []
+    opened.context.close()
 
 
 def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):

@@ -24,7 +24,7 @@ from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import GREY, MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show import MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -32,9 +32,9 @@ from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     MOVES,
     ShownPair,
+    _cut_open,
     _joined,
     contacts_of,
-    draw_scene,
     own_polygons,
     page_directions,
     parts_figure,
@@ -43,7 +43,7 @@ from fcdm_opt.show.scene import (
     true_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, _section_plane, free_corner, section
+from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
 from fcdm_opt.show.texts import described
 
 TITLE = "Example (reconstruction)"
@@ -259,22 +259,6 @@ def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
     assert (4, 10) in ell  # the reflex edge
 
 
-def test_a_scene_numbers_corners_at_one_scale() -> None:
-    """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
-    cube = box((0.0, 0.0, 0.0), 1.0)
-    sheet = Sheet.of(4.0, 3.0)
-    shown = ShownPair.of(cube, box((9.0, 0.0, 0.0), 1.0), view=(30.0, -50.0))
-    axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown, numbered=True)
-    numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]
-    grey = [text.get_text() for text in numbers if text.get_color() == GREY]
-    assert sorted(text.get_text() for text in numbers) == sorted("12345678" * 2)
-    assert grey == ["3", "3"]  # (-1, 1, -1), farthest from where x > 0, y < 0, z > 0
-    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
-    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
-    gram = rows @ rows.T
-    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
-
-
 def box(at: Sequence[float], size: float) -> Body:
     corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     return Body.convex(np.array(corners) * size / 2.0 + at)
@@ -341,7 +325,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
     assert times > 10.0
     figure = scene_figure(shown, moved=motion, said="0.001 along -x")
-    assert f"before the motion (motion drawn {times:g} times larger)" in texts(figure)
+    assert f"before the motion: the same part, drawn {times:g} times as far off" in texts(figure)
     motion[0, 3] = -1.0
     assert shown.before(motion)[1] == 1.0
 
@@ -351,6 +335,41 @@ def test_a_section_is_what_a_plane_cuts_out() -> None:
     (square,) = section(box((0.0, 0.0, 0.0), 2.0), np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 1.0]), plane)
     assert sorted(map(tuple, square.tolist())) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
     assert section(box((0.0, 0.0, 9.0), 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), plane) == []
+
+
+def peg_in_a_blind_hole() -> tuple[Body, Body]:
+    """A peg of 2 x 2 x 3 on the bottom of a hole of 3 x 3 x 2 in a block of 6 x 6 x 3."""
+    corners = ((-1, -1, 0), (1, 1, 3)), ((-3, -3, -1), (3, 3, 2)), ((-1.5, -1.5, 0), (1.5, 1.5, 3))
+    peg, block, hole = (trimesh.creation.box(bounds=ends) for ends in corners)
+    return Body.from_mesh(peg), Body.from_mesh(trimesh.boolean.difference([block, hole]))
+
+
+def volume(polygons: Sequence[Any]) -> float:
+    """What closed polygons enclose, by the divergence theorem."""
+    fans = ((own[0], own[k], own[k + 1]) for own in polygons for k in range(1, len(own) - 1))
+    return sum(float(np.linalg.det(np.array(fan))) for fan in fans) / 6.0
+
+
+def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None:
+    """The block hides all of the peg's foot; cut through the middle, half of each is left, and nothing hides it."""
+    peg, block = bodies = peg_in_a_blind_hole()
+    foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
+    shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
+    assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
+    whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
+    opened, (cut, _) = whole.empty(), Cut.through([foot], bodies, page)
+    assert cut is not None
+    np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
+    (line,) = cut.met(foot.pieces)
+    np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-9)
+    for body, size in zip(bodies, (2 * 2 * 3, 6 * 6 * 3 - 3 * 3 * 2), strict=True):
+        left, edges, section = _cut_open(body, cut)
+        assert volume([*left, *section]) == pytest.approx(size / 2.0)
+        assert min(own[:, 1].min() for own in (*left, *edges, *section)) == pytest.approx(0.0, abs=1e-9)
+        whole.fill(own_polygons(body), "#0072B2", 0)
+        opened.fill([*left, *section], "#0072B2", 0)
+    assert whole.share_seen(line) == 0.0
+    assert opened.share_seen(line) > 0.9
 
 
 def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
@@ -369,7 +388,7 @@ def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
 def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], way: Any) -> None:
     """Whichever way a part moves in the scene, it moves in the inset, as right, left, up or down; z stays up."""
     step, page = np.array(way), page_directions(*view)
-    facing, plane = _section_plane(step, 0.1 * step, page)
+    facing, plane = section_plane(step, 0.1 * step, page)
     assert facing @ np.cross(page[:, 0], page[:, 1]) > 0.0  # seen from the scene's side
     np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
     np.testing.assert_allclose(sorted(np.abs(step @ plane)), [0.0, 1.0], atol=1e-12)
@@ -494,6 +513,24 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert len(steps) == 2
     assert np.linalg.norm(steps, axis=1) == pytest.approx([np.linalg.norm(steps[0])] * 2)  # however far they go
     assert steps[0] == pytest.approx([0.0, np.linalg.norm(steps[0])], abs=1e-9)
+
+
+def test_a_cut_took_all_of_a_part_but_a_sliver() -> None:
+    """A small cube on a large one near its back: cut from front to back, not across, which leaves 5 of 100."""
+    large, small = box((0.0, 0.0, 0.0), 10.0), box((0.0, 4.5, 5.5), 1.0)
+    corners = [(x, y, 5.0) for x, y in ((-0.5, 4.0), (0.5, 4.0), (0.5, 5.0), (-0.5, 5.0))]
+    page = page_directions(32.0, -55.0)
+    cut, share = Cut.through([Touching((np.array(corners),), np.eye(3)[2])], (small, large), page)
+    assert cut is not None
+    assert share == 1.0
+    np.testing.assert_allclose(np.abs(cut.facing), [1.0, 0.0, 0.0], atol=1e-12)
+    assert cut.facing @ np.cross(*page.T) > 0.0  # towards the reader
+
+
+@pytest.mark.parametrize("name", ["boxes", "locating"])
+def test_contacts_that_are_seen_are_not_cut_open(name: str) -> None:
+    solution = solved(name, next(iter(problems(name))))
+    assert not [text for text in texts(solution_figure(solution)) if text.startswith("cut open")]
 
 
 def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:

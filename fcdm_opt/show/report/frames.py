@@ -23,10 +23,13 @@ from fcdm_opt.geometry.bodies import IDENTITY, Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.plain import drawn
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show.assemblies import touching
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_of
+from fcdm_opt.show.scene import COLOURS, VIEW, face_polygons, own_polygons, page_directions, sharp_edges, view_of
+from fcdm_opt.show.sections import section_plane
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -217,16 +220,48 @@ def scene(problem: Problem, facing: Array) -> dict[str, Any]:
     The first two are shown at scales about their `seed`, the others as they are. `facing`: from a section through the
     contact to the reader.
     """
-    keep_outs = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
-    objects = []
-    for k, body in enumerate((problem.movable, problem.static, *keep_outs)):
-        rows: Rows = {}
-        triangles = _triangles(rows, own_polygons(body))
-        edges = [_rows(rows, ends) for ends in sharp_edges(body)]
-        shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
-        objects.append({"body": k, "name": body.name, **shape})
+    parts = [("movable", problem.movable), ("static", problem.static)]
+    keep_outs = [("keep-out", keep_out.body.scaled(keep_out.ends[1])) for keep_out in problem.keep_out]
+    objects = [{"name": own.name, **_solid(k, role, own)} for k, (role, own) in enumerate([*parts, *keep_outs])]
     view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
     return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
+
+
+def _solid(number: int, role: str, body: Body) -> dict[str, Any]:
+    """Return a body as triangles and true edges."""
+    rows: Rows = {}
+    triangles = _triangles(rows, own_polygons(body))
+    edges = [_rows(rows, ends) for ends in sharp_edges(body)]
+    shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
+    return {"body": number, "role": role, **shape}
+
+
+def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
+    """Return what scripts draw of an assembly: its parts in their colours, as made and after their motions."""
+    assembly, contacts = solution.assembly, touching(solution)
+    roles = ("static" if part in assembly.fixed else "movable" for part in assembly.parts)
+    shown = [*zip(assembly.parts, roles, assembly.bodies_made.values(), strict=True)]
+    shown += [(keep_out.name, "keep-out", keep_out.body) for keep_out in assembly.keep_out]
+    objects = [
+        {"name": name, "colour": COLOURS[k % len(COLOURS)], **_solid(k, role, own)}
+        for k, (name, role, own) in enumerate(shown)
+    ]
+    poses = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
+    made = {"sizes": [assembly.scales[part] for part in assembly.parts], "transforms": [None] * len(poses)}
+    moved = {
+        "transforms": [None if pose is None else drawn(np.ravel(pose)) for pose in poses],
+        "contacts": [drawn(each.middle) for each in contacts],
+        "areas": [drawn(piece) for each in contacts for piece in each.pieces if len(piece) > 1],
+    }
+    normal = contacts[0].normal if contacts else np.eye(3)[2]
+    facing, _ = section_plane(normal, np.zeros(3), page_directions(*VIEW))
+    return {
+        "name": assembly.name,
+        "scene": {"size": assembly.size, "objects": objects, "view": [*VIEW], "section": drawn(facing)},
+        "normal": drawn(normal),
+        "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.status.found else None},
+        "feature_shapes": [],
+    }
 
 
 def contact_shapes(problem: Problem, feature: Feature) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import inline_svg
 from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, part_texts
 from fcdm_opt.show.rendering import whole_page
+from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.studies import study_figure
 from fcdm_opt.show.texts import amount_text, bound_line, shown, study_facts
@@ -71,7 +72,7 @@ def page(payload: Data) -> str:
 
 
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
-    """Return the report on assemblies as one self-contained HTML text, without scripts.
+    """Return the report on assemblies as one self-contained HTML text.
 
     Parameters
     ----------
@@ -82,6 +83,8 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     titles = [file["title"] or file["file"] for file in files]
     return whole_page(
         "assembly.html",
+        scripts=("scene.js", "page.js"),
+        figures={"cases": list(map(assembly_scene, solutions))},
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],

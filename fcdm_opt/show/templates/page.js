@@ -44,6 +44,7 @@ const nominalName = () => (currentCase().tracking ? "tracked point before (nomin
 
 /** Name the bodies in the keys below the figures, and leave out what this case does not have. */
 function fillKeys() {
+  if (!element("curve")) return;
   const { bodies, poses, families, tolerance_box: box, quadrant } = currentCase();
   const frames = [poses, ...Object.values(families ?? {}).map(each => each?.frames ?? [])].flatMap(Object.values);
   element("key-movable").textContent = bodies[0].name;
@@ -59,6 +60,7 @@ function fillKeys() {
 
 /** Set the slider to a family's start, the case as asked; without a family it is switched off. */
 function prepareSlider(name) {
+  if (!element("slider")) return;
   const slider = element("slider"), chosen = name && currentCase().families[name];
   for (const input of all("input[name=family]")) input.checked = input.value === name;
   slider.disabled = !chosen;
@@ -103,7 +105,7 @@ const MOST_TOLD = 8; // contacts that are told in words, and numbered in the pic
 
 function showNumbers() {
   const frame = currentFrame(), { feature_shapes: shapes } = currentCase();
-  const write = (id, text) => (element(id).textContent = text || "\u2013");
+  const write = (id, text) => element(id)?.replaceChildren(text || "\u2013");
   const named = family() ? `${family().label} ${family().shown[state.index]}` : `pose ${poseName()}`;
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
   write("now-motion", frame.motion);
@@ -135,7 +137,7 @@ function requestDrawing() {
     do {
       again = false;
       await new Promise(requestAnimationFrame);
-      await drawCurve();
+      if (element("curve")) await drawCurve();
       if (hasScene) await drawScene();
     } while (again);
     drawing = null;
@@ -147,7 +149,7 @@ function requestDrawing() {
 
 function listen() {
   element("choose").addEventListener("change", event => chooseCase(Number(event.target.value)));
-  element("slider").addEventListener("input", slide);
+  element("slider")?.addEventListener("input", slide);
   for (const input of all("input[name=pose]")) input.addEventListener("change", () => choosePose(input.value));
   for (const input of all("input[name=family]")) input.addEventListener("change", () => (prepareSlider(input.value), slide()));
   for (const button of all("[data-turn]")) button.addEventListener("click", () => move(button.dataset.turn));
@@ -188,7 +190,7 @@ function setPrinting(starts) {
     if (starts) folded.open = true;
     else if ("folded" in folded.dataset) (delete folded.dataset.folded, (folded.open = false));
   }
-  drawCurve();
+  if (element("curve")) drawCurve();
   if (hasScene) drawScene();
 }
 
@@ -205,7 +207,7 @@ if (cases.length) {
   element("bodies").hidden = !hasScene;
   element("scene-missing").hidden = hasScene;
   element("viewer").hidden = false;
-  root.classList.add("drawn");
+  root.classList.toggle("drawn", Boolean(element("answers")));
   listen();
   chooseCase(caseInAddress() ?? 0, { remember: false });
   await drawing;

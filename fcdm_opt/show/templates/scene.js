@@ -13,10 +13,13 @@ const middle = points => [0, 1, 2].map(k => points.reduce((sum, p) => sum + p[k]
 
 const seedOf = body => currentCase().scene.objects.find(object => object.body === body).seed;
 
+/** The motion of a body, of two parts or of several. */
+const transformOf = (body, frame) => (frame.transforms ?? [frame.transform])[body];
+
 /** Where a frame puts points of a body: scaled about its seed, the movable body then moved. */
 function placed(points, body, frame) {
   const seed = seedOf(body);
-  const size = body < 2 ? frame.sizes[body] : 1, T = body === 0 ? frame.transform : null;
+  const size = frame.sizes[body] ?? 1, T = transformOf(body, frame);
   return points.map(point => {
     const p = point.map((x, k) => seed[k] + size * (x - seed[k]));
     return T ? [0, 4, 8].map(row => T[row] * p[0] + T[row + 1] * p[1] + T[row + 2] * p[2] + T[row + 3]) : p;
@@ -63,13 +66,13 @@ function drawScene() {
 
 function bodyTraces(frame, colours) {
   const clear = state.look === "clear", plane = state.look === "cut" && sectionPlane(frame);
-  const look = [[colours.movable, clear ? 0.7 : 1], [colours.static, clear ? 0.35 : 1]];
   return currentCase().scene.objects.flatMap(object => {
-    const [colour, opacity] = look[object.body] ?? [colours.muted, 0.2], whole = placed(object.points, object.body, frame);
-    const cut = plane && object.body < 2;
+    const { role } = object, part = role !== "keep-out", colour = object.colour ?? colours[part ? role : "muted"];
+    const opacity = !part ? 0.2 : !clear ? 1 : role === "movable" ? 0.7 : 0.35, whole = placed(object.points, object.body, frame);
+    const cut = plane && part;
     const { points, triangles, edges } = cut ? cutOpen(whole, object, plane) : { ...object, points: whole };
-    const solid = columns(object.body < 2 ? points : shrunk(points));
-    const name = plain(object.name), role = ["movable", "static"][object.body] ?? "keep-out";
+    const solid = columns(part ? points : shrunk(points));
+    const name = plain(object.name);
     const [seed] = placed([object.seed], object.body, frame);
     return [
       {
@@ -79,7 +82,7 @@ function bodyTraces(frame, colours) {
       },
       {
         type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, edges), hoverinfo: "skip",
-        line: { color: object.body < 2 ? colours.ink : colour, width: 2.5 },
+        line: { color: part ? colours.ink : colour, width: 2.5 },
       },
       {
         type: "scatter3d", mode: "markers", name: `${role} seed`, ...columns([seed]),
@@ -141,15 +144,13 @@ function filled(points, outlines, facing) {
   return made;
 }
 
-/** The movable body's old place, in dashes. */
+/** The old places of what moved, in dashes. */
 function before(frame, colours) {
-  const [object] = currentCase().scene.objects;
-  if (!frame.transform) return [];
-  return [{
+  return currentCase().scene.objects.filter(({ body }) => transformOf(body, frame)).map(object => ({
     type: "scatter3d", mode: "lines", name: "before the motion", hoverinfo: "skip",
-    ...lines(placed(object.points, 0, { ...frame, transform: null }), object.edges),
-    line: { color: colours.movable, width: 2, dash: "dash" },
-  }];
+    ...lines(placed(object.points, object.body, { sizes: frame.sizes }), object.edges),
+    line: { color: object.colour ?? colours.movable, width: 2, dash: "dash" },
+  }));
 }
 
 /** Where the parts made overlap: a surface of triangles, which the see-through parts do not hide. */
@@ -329,6 +330,7 @@ function lookAtContact() {
 
 /** Normal of the first contact: of its face, or across its two edges; else from seed to seed, but across its edge. */
 function contactNormal() {
+  if (currentCase().normal) return currentCase().normal;
   const frame = currentFrame(), feature = currentCase().feature_shapes[featuresOf(frame)[0]];
   const shapes = (feature?.shapes ?? []).map(shape => ({ kind: shape.kind, points: placed(shape.points, shape.body, frame) }));
   const face = shapes.find(shape => shape.kind === "F"), edges = shapes.filter(shape => shape.kind === "E");
