@@ -21,11 +21,11 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
-from fcdm_opt.geometry.naming import FEWEST, GENTLE, MANY, ROUNDED, Label, neighbours, normals_of_faces, round_faces
+from fcdm_opt.geometry.naming import FEWEST, GENTLE, MANY, ROUNDED, Label, Round, neighbours, normals_of_faces, round_faces
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces
+from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
@@ -136,10 +136,17 @@ def _look_for_round_faces(body: Body) -> _OfRound | None:
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & ~_flats(most)]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
-    told = [(own.surface, [body.face_rows[face] for face in own.faces]) for own in rounds]
-    kept = [(surface, tuple(row for row in rows if errors[row].any())) for surface, rows in told]
-    surfaces = tuple(own for own in kept if own[1])
+    surfaces = tuple(own for own in (_even(body, each, errors, normals) for each in rounds) if own[1])
     return _OfRound(frozen(errors), surfaces, {face for own in rounds for face in own.faces}, looked=True)
+
+
+def _even(body: Body, own: Round, errors: Array, normals: dict[Label, Array]) -> tuple[Swept, tuple[int, ...]]:
+    """Return the surface and the rows of its facets; none where some turn too far: corners on a sphere make no ball."""
+    kept = [face for face in own.faces if errors[body.face_rows[face]].any()]
+    looks = np.array([normals[face] for face in kept]).reshape(-1, 3)
+    pairs = neighbours(kept)[0]
+    turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
+    return own.surface, tuple(body.face_rows[face] for face in kept if turned.min(initial=1.0) > GENTLE)
 
 
 def _groups(pairs: Ints, count: int, fewest: int = FEWEST) -> list[Ints]:

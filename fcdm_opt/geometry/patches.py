@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
-from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
@@ -135,7 +135,7 @@ class TrueFaces:
 
     def reaches(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
-        room = DEFAULT.nominal * self.body.size + max(self.body.deviation)
+        room = DEFAULT.nominal * self.body.size + max(deviation_of(self.body))
         return bool(self._distances(k, point)[0].min() <= room)
 
     def row_at(self, k: int, point: Array) -> int:
@@ -146,7 +146,8 @@ class TrueFaces:
     def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""
         hit = _lengths(point[None], direction[None], self.corners)[0]
-        return float(hit[hit > DEFAULT.nominal * self.body.size + 2.0 * max(self.body.deviation)].min(initial=np.inf))
+        near = DEFAULT.nominal * self.body.size + 2.0 * max(deviation_of(self.body))
+        return float(hit[hit > near].min(initial=np.inf))
 
     @property
     def any_round(self) -> bool:
