@@ -128,7 +128,8 @@ def _answered(problem: Problem, how: _How) -> Solution:
     if how.effort != "quick":
         facets_known(problem)
     solution = _solved_all(problem, how)
-    if (points := points_of_true_faces(solution, partial(_solved_all, how=_at_once(how)))) is not None:
+    points = points_of_true_faces(problem, partial(_solved_all, how=_at_once(how)))
+    if points is not None:
         found = _solved_all(problem.changed(exact_at=points), how)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE
         solution = found if found.usable or refused else solution

@@ -22,7 +22,7 @@ from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, T
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.resizing import vertex_rates
+from fcdm_opt.geometry.resizing import exact_vertex_rates, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
@@ -403,6 +403,8 @@ def _size_rates(problem: Problem, size: Size) -> Array | None:
     """Return how the vertices of a body as made move a unit of one of its sizes, see `vertex_rates`."""
     drawn, body = problem.request[size.body], getattr(problem, size.body)
     made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
+    if body.exact_of is not None:
+        return exact_vertex_rates(body, drawn, made, size)
     return vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
 
 
@@ -438,7 +440,7 @@ def by_moves(
 def _summed(rates: Any, changes: Array) -> float:
     """Return the sum of rates times changes; what does not change needs no rate."""
     rates, changes = np.ravel(np.asarray(rates)), np.ravel(changes)
-    used = changes != 0.0
+    used = (changes != 0.0) & (rates != 0.0)
     return float(rates[used] @ changes[used])
 
 

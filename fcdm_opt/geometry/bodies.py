@@ -666,9 +666,7 @@ class Body(_Sealed, NotebookRepr):
         errors = None if self.facet_errors is None else frozen(factor * self.facet_errors)
         out, short = (float(factor) * length for length in self.deviation)
         scaled = self._mapped(lambda x: self.seed + factor * (x - self.seed))
-        shift = np.eye(4)
-        shift[:3, 3] = self.seed / factor - self.seed
-        scaled = scaled._on_surfaces(shift, float(factor))
+        scaled = scaled._on_surfaces(about(self.seed, float(factor)), float(factor))
         return replace(scaled, deviation=(out, short), facet_errors=errors)
 
     def with_seed(self, seed: Array) -> Body:
@@ -750,6 +748,13 @@ def as_body(
 
 
 IDENTITY = frozen(np.eye(4))
+
+
+def about(seed: Array, scale: float) -> Array:
+    """Return the 4x4 transform before a scaling about the origin that makes it one about a seed."""
+    shift = np.eye(4)
+    shift[:3, 3] = seed / scale - seed
+    return shift
 
 
 def in_full(given: Any, poses: Array) -> Array:

@@ -17,7 +17,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element, Elements
 from fcdm_opt.geometry.facet_errors import bounding_bodies
 from fcdm_opt.geometry.hull import convex_hull
-from fcdm_opt.geometry.measures import cross, units
+from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.tolerances import DEFAULT
@@ -25,6 +25,7 @@ from fcdm_opt.tolerances import DEFAULT
 BENT = 0.3  # radians: how far the face turns across such a piece
 SHARE = 0.1  # of the body's size: it is no larger
 DEEP = 0.5  # of its width, and of the material there: its depth
+LOWER = 0.02  # of its width: so much lower the ends of a line on it are, so that it touches in one point
 SMALL = 1e-6  # of the size: where no larger piece has room there is none
 PUSHES = 60  # by which a point is brought into the material
 
@@ -42,7 +43,12 @@ def exact_at(body: Body, points: Array) -> Body | None:
     if found is None:
         return None
     inner, faces = found[0], true_faces(body)
-    pieces = [piece for point in points if (piece := _piece(faces, np.asarray(point))) is not None]
+    corners = np.concatenate([part.vertices for part in inner.parts])
+    pieces = list[tuple[Array, int]]()
+    for point in np.asarray(points, float).reshape(-1, 3):
+        if norms(corners - point).min() > DEFAULT.tie * body.size and (piece := _piece(faces, point)) is not None:
+            pieces.append(piece)
+            corners = np.concatenate([corners, point[None]])
     if not pieces:
         return inner
     rows, parts = [inner.vertices], list[ConvexPart]()
@@ -90,7 +96,8 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
         on_faces = (cross(normal, along) for normal in normals[:2])
         away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[1::-1], strict=True))
         directions = [along, -along, *away]
-    ring = [_within(patches, point + width * direction) for direction in directions]
+    lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
+    ring = [_within(patches, point + width * direction - lower) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
     return corners, faces.row_at(next(k for k in near if faces.is_round[k]), point)
 

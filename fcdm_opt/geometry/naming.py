@@ -16,7 +16,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import by_size, components
-from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 MANY = 8  # corners from which a plane face goes by a name
@@ -68,7 +68,24 @@ class Round(NamedTuple):
 def _looks(body: Body) -> tuple[dict[Label, Array], list[Round]]:
     """Return a normal of each face, and what of the body is round."""
     normals = normals_of_faces(body)
-    return normals, _round(body, normals)
+    return normals, _round(body, normals) if body.surfaces is None else _named_surfaces(body, body.surfaces, normals)
+
+
+def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array]) -> list[Round]:
+    """Return the same where it is told which surfaces faces stand for; tori have no name."""
+    found, (corners, owners) = list[Round](), body.face_triangles
+    for surface, rows in surfaces:
+        faces = [body.faces[row] for row in rows]
+        points = corners[owners == rows[0]][0]
+        inside = float(surface.misses(points.mean(axis=0)[None])[1][0] @ normals[faces[0]]) < 0.0
+        if surface.line is not None and surface.line[1] != 0.0:
+            ends = corners[np.isin(owners, rows)].reshape(-1, 3) - surface.origin
+            away = norms(ends - (ends @ surface.axis)[:, None] * surface.axis)
+            found.append(Round(f"{ROUND_KINDS[4 + inside]} radius {away.min():.4g} to {away.max():.4g}", surface, faces))
+        elif surface.line is not None or not surface.ring:
+            kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
+            found.append(Round(f"{kind} radius {surface.radius:.4g}", surface, faces))
+    return found
 
 
 def round_faces(body: Body) -> list[Round]:

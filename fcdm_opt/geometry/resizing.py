@@ -19,10 +19,10 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
-from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart, about
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
-from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
+from fcdm_opt.geometry.measures import largest_ball, norms, units, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
@@ -357,6 +357,24 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
 
 
+def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
+    """Return the same of a body that is exact at points: there it goes with the face, without turning.
+
+    nan for vertices of facets that were moved. None where the body made has other faces than the one drawn.
+    """
+    assert body.exact_of is not None
+    if body.exact_of.faces != drawn.faces:
+        return None
+    rates, known = np.full((len(body.vertices), 3), np.nan), vertex_rates(drawn, made, size)
+    if known is not None:
+        rates[: len(known)] = known
+    offsets = size.offsets(drawn)
+    for first, last, row in body.pieces:
+        point, inside = body.vertices[[first - 1, last - 1]]
+        rates[first - 1 : last] = offsets[row] * units(point - inside) + (point - body.seed) @ size.directions()
+    return rates
+
+
 def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
     """Return a body of which all scales are made, and no face moves by itself."""
     stretch = np.zeros((3, 3)) + sum(value * size.directions() for size, value in made.items())
@@ -371,6 +389,10 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
         scaled = body._mapped(lambda x: body.seed + (
             (x - body.seed) * diagonal if straight else (x - body.seed) @ factors
         ))  # fmt: skip
+        if straight and np.ptp(diagonal) == 0.0:
+            scaled = scaled._on_surfaces(about(body.seed, float(diagonal[0])), float(diagonal[0]))
+        else:  # round faces are recognised anew, where they are still round
+            scaled = replace(scaled, surfaces=None, facet_errors=None)
     return scaled
 
 

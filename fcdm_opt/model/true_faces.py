@@ -27,27 +27,28 @@ TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 FAR = 0.05  # of the size: nearer points of a time are one
 
 
-def points_of_true_faces(
-    solution: Solution, solve: Callable[[Problem], Solution]
-) -> dict[str, list[list[float]]] | None:
-    """Return the points at which a problem's parts are to be exact, see `Problem.exact_at`.
+Points = dict[str, list[list[float]]]
+
+
+def points_of_true_faces(problem: Problem, solve: Callable[[Problem], Solution]) -> Points | None:
+    """Return the points at which a problem's parts are to be exact, see `Problem.exact_at`; those it has among them.
 
     None where all faces are plane, where what they are is not known, or no motion is found so.
 
     Parameters
     ----------
-    solution : Solution
-        Of parts as their facets are.
+    problem : Problem
     solve : callable
         Solves the same question about other parts.
     """
-    problem = solution.problem
-    if problem.exact_at is not None or not _asks(problem):
+    known, problem = problem.exact_at or {}, problem.of_facets
+    if not _asks(problem):
         return None
-    points: dict[str, list[list[float]]] = {"movable": [], "static": []}
+    points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
     need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
     slack = problem.contact_slack
-    _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if own.gap <= need + slack])
+    if not known:
+        _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if own.gap <= need + slack])
     for _ in range(ROUNDS):
         current = solve(problem.changed(exact_at=points))
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
@@ -58,10 +59,10 @@ def points_of_true_faces(
         _add(points, worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
-    return None
+    return points if worst[0].gap >= need - slack else None
 
 
-def _add(points: dict[str, list[list[float]]], found: Sequence[NearestPoints]) -> None:
+def _add(points: Points, found: Sequence[NearestPoints]) -> None:
     for own in found:
         for role, point in zip(points, own.points.tolist(), strict=True):
             points[role].append(point)
@@ -89,11 +90,11 @@ def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPo
     return chosen
 
 
-def _there(own: NearestPoints, points: dict[str, list[list[float]]], problem: Problem) -> bool:
+def _there(own: NearestPoints, points: Points, problem: Problem) -> bool:
     """Tell whether parts are exact there: what overlaps is rounding."""
     if own.gap < -problem.contact_slack:
         return False
-    near = DEFAULT.snap * problem.size
+    near = DEFAULT.nominal * problem.size
     return all(
         bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
         for there, point in zip(points.values(), own.points, strict=True)

@@ -45,6 +45,7 @@ def hollow(body: fo.Body) -> fo.Body:
 
 TIP = [(0, 0, 0), (1, 1, 2), (1, -1, 2), (-1, 1, 2), (-1, -1, 2)]
 PROBE = fo.Body.convex(TIP, seed="box", name="probe")  # its tip is 1 below its seed
+BALL = fo.Sphere(1.0, centre=(0, 0, 1), facets=12, name="ball")
 TABLE = box((-3, -3, -1), (3, 3, 0), "table")  # its top is .5 above its seed
 CUBE = box((0, 0, 0), (1, 1, 1), "cube")
 POST = box((1, 0, 0), (2, 1, 1), "post")
@@ -126,9 +127,11 @@ def _pair(movable: fo.Body, static: fo.Body, **given: Any) -> Callable[[float], 
     return ask
 
 
-def _sized(one: fo.Size, other: fo.Size, static: fo.Body = TABLE) -> Callable[[float], fo.Problem]:
+def _sized(
+    one: fo.Size, other: fo.Size, static: fo.Body = TABLE, movable: fo.Body = PROBE
+) -> Callable[[float], fo.Problem]:
     def ask(x: float) -> fo.Problem:
-        return fo.Problem(PROBE, static, sizes=[one, other], made={one.name: x}, motion=Z, goal="touch")
+        return fo.Problem(movable, static, sizes=[one, other], made={one.name: x}, motion=Z, goal="touch")
 
     return ask
 
@@ -278,6 +281,13 @@ SCENES = {
         worst=2.0 * WIDE,  # of the contact as drawn: it stays above the table
     ),
     # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
+    "round": Scene(ask=_pair(BALL, TABLE, goal="touch"), amount=_tip),
+    "round, sizes": Scene(
+        ask=_sized(_size("radius", "movable", faces="sphere radius 1"), TOP, movable=BALL), amount=lambda d, e: d + e,
+        sizes=("radius", "top"),
+        touches=(-3.01, 0.01),
+        worst=2.0 * WIDE,
+    ),
     "chain": Scene(
         ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),  # until the lower part has no size

@@ -124,6 +124,11 @@ def _changes(before: Solution, new: Problem) -> Told:
     for name, one, two in pairs:
         if one != two:
             yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
+    if old.exact_at is not None and all(same(old.drawn[role], new.drawn[role]) for role in old.drawn):
+        for name, now in (new.made or {}).items():  # the points at which parts are exact go with the sizes
+            if now != (was := (old.made or {}).get(name, 0.0)):
+                yield _told(f"made.{name}", [rates.sizes[name]], [now - was])
+        return
     keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
     bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):

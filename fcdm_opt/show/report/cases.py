@@ -269,6 +269,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
 
 def _pictures(problem: Problem, solution: Solution, share: float, facing: Array) -> dict[str, Any]:
     """Return the bodies and all frames."""
+    problem = problem if solution.problem.exact_at is None else solution.problem
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
     seen = window(problem, solution, far)
     frames = Frames(problem, seen)
