@@ -15,6 +15,7 @@ from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
 from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
+from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.multipliers import shows, smallest_by_multipliers
 from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
 from fcdm_opt.model.reported import reported
@@ -128,9 +129,10 @@ def _answered(problem: Problem, how: _How) -> Solution:
     if how.effort != "quick":
         facets_known(problem)
     solution = _solved_all(problem, how)
-    points = points_of_true_faces(problem, partial(_solved_all, how=_at_once(how)))
+    at_once = partial(_solved_all, how=_at_once(how))
+    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None)
     if points is not None:
-        found = _solved_all(problem.changed(exact_at=points), how)
+        found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE
         solution = found if found.usable or refused else solution
     if how.effort == "quick":

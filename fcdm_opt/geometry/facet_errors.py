@@ -21,7 +21,17 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
-from fcdm_opt.geometry.naming import FEWEST, GENTLE, MANY, ROUNDED, Label, Round, neighbours, normals_of_faces, round_faces
+from fcdm_opt.geometry.naming import (
+    FEWEST,
+    GENTLE,
+    MANY,
+    ROUNDED,
+    Label,
+    Round,
+    neighbours,
+    normals_of_faces,
+    round_faces,
+)
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
 from fcdm_opt.geometry.surface import Surface

@@ -23,6 +23,7 @@ from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.tolerances import DEFAULT
 
+STARTS = 24  # places from which the nearest points of two faces are looked for
 STEPS = 60  # of Newton's method
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
@@ -211,11 +212,11 @@ class _Placed:
         return np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
-        """Tell which points are behind a patch, and nearer before another one: beyond a thin wall."""
+        """Tell which points are behind a patch, and nearer another one, before or behind it, which tells their gap."""
         found = np.zeros(len(points), bool)
         for j, own in enumerate(self.patches):
             before, _ = own.gaps(points)
-            rows = np.flatnonzero((before > 0.0) & (before < -gaps) & ~found) if j != k else ()
+            rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
         return found
@@ -312,6 +313,10 @@ def _nearest(
         for key in np.unique(keys, axis=0).tolist():
             rows = near[(keys == key).all(axis=1), 0]
             start = points[rows].mean(axis=1)
+            if len(rows) > STARTS:  # the nearest, and some everywhere
+                order = np.argsort(other.patches[key[-1]].gaps(start)[0], kind="stable")
+                spread = np.linspace(0, len(rows) - 1, STARTS // 2).astype(int)
+                start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
             *on, against = key
             extent = float(norms(np.ptp(points[rows], axis=(0, 1))))
             x = lowest(start, [own.patches[k] for k in on], other.patches[against], extent)

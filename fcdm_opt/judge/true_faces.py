@@ -78,8 +78,8 @@ class _There:
         return points
 
 
-    def cut_off(self, points: Array, own: int, band: Array, slack: float) -> Flags:
-        """Tell which points are before another face than their own, by less than so much each: outside of the solid."""
+    def cut_off(self, points: Array, own: int, band: Array, least: Array) -> Flags:
+        """Tell which points are before another face than their own by so much at least and at most: not of the face."""
         found = np.zeros(len(points), bool)
         for k in range(len(self.patches)):
             if k == own:
@@ -87,7 +87,7 @@ class _There:
             surface, side = self.patches[k]
             height, directions = _height(surface, points)
             off = side * height
-            rows = np.flatnonzero((off > slack) & (off <= band) & ~found)
+            rows = np.flatnonzero((off > least) & (off <= band) & ~found)
             feet = points[rows] - height[rows, None] * directions[rows]
             found[rows] = _over(feet, directions[rows], self.corners[self.owners == k])
         return found
@@ -140,7 +140,9 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
         for there, face, places, far in ((own, j, points, band), (other, k, feet, band), (other, k, points, depth)):
             if (places is points and there is other) or not there.is_round[face]:
                 rows = np.flatnonzero(inside)
-                inside[rows] = ~there.cut_off(places[rows], face, np.broadcast_to(far, inside.shape)[rows], slack)
+                most = np.broadcast_to(far, inside.shape)[rows]
+                least = slack - most if far is depth else np.full(len(rows), slack)  # behind the nearest face alone
+                inside[rows] = ~there.cut_off(places[rows], face, most, least)
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))

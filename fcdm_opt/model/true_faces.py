@@ -22,6 +22,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 30  # of making parts exact where they overlap
+PATIENCE = 6  # rounds in which the deepest overlap becomes less than half of what it was, or it is given up
 SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 FAR = 0.05  # of the size: nearer points of a time are one
@@ -30,7 +31,9 @@ FAR = 0.05  # of the size: nearer points of a time are one
 Points = dict[str, list[list[float]]]
 
 
-def points_of_true_faces(problem: Problem, solve: Callable[[Problem], Solution]) -> Points | None:
+def points_of_true_faces(
+    problem: Problem, solve: Callable[[Problem], Solution], refused: Callable[[Solution], bool]
+) -> Points | None:
     """Return the points at which a problem's parts are to be exact, see `Problem.exact_at`; those it has among them.
 
     None where all faces are plane, where what they are is not known, or no motion is found so.
@@ -40,6 +43,8 @@ def points_of_true_faces(problem: Problem, solve: Callable[[Problem], Solution])
     problem : Problem
     solve : callable
         Solves the same question about other parts.
+    refused : callable
+        Tells whether a motion found so is no answer, as it leaves the fit.
     """
     known, problem = problem.exact_at or {}, problem.of_facets
     if not _asks(problem):
@@ -48,17 +53,24 @@ def points_of_true_faces(problem: Problem, solve: Callable[[Problem], Solution])
     need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
     slack = problem.contact_slack
     if not known:
-        _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if own.gap <= need + slack])
-    for _ in range(ROUNDS):
-        current = solve(problem.changed(exact_at=points))
+        _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if abs(own.gap - need) <= slack])
+    deepest = np.inf
+    for count in range(ROUNDS):
+        current = solve(problem.with_exact_points(points))
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
+        if refused(current):
+            return points if problem.goal == "clear" else None
         nearest = _nearest(problem, current.transform, need - TIGHT * slack)
         new = [own for own in nearest if not _there(own, points, problem)]
         worst = [own for own in new if own.gap < need - TIGHT * slack]
         _add(points, worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
+        if count % PATIENCE == PATIENCE - 1:
+            if not need - worst[0].gap < 0.5 * deepest:
+                break
+            deepest = need - worst[0].gap
     return points if worst[0].gap >= need - slack else None
 
 

@@ -392,6 +392,14 @@ class Problem(NominalContact, Scene, NotebookRepr):
         box = about if self.partial else self.box
         return decision_curve(*self.active, box=box, transform=transform)
 
+    def with_exact_points(self, points: Mapping[str, Any]) -> Problem:
+        """Return the same question with parts that are exact at points of round faces, see `exact_at`."""
+        drawn, other = self.of_facets, object.__new__(Problem)
+        other.__dict__.update(_resolved({**drawn.request, "exact_at": points}, None, drawn))
+        other.__dict__["of_facets"] = drawn
+        other._check_goal()
+        return other
+
     def with_active_parts(self, indices: Indices) -> Problem:
         """Return the same question with other parts of large bodies looked at; see `problem.active_parts`."""
         other = object.__new__(Problem)
@@ -516,7 +524,8 @@ def _resolved(
         parts = _parts_made(request)
     else:
         parts = {"movable": before.movable, "static": before.static, "made": before.made}
-    if before is None and asked.exact_at is not None:
+    made_exact = asked.exact_at is not None and (before is None or before.exact_at is None)
+    if made_exact:
         parts |= _exact(request, parts, asked.exact_at)
     bodies = parts.get("movable", request["movable"]), parts.get("static", request["static"])
     if before is None and parts and asked.contacts is not None:
@@ -525,7 +534,7 @@ def _resolved(
     parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
-        parts |= {name: getattr(before, name) for name in names_known}
+        parts |= {name: getattr(before, name) for name in names_known if not made_exact or name in vars(before)}
         if before.contacts:
             parts["nominal_joints"] = tuple(joint.carried_by(*parts["active"]) for joint in before.nominal_joints)
     contact = NominalContact(**{**request, **parts})
