@@ -329,7 +329,7 @@ NOT_ASKED = cells(
 REFUSED: Cells = {}
 WRONG = cells(
     ("round, sizes", ("contact times", "pose", "stack", "rows"),
-     "of facets, whose planes move by what the radius is off, and their corners by more: by 4 % of that at 12 facets a turn"),
+     "of facets, whose planes move by what a radius is off, and their corners by more: 4 % of it at 12 facets a turn"),
 )  # fmt: skip
 LISTED = NOT_ASKED | REFUSED | WRONG
 MOST = {"REFUSED": 0, "WRONG": 4}

@@ -81,7 +81,8 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
         if surface.line is not None and surface.line[1] != 0.0:
             ends = corners[np.isin(owners, rows)].reshape(-1, 3) - surface.origin
             away = norms(ends - (ends @ surface.axis)[:, None] * surface.axis)
-            found.append(Round(f"{ROUND_KINDS[4 + inside]} radius {away.min():.4g} to {away.max():.4g}", surface, faces))
+            name = f"{ROUND_KINDS[4 + inside]} radius {away.min():.4g} to {away.max():.4g}"
+            found.append(Round(name, surface, faces))
         elif surface.line is not None or not surface.ring:
             kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
             found.append(Round(f"{kind} radius {surface.radius:.4g}", surface, faces))

@@ -524,9 +524,9 @@ def _resolved(
         parts = _parts_made(request)
     else:
         parts = {"movable": before.movable, "static": before.static, "made": before.made}
-    made_exact = asked.exact_at is not None and (before is None or before.exact_at is None)
-    if made_exact:
-        parts |= _exact(request, parts, asked.exact_at)
+    points = asked.exact_at if before is None or before.exact_at is None else None
+    if points is not None:
+        parts |= _exact(request, parts, points)
     bodies = parts.get("movable", request["movable"]), parts.get("static", request["static"])
     if before is None and parts and asked.contacts is not None:
         contacts, indices = _contacts_made(request, parts)
@@ -534,7 +534,7 @@ def _resolved(
     parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
-        parts |= {name: getattr(before, name) for name in names_known if not made_exact or name in vars(before)}
+        parts |= {name: getattr(before, name) for name in names_known if points is None or name in vars(before)}
         if before.contacts:
             parts["nominal_joints"] = tuple(joint.carried_by(*parts["active"]) for joint in before.nominal_joints)
     contact = NominalContact(**{**request, **parts})
