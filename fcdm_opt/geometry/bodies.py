@@ -205,8 +205,8 @@ class Body(_Sealed, NotebookRepr):
         Lengths by which each face sticks out of the surface that it stands for, and falls short of it, where a file
         says what surface that is; see `fcdm_opt.geometry.facet_errors`.
     surfaces : tuple of (Swept, tuple of int) or None
-        The round surfaces that faces stand for, each with the rows of these, where they are told; else they are looked
-        for, see `fcdm_opt.geometry.patches`.
+        The round surfaces that faces stand for, each with the rows of these, where they are told; else facets are taken
+        as they are, see `rounded`.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -673,6 +673,15 @@ class Body(_Sealed, NotebookRepr):
         """Return the same body with another datum of scaling."""
         parts = tuple(replace(part, seed=seed) for part in self.parts)
         return replace(self, seed=seed, parts=parts)
+
+    def rounded(self) -> Body:
+        """Return the same body with facets that stand for the cylinders, cones and spheres that their corners lie on.
+
+        Twelve facets a turn or more. A body that knows what its facets stand for stays as it is.
+        """
+        from fcdm_opt.geometry.facet_errors import rounded
+
+        return rounded(self)
 
     def faceted(self) -> Body:
         """Return the same body with its facets as its true faces, whatever round ones they stand for."""

@@ -67,12 +67,14 @@ def facet_errors(body: Body) -> Array | None:
 
 
 def round_surfaces(body: Body) -> RoundFaces:
-    """Return the round surfaces that faces stand for, each with the rows of these: told by a file, else recognised."""
-    body = body.full_body or body
-    if body.surfaces is not None:
-        return body.surfaces
-    found = None if body.facet_errors is not None and not body.facet_errors.any() else _of_round_faces(body)
-    return () if found is None else found.surfaces
+    """Return the round surfaces that faces are told to stand for, each with the rows of these; see `rounded`."""
+    return (body.full_body or body).surfaces or ()
+
+
+def rounded(body: Body) -> Body:
+    """Return a body whose facets stand for the cylinders, cones and spheres that their corners lie on."""
+    found = _of_round_faces(body) if body.surfaces is None else None
+    return body if found is None else replace(body, surfaces=found.surfaces)
 
 
 def errors_about(body: Body, surfaces: RoundFaces, others: Array) -> Array:
@@ -358,24 +360,27 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
 def _inward(body: Body, off: Array) -> list[Array]:
     """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out.
 
-    A part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With all
-    but the plane faces of a part moved by what any face stands out, nothing of it does.
+    A part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With its
+    faces moved by what any face that it reaches stands out, and its cuts there by more, nothing of it does.
     """
-    far, (normals, places), (rows,) = ALL_OUT * off.min(), body.face_planes, np.nonzero(off)
+    (normals, places), (rows,) = body.face_planes, np.nonzero(off)
     corners, owners = body.face_triangles
     slack = DEFAULT.cut * body.size
     points = np.concatenate([part.vertices for part in body.parts])
-    reached = np.zeros(len(points), bool)
+    reached = np.zeros(len(points))
     for row in rows.tolist():
         own = corners[owners == row].reshape(-1, 3)
         on = np.abs((points - places[row]) @ normals[row]) <= slack
-        reached |= on & ((points >= own.min(axis=0) - slack) & (points <= own.max(axis=0) + slack)).all(axis=1)
+        on &= ((points >= own.min(axis=0) - slack) & (points <= own.max(axis=0) + slack)).all(axis=1)
+        reached[on] = np.minimum(reached[on], off[row])
     found, start = list[Array](), 0
     for part, faces in zip(body.parts, body.facet_faces, strict=True):
         its = reached[start : start + len(part.vertices)]
         start += len(part.vertices)
+        far = min(its.min(), min((off[list(own)].min() for own in faces if own), default=0.0))
         both = zip(faces, part.loops, strict=True)
-        found.append(np.where([(off[list(own)] if own else its[list(loop)]).any() for own, loop in both], far, 0.0))
+        shares = [off[list(own)].any() if own else ALL_OUT * its[list(loop)].any() for own, loop in both]
+        found.append(far * np.array(shares, float))
     return found
 
 

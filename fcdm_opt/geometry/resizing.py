@@ -229,9 +229,11 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
     """Return a body made with faces moved outward, (faces,), with what its facets stand for, where that is known."""
-    errors = facet_errors(body)
-    if errors is None or made.faces != body.faces:
+    errors = facet_errors(body) if body.surfaces is not None else None
+    if made.faces != body.faces:
         return made
+    if errors is None:
+        return replace(made, facet_errors=body.facet_errors)
     surfaces = _moved_surfaces(body, offsets)
     if surfaces is None:
         return made

@@ -120,10 +120,11 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "the round surfaces that faces stand for; without it those of a STEP file, or what facets are taken for",
         [{"origin": [0, 0, 0], "axis": [0, 0, 1], "line": [1, 0], "radius": 5.0, "faces": [1, 2]}],
     )
-    round: bool = declared(
+    round: bool | None = declared(
+        None,
+        "whether facets stand for the cylinder, cone or sphere that their corners lie on (true) or are the true faces "
+        "(false); without it those of a STEP file stand for what that says, and those of meshes are taken as they are",
         True,
-        "whether facets of a cylinder, cone, sphere or torus stand for that; false: they are the true faces",
-        False,
     )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
@@ -173,7 +174,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     def body(self, role: str, folder: Path | None) -> Body:
         """Return the body, named after its role if it has no other name; in `folder` the path of a mesh file starts."""
         found = self._drawn(role) if self.file is None else self._read(folder)
-        return found if self.round else found.faceted()
+        return found if self.round is None else found.rounded() if self.round else found.faceted()
 
     def _read(self, folder: Path | None) -> Body:
         try:

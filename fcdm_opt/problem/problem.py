@@ -412,7 +412,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         asked = checked_arguments(SizeKeys, sizes)
         request = {**self.request, **{key: getattr(asked, key) for key in sizes}}
         other = object.__new__(Problem)
-        other.__dict__.update({key: value for key, value in vars(self).items() if key != "signs"})
+        other.__dict__.update({key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")})
         other.__dict__.update(request=request, **_sizes_made(request, self))
         other._check_goal()
         return other

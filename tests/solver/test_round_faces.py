@@ -175,6 +175,20 @@ def test_the_judge_refuses_motions_that_are_right_for_facets_alone(monkeypatch: 
     assert gap_of_true_faces(*problem.bodies, np.ones(2), shift, 0.2) == pytest.approx(0.01, abs=1e-9)
 
 
+def test_meshes_are_taken_as_round_where_that_is_asked() -> None:
+    """Hulls of 32 corners a turn, out of phase: of facets they overlap, of cylinders they have .02 of play."""
+    angles = 2.0 * np.pi * (np.arange(32) + 0.5) / 32
+    rings = [np.column_stack([9.98 * np.cos(angles), 9.98 * np.sin(angles), np.full(32, z)]) for z in (-5.0, 25.0)]
+    shaft = fo.Body.convex(np.vstack(rings), name="shaft")
+    assert shaft.surfaces is None
+    solution = fo.solve(asked(shaft.rounded(), plate(10.0), X, goal="clear"), effort="quick")
+    assert solution.status is fo.Status.ALREADY_SATISFIED
+    assert solution.pair_gap == pytest.approx(0.02, abs=1e-9)
+    table = asked(shaft, plate(10.0), X).to_dict()
+    table["bodies"]["movable"]["round"] = True
+    assert fo.Problem.from_dict(table).movable.surfaces
+
+
 def test_facets_are_the_faces_where_that_is_asked() -> None:
     """24 facets of a shaft in a prism's hole as drawn: the play of the polygons along a corner's direction."""
     shaft, hole = pin(9.9, facets=24).faceted(), plate(10.0).faceted()
