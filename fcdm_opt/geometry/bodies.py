@@ -42,7 +42,7 @@ from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
-from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -679,9 +679,8 @@ class Body(_Sealed, NotebookRepr):
 
         Twelve facets a turn or more. A body that knows what its facets stand for stays as it is.
         """
-        from fcdm_opt.geometry.facet_errors import rounded
-
-        return rounded(self)
+        found: Body = imported("geometry.facet_errors:rounded")(self)
+        return found
 
     def faceted(self) -> Body:
         """Return the same body with its facets as its true faces, whatever round ones they stand for."""
