@@ -75,7 +75,7 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
     """Return corners of a convex piece of the true solid at a point, those on the face first, and the face's row."""
     size = faces.body.size
     off = np.array([abs(own.gaps(point[None])[0][0]) for own in faces.patches])
-    near = [k for k in np.flatnonzero(off <= DEFAULT.tie * size).tolist() if faces.reaches(k, point)]
+    near = [k for k in np.flatnonzero(off <= DEFAULT.tie * size).tolist() if faces.has_point(k, point)]
     if not any(faces.is_round[k] for k in near):
         return None
     patches = [faces.patches[k] for k in near]

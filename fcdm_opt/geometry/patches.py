@@ -125,16 +125,12 @@ class TrueFaces:
         meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
         self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
 
-    def covers(self, k: int, points: Array) -> Flags:
-        """Tell which points of a patch are on the piece of it that its triangles stand for."""
-        return np.asarray(_hit(points, self.patches[k].gaps(points)[1], self.corners[self.owners == k]).any(axis=1))
-
     def _distances(self, k: int, point: Array) -> tuple[Array, Ints]:
         """Return how far the triangles of a patch are from a point, and their numbers."""
         own = np.flatnonzero(self.owners == k)
         return distances(point[None], self.corners[own])[:, 0], own
 
-    def reaches(self, k: int, point: Array) -> bool:
+    def has_point(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
         room = DEFAULT.nominal * self.body.size + max(deviation_of(self.body))
         return bool(self._distances(k, point)[0].min() <= room)
@@ -146,14 +142,9 @@ class TrueFaces:
 
     def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""
-        hit = _lengths(point[None], direction[None], self.corners)[0]
+        met, far = _lines(point[None], direction[None], self.corners)
         near = DEFAULT.nominal * self.body.size + 2.0 * max(deviation_of(self.body))
-        return float(hit[hit > near].min(initial=np.inf))
-
-    @property
-    def any_round(self) -> bool:
-        """Whether any patch is no plane."""
-        return bool(self.is_round.any())
+        return float(far[met & (far > near)].min(initial=np.inf))
 
 
 _KNOWN: WeakKeyDictionary[Body, TrueFaces] = WeakKeyDictionary()
@@ -165,7 +156,6 @@ def true_faces(body: Body) -> TrueFaces:
     if body not in _KNOWN:
         _KNOWN[body] = TrueFaces(body)
     return _KNOWN[body]
-
 
 
 class NearestPoints(NamedTuple):
@@ -248,12 +238,6 @@ def _hit(points: Array, directions: Array, corners: Array) -> Flags:
     met, far = _lines(points, directions, corners)
     longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
     return met & (np.abs(far) <= longest)  # not the far side of a cylinder
-
-
-def _lengths(points: Array, directions: Array, corners: Array) -> Array:
-    """Return how far along lines the triangles are that they meet, infinite where they meet none, (n, t)."""
-    met, far = _lines(points, directions, corners)
-    return np.where(met, far, np.inf)
 
 
 def nearest_on_faces(one: Body, two: Body, scales: Array, transform: Array, band: float) -> list[NearestPoints]:

@@ -77,7 +77,6 @@ class _There:
             points = points - height[:, None] * directions
         return points
 
-
     def cut_off(self, points: Array, own: int, band: Array, least: Array) -> Flags:
         """Tell which points are before another face than their own by so much at least and at most: not of the face."""
         found = np.zeros(len(points), bool)

@@ -97,7 +97,8 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     """
     problem, amount = solution.problem, solution.amount
     if not solution.usable:
-        return replace(solution, amount_low=math.inf, amount_high=math.inf)
+        impossible = problem.goal == "clear" and solution.status in IMPOSSIBLE  # for larger ones too
+        return replace(solution, amount_low=math.inf, amount_high=math.inf) if impossible else solution
     if problem.goal == "clear" or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)
     low = 0.0

@@ -27,7 +27,6 @@ SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 FAR = 0.05  # of the size: nearer points of a time are one
 
-
 Points = dict[str, list[list[float]]]
 
 
