@@ -229,14 +229,17 @@ def yield_(asked: Asked) -> None:
 
 
 def pose(asked: Asked) -> None:
-    """One pose for all sizes: the gap is between minus and plus what they take off it."""
+    """One pose for all sizes: the gap is between minus and plus what they take off it.
+
+    Of six parameters the search is cut short, and of round faces that it is the best is not proved.
+    """
     question, turning = asked.question, asked.name == "six parameters"
     if asked.name == "own motion":  # a function's displacement is not known: what is looked at is
         question = question.with_limits("TZ", (-1.0, 1.0))
     scales = {"box": (1.0 - OFF, 1.0 + OFF)} if isinstance(question, fo.Assembly) and not question.sizes else {}
     found = fo.best_pose(question, effort=50 if turning else 1000, **scales)
     assert found.worst_gap == pytest.approx(asked.scene.worst, **NEAR)
-    assert found.certified != turning
+    assert found.certified != (turning or asked.name.startswith("round"))
     assert fo.verify(found, proof=True).passed
 
 
@@ -327,12 +330,9 @@ NOT_ASKED = cells(
      "the amount jumps from one pair of sizes to the next, so that nothing is between them: a study asks each"),
 )  # fmt: skip
 REFUSED: Cells = {}
-WRONG = cells(
-    ("round, sizes", ("contact times", "pose", "stack", "rows"),
-     "of facets, whose planes move by what a radius is off, and their corners by more: 4 % of it at 12 facets a turn"),
-)  # fmt: skip
+WRONG: Cells = {}
 LISTED = NOT_ASKED | REFUSED | WRONG
-MOST = {"REFUSED": 0, "WRONG": 4}
+MOST = {"REFUSED": 0, "WRONG": 0}
 """How long the lists may be: they only become shorter."""
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
 
@@ -26,7 +26,9 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
+from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.active_parts import moving_at_most, with_parts_met_along
@@ -168,8 +170,31 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    problem, limit = _to_first_contacts(problem, along, pair, limit)
+    bodies = exact_where(_of_bodies(problem, pair), lambda own: _touching_poses(_times(own, along, pair, limit)))
     keep_outs = {own.name: _keep_out_states(problem, own, along, pair, limit) for own in problem.keep_out}
+    found = _times(problem if bodies.exact_at is None else bodies, along, pair, limit)
+    return replace(found, keep_outs=keep_outs)
+
+
+def _of_bodies(problem: Problem, pair: Array) -> Problem:
+    """Return the question whether two bodies with round faces are clear of each other; of others the same."""
+    if not (round_surfaces(problem.movable) or round_surfaces(problem.static)):
+        return problem
+    plain = dict.fromkeys(("path", "features", "requirement", "tolerance", "contacts"))
+    asked = {"goal": "clear", "pair": "any", "clearance": 0.0, "keep_out": (), "target": pair.tolist()}
+    return problem.changed(**asked, **plain)
+
+
+def _touching_poses(found: ContactTimes) -> list[Array]:
+    """Return where the movable body touches."""
+    assert isinstance(found.problem, Problem)
+    body, other = found.problem.movable, found.problem.static
+    return [found.problem.motion.transform(t.x * found.direction, body.seed, other.seed) for t in found.touches]
+
+
+def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:
+    """Return when two bodies touch, without keep-outs."""
+    problem, limit = _to_first_contacts(problem, along, pair, limit)
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     spans += [StateSpan(*own) for own in ahead.spans]
@@ -178,7 +203,7 @@ def contact_times(
         touches.pop()
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
     proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), keep_outs, proved)
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved)
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:

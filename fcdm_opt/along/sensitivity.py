@@ -403,7 +403,7 @@ def _size_rates(problem: Problem, size: Size) -> Array | None:
     """Return how the vertices of a body as made move a unit of one of its sizes, see `vertex_rates`."""
     drawn, body = problem.request[size.body], getattr(problem, size.body)
     made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
-    if body.exact_of is not None:
+    if body.exact is not None:
         return exact_vertex_rates(body, drawn, made, size)
     return vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
 

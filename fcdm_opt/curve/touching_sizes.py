@@ -12,7 +12,7 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -76,6 +76,8 @@ class TouchingSizes:
         Of shifts of the movable body, which count as sizes behind the others.
     standing : tuple of PairRows
         Of part pairs that touch at all sizes of the box and were left out, see `of`.
+    standing_faces : set of (int, int)
+        Of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count.
     as_drawn : bool
         Whether rows are those of contacts as drawn, whatever the box: they are not found anew.
     """
@@ -87,6 +89,7 @@ class TouchingSizes:
     reach: tuple[float, str]
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
     standing: tuple[PairRows, ...] = ()
+    standing_faces: frozenset[tuple[int, int]] = frozenset()
     as_drawn: bool = False
 
     @classmethod
@@ -128,6 +131,7 @@ class TouchingSizes:
             parts do not follow; names the face.
         """
         T = IDENTITY if transform is None else rigid_transform(transform)
+        without = frozenset(without)
         if shifts is None or sizes:
             check_sizes(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
@@ -189,12 +193,6 @@ class TouchingSizes:
             uniform = np.array(shares)
             kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
         return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
-
-    def widened(self, sizes: Sequence[Size], **how: Any) -> TouchingSizes:
-        """Return them with other tolerances, see `of`."""
-        if self.as_drawn:
-            return replace(self, sizes=tuple(sizes))
-        return TouchingSizes.of(*self.bodies, sizes, transform=self.transform, **how)
 
     @property
     def box(self) -> Array:
@@ -336,31 +334,6 @@ class TouchingSizes:
             if abs(self.gap(other) - gap) <= near:
                 place = other
         return place + 0.0
-
-
-def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:
-    """Return the deviations that are meant by name: all of them, or those at a named corner.
-
-    Parameters
-    ----------
-    movable, static : Body
-    sizes : sequence of Size
-    made : mapping, or "worst", "loosest", "low", "high", "middle"
-        Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
-        largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
-        in the middle.
-    """
-    names = [size.name for size in sizes]
-    if isinstance(made, Mapping):
-        return {name: float(made.get(name, 0.0)) for name in names}
-    check_sizes(sizes)
-    if made in ("low", "high", "middle"):
-        place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
-        values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
-    else:
-        touching = TouchingSizes.of(movable, static, sizes, least=False, standing=False)
-        values = (touching.least() if made == "worst" else touching.largest())[1].tolist()
-    return dict(zip(names, values, strict=True))
 
 
 def _centred(box: Array) -> tuple[Array, Array]:

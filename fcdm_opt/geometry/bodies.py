@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import combinations
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -180,6 +180,40 @@ class ConvexPart(_Sealed):
         return replace(self, vertices=frozen(vertices), seed=frozen(seed))
 
 
+class ExactPiece(NamedTuple):
+    """A small convex piece of the true solid at a point of its round faces: there the body is exact.
+
+    Attributes
+    ----------
+    first, last : int
+        Labels of its vertices: of the point, and of the one that is inside.
+    rows : tuple of int
+        The faces of the body of facets that meet at the point, a round one first.
+    normals : (k, 3) array
+        Outward normals of the true faces there.
+    """
+
+    first: int
+    last: int
+    rows: tuple[int, ...]
+    normals: Array
+
+
+class ExactPoints(NamedTuple):
+    """How a body was made that is exact at points of round faces and elsewhere within the true one.
+
+    Attributes
+    ----------
+    facets : Body
+        The body of facets that it stands for.
+    pieces : tuple of ExactPiece
+        Of the last parts of the body, one each.
+    """
+
+    facets: Body
+    pieces: tuple[ExactPiece, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Body(_Sealed, NotebookRepr):
     """A solid made of convex parts, scaled as a whole about one seed: X -> s + rho (X - s).
@@ -220,11 +254,8 @@ class Body(_Sealed, NotebookRepr):
         The numbers, from 0, of the parts of `full_body` that these are.
     rounding : float
         Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
-    pieces : tuple of (int, int, int)
-        Convex pieces at points of round faces where the body is exact, the last of its parts: the first label of each,
-        its last one, which is inside, and the row of the face that it is of; see `exact_points`.
-    exact_of : Body or None
-        The body of facets that these pieces were added to.
+    exact : ExactPoints or None
+        The points of round faces at which it is exact, and the body of facets that it was made of.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
         Of all its lengths, "" where none is named; a `Problem` takes it over, and no number follows from it.
     """
@@ -244,8 +275,7 @@ class Body(_Sealed, NotebookRepr):
     full_body: Body | None = field(default=None, repr=False)
     part_indices: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
-    pieces: tuple[tuple[int, int, int], ...] = field(default=(), repr=False)
-    exact_of: Body | None = field(default=None, repr=False)
+    exact: ExactPoints | None = field(default=None, repr=False)
     unit: UnitOrNone = ""
 
     @classmethod
@@ -538,17 +568,17 @@ class Body(_Sealed, NotebookRepr):
             return True
         labels = set(element.vertices)
         if (piece := self.piece_of(element)) is not None:
-            return piece[1] not in labels
+            return piece.last not in labels
         if element.kind == "V":
             return labels.issubset(self.corners)
         if element.kind == "E":
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
 
-    def piece_of(self, element: Element) -> tuple[int, int, int] | None:
-        """Return the one of `pieces` that an element is of; None of others."""
-        first = min(element.vertices)
-        return next((own for own in self.pieces if own[0] <= first <= own[1]), None)
+    def piece_of(self, element: Element) -> ExactPiece | None:
+        """Return the piece at a point of a round face that an element is of; None of others."""
+        first, pieces = min(element.vertices), self.exact.pieces if self.exact is not None else ()
+        return next((own for own in pieces if own.first <= first <= own.last), None)
 
     @cached_property
     def face_rows(self) -> dict[tuple[int, ...], int]:

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPiece, ExactPoints
 from fcdm_opt.geometry.elements import Element, Elements
-from fcdm_opt.geometry.facet_errors import bounding_bodies
+from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
@@ -42,19 +42,19 @@ def exact_at(body: Body, points: Array) -> Body | None:
     found = bounding_bodies(body)
     if found is None:
         return None
+    if not round_surfaces(body):
+        return found[0]
     inner, faces = found[0], true_faces(body)
     corners = np.concatenate([part.vertices for part in inner.parts])
-    pieces = list[tuple[Array, int]]()
+    pieces = list[tuple[Array, tuple[int, ...], Array]]()
     for point in np.asarray(points, float).reshape(-1, 3):
         if norms(corners - point).min() > DEFAULT.tie * body.size and (piece := _piece(faces, point)) is not None:
             pieces.append(piece)
             corners = np.concatenate([corners, point[None]])
-    if not pieces:
-        return inner
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
-    labels = list[tuple[int, int, int]]()
-    for corners, row in pieces:
+    made = list[ExactPiece]()
+    for corners, of, normals in pieces:
         hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
         used, pair = hull.used + count + 1, np.sort(hull.used[hull.edges[:, :2]], axis=1) + count + 1
         named = Elements(
@@ -64,19 +64,18 @@ def exact_at(body: Body, points: Array) -> Body | None:
         )
         edges = frozen(hull.edges, np.int64)
         parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, edges, named))
-        labels.append((count + 1, count + len(corners), row))
+        made.append(ExactPiece(count + 1, count + len(corners), of, frozen(normals)))
         count += len(corners)
         rows.append(corners)
     points, every = frozen(np.concatenate(rows)), (*inner.parts, *parts)
-    return replace(inner, name=body.name, vertices=points, parts=every, pieces=tuple(labels), exact_of=body)
+    return replace(inner, name=body.name, vertices=points, parts=every, exact=ExactPoints(body, tuple(made)))
 
 
-def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
-    """Return corners of a convex piece of the true solid at a point, those on the face first, and the face's row."""
+def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Array] | None:
+    """Return corners of a convex piece of the true solid at a point, those on the faces first; see `ExactPiece`."""
     size = faces.body.size
-    off = np.array([abs(own.gaps(point[None])[0][0]) for own in faces.patches])
-    near = [k for k in np.flatnonzero(off <= DEFAULT.tie * size).tolist() if faces.has_point(k, point)]
-    if not any(faces.is_round[k] for k in near):
+    near = faces.at(point)
+    if not near or not faces.is_round[near[0]]:
         return None
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
@@ -99,7 +98,7 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, int] | None:
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
     ring = [_within(patches, point + width * direction - lower) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
-    return corners, faces.row_at(next(k for k in near if faces.is_round[k]), point)
+    return corners, tuple(faces.row_at(k, point) for k in near), normals
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:

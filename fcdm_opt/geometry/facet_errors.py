@@ -487,7 +487,10 @@ def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
 
     (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`.
     """
-    if not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in (movable, *others)):
+    bodies = movable, *others
+    if any(own.exact is not None for own in bodies):  # at the points that tell their gaps
+        return 0.0, 0.0
+    if not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in bodies):
         return 0.0, 0.0
     own, *further = [deviation_of(body) for body in (movable, *others)]
     return own[0] + max(other[0] for other in further), own[1] + max(other[1] for other in further)

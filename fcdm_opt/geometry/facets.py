@@ -34,7 +34,7 @@ class Facets:
     def __init__(self, body: Body) -> None:
         loops = [part.loops for part in body.parts]
         if body.is_surface:
-            pyramids = len(loops) - len(body.pieces)
+            pyramids = len(loops) - (len(body.exact.pieces) if body.exact is not None else 0)
             loops = [own[:1] for own in loops[:pyramids]] + loops[pyramids:]
         starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)])
         self.points = np.concatenate([part.vertices for part in body.parts]) - body.seed

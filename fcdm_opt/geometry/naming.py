@@ -116,8 +116,8 @@ def told_element(body: Body, element: Element) -> str:
     An edge is told by the faces that meet in it; what lies within one round face is told as that.
     """
     body = body.full_body or body
-    if body.exact_of is not None and (piece := body.piece_of(element)) is not None:
-        return _rounded(names_of_rows(body.exact_of)[piece[2]])
+    if body.exact is not None and (piece := body.piece_of(element)) is not None:
+        return _rounded(names_of_rows(body.exact.facets)[piece.rows[0]])
     label, names = tuple(sorted(element.vertices)), told_faces(body)
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))

@@ -8,7 +8,7 @@ that are near each other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -135,6 +135,16 @@ class TrueFaces:
         room = DEFAULT.nominal * self.body.size + max(deviation_of(self.body))
         return bool(self._distances(k, point)[0].min() <= room)
 
+    def at(self, point: Array) -> list[int]:
+        """Return the patches that meet at a point of a face, the round ones first."""
+        near = DEFAULT.tie * self.body.size
+        off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
+        return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
+
+    def patch_of(self, row: int) -> int:
+        """Return the patch that a row of `Body.faces` stands for."""
+        return int(self.owners[np.flatnonzero(self.rows == row)[0]])
+
     def row_at(self, k: int, point: Array) -> int:
         """Return the row of the body's face that stands for a patch at a point."""
         off, own = self._distances(k, point)
@@ -168,7 +178,7 @@ class NearestPoints(NamedTuple):
     points : (2, 3) array
         The point of either body, as drawn.
     normal : (3,) array
-        Unit normal of one of the faces there.
+        Unit normal of one of the faces there, from body 1 to body 2.
     """
 
     gap: float
@@ -257,7 +267,7 @@ def nearest_on_faces(one: Body, two: Body, scales: Array, transform: Array, band
     for k, (own, other) in enumerate((placed, placed[::-1])):
         for gap, normal, point, foot in _nearest(own, other, band, both=k == 0):
             found += [
-                NearestPoints(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), n)
+                NearestPoints(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), (2 * k - 1) * n)
                 for g, n, x, y in zip(gap, normal, point, foot, strict=True)
             ]
     return sorted(found, key=lambda own: own.gap)
@@ -334,7 +344,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
     """
     if not on:
         return points  # corners
-    points = _onto(points, on)
+    points = onto(points, on)
     gap, normal = against.gaps(points)
     moving = np.arange(len(points))
     for _ in range(STEPS):
@@ -355,7 +365,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
         move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
-            trial = _onto(here[trying] + 0.5**halved * move[trying], on)
+            trial = onto(here[trying] + 0.5**halved * move[trying], on)
             its_gap, its_normal = against.gaps(trial)
             less = its_gap < gap[moving[trying]]
             rows = moving[trying[less]]
@@ -368,7 +378,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
     return points
 
 
-def _onto(points: Array, on: list[Patch]) -> Array:
+def onto(points: Array, on: Sequence[Patch]) -> Array:
     """Return points moved onto surfaces, the nearest way."""
     for _ in range(8 if on else 0):
         off, normals = zip(*(each.gaps(points) for each in on), strict=True)

@@ -19,10 +19,10 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
-from fcdm_opt.geometry.bodies import Body, ConvexPart, about
+from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
-from fcdm_opt.geometry.measures import largest_ball, norms, units, volume_and_centroid
+from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
@@ -106,13 +106,20 @@ class Resizing:
             what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
             raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed=allowed)
-        face_offsets = _face_offsets(drawn or body, sizes)
+        facets_of = body if body.exact is None else body.exact.facets
+        face_offsets = _face_offsets(drawn or facets_of, sizes)
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
-        shares = _shares(body, face_offsets)
+        shares = _shares(facets_of, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
         turns = turns + shares[:, None, None] * np.eye(3)
-        facets = _facets(body, sizes, lone)
-        parts = tuple(_moving(body, k, sizes, own, turns) for k, own in enumerate(facets))
+        if body.exact is None:
+            facets = _facets(body, sizes, lone)
+        else:
+            facets = _facets_within(body, body.exact, sizes, lone, turns)
+        pieces = 0 if body.exact is None else len(body.exact.pieces)
+        still = np.zeros_like(turns)  # pieces go with their points, and stay as large
+        each = [*[turns] * (len(facets) - pieces), *[still] * pieces]
+        parts = tuple(_moving(body, k, sizes, *own) for k, own in enumerate(zip(facets, each, strict=True)))
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
@@ -163,7 +170,7 @@ class Resizing:
 
     def inclined(self) -> str:
         """Return a face that a scale along an axis turns, "" where none is turned."""
-        for own in self.parts:
+        for own in (own for own in self.parts if own.faces.max() >= 0 or self.body.exact is None):
             for size in (size for size in self.sizes if not size.is_length):
                 turned = own.part.normals @ size.directions()
                 along = (turned * own.part.normals).sum(axis=1)[:, None] * own.part.normals
@@ -246,20 +253,117 @@ def _moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
     Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
     """
     found = list[tuple[Swept, tuple[int, ...]]]()
-    corners, owners = body.face_triangles
     for surface, rows in round_surfaces(body):
-        own = offsets[list(rows)]
-        length, shift = float(own[0]), np.zeros(3, np.float64)
-        normals = body.face_planes[0][list(rows)]
-        if np.ptp(own) > DEFAULT.nominal * body.size:
-            answer = np.linalg.lstsq(np.column_stack([np.ones(len(rows)), normals]), own)[0]
-            if np.abs(answer[0] + normals @ answer[1:] - own).max() > DEFAULT.nominal * body.size:
-                return None
-            length, shift[:] = float(answer[0]), answer[1:]
-        first = corners[owners == rows[0]][:1].mean(axis=1)
-        outward = math.copysign(1.0, surface.misses(first)[1][0] @ normals[0])
-        found.append((surface.offset(outward * length, shift), rows))
+        moved = _moved_surface(body, rows, offsets)
+        if moved is None:
+            return None
+        found.append((surface.offset(_side(body, surface, rows[0]) * float(moved[0]), moved[1:]), rows))
     return tuple(found)
+
+
+def _moved_surface(body: Body, rows: Sequence[int], offsets: Array) -> Array | None:
+    """Return by what length a round face is moved outward, and how it is shifted besides, (4,); None of other moves."""
+    own, normals = offsets[list(rows)], body.face_planes[0][list(rows)]
+    if np.ptp(own) <= DEFAULT.nominal * body.size:
+        return np.array([own[0], 0.0, 0.0, 0.0])
+    columns = np.column_stack([np.ones(len(rows)), normals])
+    answer = np.asarray(np.linalg.lstsq(columns, own)[0], float)
+    return answer if np.abs(columns @ answer - own).max() <= DEFAULT.nominal * body.size else None
+
+
+def _side(body: Body, surface: Swept, row: int) -> float:
+    """Return 1 where a round face has its material inside, as a shaft, and -1 of a bore."""
+    corners, owners = body.face_triangles
+    looks = surface.misses(corners[owners == row][:1].mean(axis=1))[1][0]
+    return math.copysign(1.0, looks @ body.face_planes[0][row])
+
+
+def _facets_within(
+    body: Body, exact: ExactPoints, sizes: Sequence[Size], offsets: Array, turns: Array
+) -> list[tuple[Ints, Array]]:
+    """Return the same as `_facets` of a body that is exact at points of its round faces.
+
+    Corners on a shaft stay on it, so that its facets, which are chords, move by less than it grows; those of a bore,
+    which are its tangents, as it does. A piece at a point goes with the true faces there, without turning.
+    """
+    facets, moved = exact.facets, offsets.copy()
+    true = MovesOfFaces.of(facets, sizes, offsets, turns)
+    corners, owners = facets.face_triangles
+    for surface, rows in round_surfaces(facets):
+        for row in rows if _side(facets, surface, rows[0]) > 0.0 else ():
+            n = facets.face_planes[0][row]
+            bent = surface.misses(corners[owners == row].reshape(-1, 3))[1] @ n
+            moved[row] = bent.mean() * true.lengths[row] + n @ true.shifts[row]
+    within = _facets(facets, sizes, moved)
+    found, k = list[tuple[Ints, Array]](), 0
+    for part in body.parts[: len(body.parts) - len(exact.pieces)]:
+        while (same := _same_facets(part, facets.parts[k])) is None:
+            k += 1
+        found.append((within[k][0][same], within[k][1][same]))
+        k += 1
+    for part, piece in zip(body.parts[len(found) :], exact.pieces, strict=True):
+        move = true.at(body.vertices[piece.first - 1], piece.rows, piece.normals)
+        found.append((np.full(len(part.loops), -1), part.normals @ move))
+    return found
+
+
+class MovesOfFaces(NamedTuple):
+    """How the true faces of a body answer to k sizes.
+
+    Attributes
+    ----------
+    seed : (3,) array
+    lengths : (faces, k) array
+        How far the true face that each row of `Body.faces` stands for moves outward a unit of each size.
+    shifts : (faces, 3, k) array
+        How it is shifted besides.
+    turns : (k, 3, 3) array
+        Scales: a point X moves by U (X - s) a unit of each.
+    """
+
+    seed: Array
+    lengths: Array
+    shifts: Array
+    turns: Array
+
+    @classmethod
+    def of(
+        cls, facets: Body, sizes: Sequence[Size], offsets: Array | None = None, turns: Array | None = None
+    ) -> MovesOfFaces:
+        """Return them; raises `InputError` for a size that makes something else of a round face.
+
+        By default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
+        scales.
+        """
+        offsets = _face_offsets(facets, sizes) if offsets is None else offsets
+        turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3) if turns is None else turns
+        lengths, shifts = offsets.copy(), np.zeros((len(offsets), 3, len(sizes)))
+        for _, rows in round_surfaces(facets):
+            for k, size in enumerate(sizes):
+                moved = _moved_surface(facets, rows, offsets[:, k])
+                if moved is None:
+                    raise InputError(
+                        f"a round face of body '{facets.name}' would no longer be one",
+                        key=f"size '{size.name}'.faces", found=size.faces, allowed="all of it",
+                    )  # fmt: skip
+                lengths[list(rows), k], shifts[list(rows), :, k] = moved[0], moved[1:]
+        return cls(facets.seed, lengths, shifts, turns)
+
+    def at(self, point: Array, rows: Sequence[int], normals: Array) -> Array:
+        """Return how a point moves a unit of each size with the faces of some rows that meet there, (3, k)."""
+        own = list(rows)
+        off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, self.shifts[own])
+        move = np.linalg.lstsq(normals, off)[0]
+        return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
+
+
+def _same_facets(part: ConvexPart, other: ConvexPart) -> Ints | None:
+    """Return which facets of another part those of one within it are parallel to; None where it is not within."""
+    cosines = part.normals @ other.normals.T
+    out = (part.vertices @ other.normals.T - other.levels).max()
+    if cosines.max(axis=1).min() < 1.0 - DEFAULT.nominal or out > DEFAULT.planarity * float(np.ptp(part.vertices)):
+        return None
+    return np.asarray(cosines.argmax(axis=1))
 
 
 def _face_offsets(body: Body, sizes: Sequence[Size]) -> Array:
@@ -364,16 +468,16 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
     nan for vertices of facets that were moved. None where the body made has other faces than the one drawn.
     """
-    assert body.exact_of is not None
-    if body.exact_of.faces != drawn.faces:
+    assert body.exact is not None
+    if body.exact.facets.faces != drawn.faces:
         return None
     rates, known = np.full((len(body.vertices), 3), np.nan), vertex_rates(drawn, made, size)
     if known is not None:
         rates[: len(known)] = known
-    offsets = size.offsets(drawn)
-    for first, last, row in body.pieces:
-        point, inside = body.vertices[[first - 1, last - 1]]
-        rates[first - 1 : last] = offsets[row] * units(point - inside) + (point - body.seed) @ size.directions()
+    moves = MovesOfFaces.of(drawn, (size,))
+    for piece in body.exact.pieces:
+        move = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)
+        rates[piece.first - 1 : piece.last] = move[:, 0]
     return rates
 
 

@@ -18,14 +18,17 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import scaled_pair
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import solids_gap
+from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
 
 SAMPLED, CORNERS = 12, 12  # sizes within a box, and corners of it, at which parts are made anew at most
+FEW = 6  # of both, where true faces are looked at
 SURE = 1e-9  # chance that a share which is right is refused for the draws it was compared with
 
 
@@ -68,6 +71,8 @@ class GapClaims:
         The gaps, (n,), that are told there. Without one only the range is told.
     standing : sequence of (int, int)
         Part pairs that are not counted.
+    standing_faces : set of (int, int), optional
+        With them the gap is that of the true faces, without these patches of both, by number in `true_faces`.
     keep_out : sequence of (Body, float)
         Bodies that the movable one keeps clear of at all sizes, and by how much at least; the static one among them
         as made.
@@ -92,6 +97,7 @@ class GapClaims:
     listed: Array | None = None
     told: Callable[[Array], Array] | None = None
     standing: Sequence[tuple[int, int]] = ()
+    standing_faces: frozenset[tuple[int, int]] | None = None
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
     others: Sequence[Check] = ()
@@ -103,7 +109,8 @@ class GapClaims:
         """Return what the collision library says of it."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies)
         others = _spread(self.box) if self.listed is None else self.listed
-        others = others[np.linspace(0, len(others) - 1, min(len(others), SAMPLED + CORNERS)).astype(np.int64)]
+        most = SAMPLED + CORNERS if self.standing_faces is None else FEW
+        others = others[np.linspace(0, len(others) - 1, min(len(others), most)).astype(np.int64)]
         ends = np.array([own[1] for own in (self.least, self.largest) if own is not None], float)
         found = [] if self.least is None else self._of_gap(ends, others, slack)
         for body, clearance in self.keep_out:
@@ -169,6 +176,12 @@ class GapClaims:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
+        if self.standing_faces is not None:
+            assert self.least is not None
+            assert self.largest is not None
+            band = max(abs(self.least[0]), abs(self.largest[0])) + 2.0 * sum(max(deviation_of(own)) for own in bodies)
+            gap = gap_of_true_faces(*bodies, scales[0], self._pose(place), 2.0 * band, self.standing_faces)
+            return gap, gap, 0.0
         pair, here = scaled_pair(*bodies), self._pose(place)[None]
         if self.contact is not None and any(body.is_surface for body in bodies):
             gap = self._along(bodies, scales[0], here[0])

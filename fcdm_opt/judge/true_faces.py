@@ -7,6 +7,8 @@ the other body; about the nearest the grid is made finer until it tells no more.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags
@@ -24,7 +26,9 @@ SLACK = 1e-9  # of the band: nearer to a rim a point is on it
 KEPT = 6  # points about which it is made finer, of each two surfaces
 
 
-def gap_of_true_faces(one: Body, two: Body, scales: Array, transform: Array, band: float) -> float:
+def gap_of_true_faces(
+    one: Body, two: Body, scales: Array, transform: Array, band: float, without: Collection[tuple[int, int]] = ()
+) -> float:
     """Return the gap of bodies on their true faces, minus their depth; infinite where it is more than the band.
 
     Parameters
@@ -35,12 +39,15 @@ def gap_of_true_faces(one: Body, two: Body, scales: Array, transform: Array, ban
         Pose change of body 1.
     band : float
         Points further off a surface are not looked at: deeper ones are on the other side of a solid.
+    without : collection of (int, int)
+        Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
     """
     placed = [
         _There(true_faces(body), scale, pose)
         for body, scale, pose in zip((one, two), scales.tolist(), (transform, np.eye(4)), strict=True)
     ]
-    return -max(_deepest(own, other, band) for own, other in (placed, placed[::-1]))
+    turned = [(j, i) for i, j in without]
+    return -max(_deepest(*placed, band, without), _deepest(*placed[::-1], band, turned))
 
 
 class _There:
@@ -107,7 +114,7 @@ def _height(surface: Swept, points: Array) -> tuple[Array, Array]:
     return a * r - b * z - surface.radius, a * out - b * surface.axis
 
 
-def _deepest(own: _There, other: _There, band: float) -> float:
+def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[int, int]]) -> float:
     """Return how deep points of one body lie in the other at most."""
     deepest = -np.inf
     low, high = own.corners.min(axis=1), own.corners.max(axis=1)
@@ -116,6 +123,8 @@ def _deepest(own: _There, other: _There, band: float) -> float:
         ends = theirs.reshape(-1, 3).min(axis=0) - band, theirs.reshape(-1, 3).max(axis=0) + band
         near = ((high >= ends[0]) & (low <= ends[1])).all(axis=1)
         for j in np.unique(own.owners[near]).tolist():
+            if (j, k) in without:
+                continue
             triangles = own.corners[near & (own.owners == j)]
             deepest = max(deepest, _of_two(own, j, triangles, other, k, theirs, band))
     return deepest

@@ -12,6 +12,7 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.seats import independent
+from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real
@@ -161,6 +162,9 @@ def contact_rows(
     if q.shape != task.rest.shape:
         names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
+    exact = exact_where(problem, lambda _: (task.transform(q),))
+    if exact is not problem:
+        problem, task = exact, Task.of(exact)
     if problem.partial or any(own.body.is_surface for own in problem.keep_out):
         within = problem.size / 16.0 if within is None else within
         problem = with_insides(problem, task.transform(q)) or problem

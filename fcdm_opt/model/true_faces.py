@@ -9,7 +9,7 @@ matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def points_of_true_faces(
         if refused(current):
             return points if problem.goal == "clear" else None
         nearest = _nearest(problem, current.transform, need - TIGHT * slack)
-        new = [own for own in nearest if not _there(own, points, problem)]
+        new = [own for own in nearest if own.gap < -slack or not _there(own, points, problem)]
         worst = [own for own in new if own.gap < need - TIGHT * slack]
         _add(points, worst or new[:1])  # where they are nearest their gap is told
         if not worst:
@@ -71,6 +71,33 @@ def points_of_true_faces(
                 break
             deepest = need - worst[0].gap
     return points if worst[0].gap >= need - slack else None
+
+
+def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -> Problem:
+    """Return the same question with parts that are exact where their round faces are nearest at poses.
+
+    The question itself where all faces are plane, where what they are is not known, or it comes to no end.
+
+    Parameters
+    ----------
+    problem : Problem
+    poses : callable
+        Of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of them
+        true faces overlap where the parts are not exact.
+    """
+    if not _asks(problem):
+        return problem
+    known, facets = problem.exact_at or {}, problem.of_facets
+    points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
+    slack = facets.contact_slack
+    for count in range(ROUNDS):
+        current = facets.with_exact_points(points)
+        near = [own for transform in poses(current) for own in _nearest(facets, transform, slack)]
+        new = [own for own in near if (own.gap < -TIGHT * slack or not count) and not _there(own, points, facets)]
+        if not new:
+            return current
+        _add(points, new)
+    return problem
 
 
 def _add(points: Points, found: Sequence[NearestPoints]) -> None:
@@ -102,9 +129,7 @@ def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPo
 
 
 def _there(own: NearestPoints, points: Points, problem: Problem) -> bool:
-    """Tell whether parts are exact there: what overlaps is rounding."""
-    if own.gap < -problem.contact_slack:
-        return False
+    """Tell whether parts are exact there."""
     near = DEFAULT.nominal * problem.size
     return all(
         bool(len(there)) and float(norms(np.array(there) - point).min()) <= near

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import TouchingSizes, check_sizes, made_at
+from fcdm_opt.curve.touching_sizes import check_sizes
+from fcdm_opt.curve.true_sizes import made_at, touching_true_faces
 from fcdm_opt.errors import InputError, closest, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -703,7 +704,7 @@ def _extreme(
         roles = dict(zip(pair[:2], ROLES, strict=True))
         own = [replace(size, body=roles[size.body]) for size in sizes if size.body in roles]
         if own:
-            touching = TouchingSizes.of(parts[pair.one], parts[pair.two], own, least=False, standing=False)
+            touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, standing=False)
             gap, places = touching.least() if made == "worst" else touching.largest()
             found.append((sign * gap, dict(zip((size.name for size in own), places.tolist(), strict=True))))
     known = dict.fromkeys((size.name for size in sizes), 0.0)

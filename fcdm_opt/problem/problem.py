@@ -18,7 +18,7 @@ import numpy as np
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
-from fcdm_opt.curve.touching_sizes import made_at
+from fcdm_opt.curve.true_sizes import made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -143,7 +143,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
     made : mapping of size name to deviation, or "worst", "loosest", "low", "high", "middle", optional
         Makes `movable` and `static` the bodies of these sizes, 0 where none is given: all else is asked of them, and
         the target is (1, 1) unless sizes are asked for besides. Words are corners of the tolerances, see
-        `fcdm_opt.curve.touching_sizes.made_at`. Attribute: deviations by name, or None.
+        `fcdm_opt.curve.true_sizes.made_at`. Attribute: deviations by name, or None.
     name : str
         Name of the case.
     published : sequence of floats, optional

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
@@ -296,7 +297,7 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
     seen = list(stack.sizes)  # the rows are complete within their box alone
     for own, low, high in zip(places, *(end.tolist() for end in ends), strict=True):
         seen[own] = replace(seen[own], tolerance=(low, high))
-    gap = stack.touching.widened(seen, least=False).gap(p)
+    gap = widened(stack.touching, seen, least=False).gap(p)
     sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "line: touching; dashed: limits; box: tolerances")
     axes, bar = sheet.axes(0.8, 0.45, 4.8, 2.7), sheet.axes(5.75, 0.45, 0.1, 2.7)
     most = max(float(np.abs(gap).max()), float(np.finfo(float).tiny))

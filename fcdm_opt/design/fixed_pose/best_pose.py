@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import ROUNDS
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
+from fcdm_opt.design.fixed_pose.scene import is_exact, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -91,6 +93,8 @@ class BestPose(NotebookRepr, Plain):
         contact that the motion can open counts.
     standing_parts : tuple of (int, int)
         Their part pairs.
+    standing_faces : set of (int, int), or None
+        Of bodies with round faces their faces, see `TouchingSizes.standing_faces`.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
@@ -120,6 +124,7 @@ class BestPose(NotebookRepr, Plain):
     problem: Problem | Assembly | None = field(default=None, repr=False)
     standing: tuple[str, ...] = ()
     standing_parts: tuple[tuple[int, int], ...] = ()
+    standing_faces: frozenset[tuple[int, int]] | None = None
     transforms: Mapping[str, Array] = field(default_factory=dict)
     contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -169,6 +174,7 @@ class BestPose(NotebookRepr, Plain):
             box=self.sizes.box,
             listed=self.sizes.pairs,
             standing=self.standing_parts,
+            standing_faces=self.standing_faces,
             keep_out=() if failed else [own[:2] for own in obstacles(problem)],
             others=[*others, *(self.check(problem) if proof else ())],
         )
@@ -276,25 +282,59 @@ def best_pose(
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
     own = by_name(problem, sizes, box)
-    worst: Worst
+    true = None
     if by_contacts(problem):
         asked, names = all_sizes(problem, sizes, box)
         fitted = is_fit(problem) and clearance is None
-        worst = WorstContacts.asked(problem, asked, names, *((WIDE * problem.size, np.inf) if fitted else (low, high)))
+        ends = (WIDE * problem.size, np.inf) if fitted else (low, high)
+        worst: Worst = WorstContacts.asked(problem, asked, names, *ends)
+        best = _best(worst, accuracy, effort * certify, fitted=fitted, windowed=clearance is not None)
     else:
         assert isinstance(problem, Problem)
-        fitted, worst = False, Worst.of(problem, None if own else worst_sizes(problem, sizes, box), low, high)
-        worst.leave_out_standing()
-    slack, effort = problem.contact_slack, effort if certify and worst.scene.covers else 0
+        scales = None if own else worst_sizes(problem, sizes, box)
+        true = true_sizes(problem, scales)
+        proves = certify and (true is None or high == np.inf)  # of facets within round faces gaps are larger elsewhere
+        for _ in range(ROUNDS):
+            worst = Worst.of(problem, scales, low, high, true)
+            worst.leave_out_standing()
+            best = _best(worst, accuracy, effort * proves, fitted=False, windowed=clearance is not None)
+            told = best.found.off.extremes
+            if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], told, own=own):
+                break
+        if true is not None and not proves:
+            best = best._replace(bound=min(best.value, 0.0), done=False)
+    pose = _told(problem, best, (low, high), own=own)
+    if true is not None:
+        pose = replace(pose, evidence=None, standing_faces=frozenset(true.standing))
+    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
+
+
+class _Best(NamedTuple):
+    """The best pose found, and what is proved of it; see `BestPose`."""
+
+    worst: Worst
+    found: Found
+    search: Search
+    status: Verdict
+    value: float
+    bound: float
+    done: bool
+    fitted: bool
+
+
+def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool) -> _Best:
+    """Return the best pose for a worst gap: inside its window, where there is one."""
+    problem, effort = worst.problem, effort if worst.scene.covers else 0
+    slack = problem.contact_slack
     first = best = better(worst, np.zeros(len(worst.limits)))
     if fitted and best.off.value <= 0.0:
         what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
         raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
-    inside = clearance is not None and best.off.value <= slack
+    inside = windowed and best.off.value <= slack
     if not inside:
-        search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
+        search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=windowed)
         best = search.best
-        inside = clearance is not None and best.off.value <= slack
+        inside = windowed and best.off.value <= slack
     if inside:
         search = _searched(worst, smaller(worst, best, slack), slack, accuracy, effort, amounts=True)
         best, bound = search.best, _proved(search)
@@ -305,8 +345,8 @@ def best_pose(
         best = stepped(worst, best, steps, slack, amounts=inside)
         bound = 0.0 if inside and best.off.value > slack else bound  # what is proved is of poses inside
         inside = inside and best.off.value <= slack
-    amount, least_gap = amount_of(problem, best.q), best.off.extremes.least.gap
-    value = amount if inside else -least_gap if fitted else best.off.excess
+    least_gap = best.off.extremes.least.gap
+    value = amount_of(problem, best.q) if inside else -least_gap if fitted else best.off.excess
     if not weighted(problem) and inside:
         bound = 0.0  # of another amount
     elif fitted:
@@ -315,32 +355,38 @@ def best_pose(
         bound = min(2.0 * slack, value) if bound >= best.off.value else 0.0
     bound = min(bound, value)
     done = value - bound <= max(accuracy * abs(value), slack) or (bound > slack and not best.off.clear)
-    status = NONE if bound > slack else UNDECIDED
-    if inside or (clearance is None and best.off.clear):
+    status: Verdict = NONE if bound > slack else UNDECIDED
+    if inside or (not windowed and best.off.clear):
         status = INSIDE if inside else BEST
+    return _Best(worst, best, search, status, value, bound, bool(done), fitted)
+
+
+def _told(problem: Scene, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
+    """Return what is told of a pose."""
+    worst, best, search = found.worst, found.found, found.search
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
     least, most = (end.without_rounding(problem.size) for end in ends)
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     told, gaps = transforms_of(problem, best.q), worst.scene
-    pose = BestPose(
-        status=status,
+    return BestPose(
+        status=found.status,
         parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
         motion=motion_in_words(problem, q),
         transform=frozen(told.pop("")) if "" in told else None,
         transforms=told,
         contacts=gaps.ranges(best.off.rows) if isinstance(gaps, ContactGaps) else {},
-        amount=amount,
+        amount=amount_of(problem, best.q),
         worst_gap=max(abs(least.gap), abs(most.gap)),
-        violation=max(-least.gap, most.gap) if fitted else max(best.off.excess, 0.0),
+        violation=max(-least.gap, most.gap) if found.fitted else max(best.off.excess, 0.0),
         least=least,
         most=most,
-        value=value,
-        lower_bound=bound,
-        certified=bool(done),
+        value=found.value,
+        lower_bound=found.bound,
+        certified=found.done,
         cells=len(search.nodes),
         checks=(),
         sizes=worst.scene.sizes,
-        window=(low, high),
+        window=window,
         evidence=PoseEvidence.of(search) if search.nodes and not (own or problem.keep_out) else None,
         seconds=0.0,
         unit=problem.unit,
@@ -348,7 +394,6 @@ def best_pose(
         standing=worst.scene.standing_in_words,
         standing_parts=tuple(worst.scene.standing),
     )
-    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
 
 
 def _proved(search: Search) -> float:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import ROUNDS
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
-from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, OwnSizes, Scales
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, OwnSizes, Scales, is_exact, true_sizes
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -208,13 +209,17 @@ def clearances(
         transform = transform_of(problem, pose)
         whole = tolerance_boxes(problem.sizes) if own else box_of(problem, sizes, box)
         pairs, source = _drawn(problem, sizes, whole, count, seed, own=own)
-        bodies = problem.movable, problem.static
-        drawn = problem.request["movable"], problem.request["static"]
-        scene = OwnSizes(*drawn, problem.sizes) if own else Scales(*bodies, Sizes(whole))
-        here = scene.pose(transform)
-        scene.leave_out([here])
-        at = scene.rows(here)
-        extremes, rows = scene.extremes(at), at
+        true = true_sizes(problem, None if own else Sizes(whole))
+        for _ in range(ROUNDS):
+            request = problem.request if own else vars(problem)
+            bodies = (request["movable"], request["static"]) if true is None else true.bodies
+            scene = OwnSizes(*bodies, problem.sizes) if own else Scales(*bodies, Sizes(whole))
+            here = scene.pose(transform)
+            scene.leave_out([here])
+            at = scene.rows(here)
+            extremes, rows = scene.extremes(at), at
+            if true is None or is_exact(true, transform, extremes, own=own):
+                break
         if not own:
             wider = Scales(*bodies, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
             wider.standing = scene.standing

@@ -21,12 +21,14 @@ from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.curve.true_sizes import ROLES, TrueSizes
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
@@ -362,3 +364,22 @@ class OwnSizes(SizedBodies):
 
 
 BodyGaps = Scales | OwnSizes
+
+
+def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
+    """Return the bodies of a problem made exact at points of their round faces, for scales or, without, its own sizes.
+
+    None where no round face is known.
+    """
+    if sizes is None:
+        return TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
+    plain, ends = problem.of_facets, (sizes.box - 1.0).tolist()
+    both = zip(SCALES, ROLES, ends, strict=True)
+    scales = [Size(name, role, scale="xyz", tolerance=(low, high)) for name, role, (low, high) in both]
+    return TrueSizes.of(plain.movable, plain.static, scales)
+
+
+def is_exact(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> bool:
+    """Tell whether the true faces have the extreme gaps at a pose; else the bodies are made exact there."""
+    ends = extremes.least, extremes.most
+    return not true.refined(transform, [(end.rho - (0.0 if own else 1.0), end.gap) for end in ends])

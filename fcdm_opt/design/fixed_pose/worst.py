@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import TrueSizes
 from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, BodyGaps, GapRows, OwnSizes, Scales
 from fcdm_opt.design.sizes import SCALES, Sizes
@@ -84,12 +85,19 @@ class Worst:
             self.active = np.array(self.scene.sizes.corners) if corners else np.empty((0, len(self.scene.sizes.box)))
 
     @classmethod
-    def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float) -> Worst:
-        """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
+    def of(
+        cls, problem: Problem, sizes: Sizes | None, low: float, high: float, true: TrueSizes | None = None
+    ) -> Worst:
+        """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes.
+
+        With `true` of bodies that are exact at points of their round faces.
+        """
         if sizes is not None:
             near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
-            return cls(problem, Scales(problem.movable, problem.static, sizes), low, high, keep_out=near)
-        movable, static, motion = problem.request["movable"], problem.request["static"], problem.motion
+            bodies = (problem.movable, problem.static) if true is None else true.bodies
+            return cls(problem, Scales(*bodies, sizes), low, high, keep_out=near)
+        motion, request = problem.motion, problem.request
+        movable, static = (request["movable"], request["static"]) if true is None else true.bodies
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
         straight = np.array([direction is not None for direction in motion.shift_directions])

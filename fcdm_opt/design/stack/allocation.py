@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.contributions import mixture
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
@@ -83,7 +84,7 @@ def allocated(
         if size.name in cost and not top > 0.0:
             raise InputError("a size without width has no cost", key=f"cost.{size.name}", found=size.tolerance)
     wide = [replace(s, tolerance=(s.middle - top, s.middle + top)) for s, top in zip(sizes, most.tolist(), strict=True)]
-    around = touching.widened(wide)
+    around = widened(touching, wide)
     middle = np.array([size.middle for size in sizes])
     pairs = [
         np.column_stack([pair.values[:, 0] + pair.values[:, 1:] @ middle, pair.values[:, 1:]]) for pair in around.pairs
@@ -116,7 +117,7 @@ def allocated(
         replace(size, tolerance=(size.middle - own, size.middle + own))
         for size, own in zip(sizes, t.tolist(), strict=True)
     ]
-    result = touching.widened(made, least=False)
+    result = widened(touching, made, least=False)
     deviation = None
     if share is not None:
         held = lowers or [pair[0] for pair in pairs]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.distributions import ALL, Distribution, Measured, Normal, Uniform
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError, placed
@@ -146,7 +147,7 @@ def drawn_from(touching: TouchingSizes) -> TouchingSizes:
         wider.append(replace(size, tolerance=ends, distribution=source) if ends != (low, high) else size)
     if all(one is other for one, other in zip(wider, touching.sizes, strict=True)):
         return touching
-    return touching.widened(wider, standing=False)
+    return widened(touching, wider, standing=False)
 
 
 def moments(sources: Sequence[Distribution | float]) -> tuple[Array, Array]:

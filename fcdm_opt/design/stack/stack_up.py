@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.curve.true_sizes import touching_true_faces, widened
 from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
@@ -230,7 +231,7 @@ class StackUp:
         if not ((each >= low) & (each <= high)).all():
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
             wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
-            return self.touching.widened(wider, least=False, standing=False).gap(values)
+            return widened(self.touching, wider, least=False, standing=False).gap(values)
         return self.touching.gap(values)
 
     @cached_property
@@ -297,8 +298,10 @@ class StackUp:
 
         if self.loop is not None:
             return self.loop.claims(least, largest, told)
+        exact = any(body.exact is not None for body in self.touching.bodies)
         return GapClaims(
-            bodies=self.touching.bodies,
+            bodies=tuple(body if body.exact is None else body.exact.facets for body in self.touching.bodies),
+            standing_faces=self.touching.standing_faces if exact else None,
             sizes=self.sizes,
             transform=self.touching.transform,
             least=least,
@@ -437,6 +440,6 @@ def stack_up(
         loop = pair_loop(problem, rigid_transform(pose))
     else:
         drawn = problem.request["movable"], problem.request["static"]
-        touching = TouchingSizes.of(*drawn, problem.sizes, transform=pose, standing=False)
+        touching = touching_true_faces(*drawn, problem.sizes, transform=pose, standing=False)
         return StackUp(touching, between, problem.unit)
     return StackUp(loop.touching, between, problem.unit, loop)
