@@ -114,6 +114,11 @@ class ContactTimes(Plain):
         known = [own for own in each if own is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(each) else None
 
+    @property
+    def on_true_faces(self) -> bool:
+        """Whether it is of the faces that facets stand for."""
+        return isinstance(self.problem, Problem) and self.problem.exact_at is not None
+
     def state(self, x: float) -> State | Literal["unknown"]:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
         return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")

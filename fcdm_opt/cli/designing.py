@@ -340,11 +340,13 @@ def _each_case(
     from fcdm_opt.show.tables import print_case, print_judged
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
+        of_facets = False
         for number, (key, answer, printed) in enumerate(asked(file, problem)):
             if not (inquiry.as_json or number):
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
+            of_facets |= not getattr(answer, "on_true_faces", number > 0)
             if not inquiry.as_json:
                 printed(answer)
             if key in JUDGED:
@@ -353,7 +355,7 @@ def _each_case(
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
                 if not inquiry.as_json:
                     print_judged(certificate)
-        if known := known_gaps(problem):
+        if known := known_gaps(problem) if of_facets else []:
             entry["known_to"] = known
             if not inquiry.as_json:
                 print_lines(known)

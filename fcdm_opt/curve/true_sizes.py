@@ -15,13 +15,13 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.patches import nearest_on_faces, onto, true_faces
-from fcdm_opt.geometry.resizing import MovesOfFaces, each_resized
+from fcdm_opt.geometry.patches import Patch, TrueFaces, nearest_on_faces, onto, true_faces
+from fcdm_opt.geometry.resizing import MovesOfFaces
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
@@ -43,7 +43,7 @@ def touching_true_faces(
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
     for _ in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=at_all.apart, **how)
+        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=at_all.apart(pose), **how)
         found = at_all.counted(every)
         if not at_all.refined(pose, [own[::-1] for own in (found.least(), found.largest())]):
             return replace(found, standing_faces=frozenset(at_all.standing))
@@ -108,9 +108,7 @@ class TrueSizes:
         self.facets, self.sizes = (movable, static), tuple(sizes)
         self.size = max(movable.size, static.size)
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
-        self.columns = [[k for k, own in enumerate(self.sizes) if own.body == role] for role in ROLES]
-        of_each = zip(self.facets, self.columns, strict=True)
-        self.moves = [MovesOfFaces.of(body, [self.sizes[k] for k in own]) for body, own in of_each]
+        self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
         self.standing = set[tuple[int, int]]()
         self.bodies = self._exact()
 
@@ -120,7 +118,7 @@ class TrueSizes:
         bodies = movable, static
         if not any(map(round_surfaces, bodies)) or any(own.is_surface for own in bodies):
             return None
-        if any(bounding_bodies(own) is None for own in bodies):
+        if any(bounding_bodies(own) is None for own in bodies) or any(own.scale not in (None, "xyz") for own in sizes):
             return None
         try:
             return cls(movable, static, sizes)
@@ -133,23 +131,33 @@ class TrueSizes:
         assert two is not None
         return one, two
 
-    @property
-    def apart(self) -> list[tuple[int, int]]:
-        """Part pairs in which a piece does not meet what it is there for."""
-        counts, pieces = list[int](), list[list[int | None]]()
+    def apart(self, pose: Array) -> list[tuple[int, int]]:
+        """Return part pairs that are not looked at: far apart at all sizes, or of pieces that meet others."""
+        pieces, firsts = list[list[int | None]](), list[int]()
         for body, points in zip(self.bodies, self.points, strict=True):
             own = () if body.exact is None else body.exact.pieces
-            first, at = len(body.parts) - len(own), [body.vertices[piece.first - 1] for piece in own]
-            near = DEFAULT.tie * self.size
+            firsts.append(len(body.parts) - len(own))
+            at, near = [body.vertices[piece.first - 1] for piece in own], DEFAULT.tie * self.size
             numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
-            pieces.append([first + found[0] if found else None for found in numbers])
-            counts += [first, len(body.parts)]
-        meeting = {*zip(*pieces, strict=True)}
+            pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
+        meeting, far = {*zip(*pieces, strict=True)}, self._far(pose)
         return [
-            (i, j) for i, j in np.ndindex(counts[1], counts[3])
-            if (i >= counts[0] or j >= counts[2])
-            and (i if i >= counts[0] else None, j if j >= counts[2] else None) not in meeting
+            (i, j) for i, j in np.ndindex(far.shape)
+            if far[i, j] or ((i >= firsts[0] or j >= firsts[1]) and (
+                i if i >= firsts[0] else None, j if j >= firsts[1] else None) not in meeting)
         ]  # fmt: skip
+
+    def _far(self, pose: Array) -> Flags:
+        """Tell which part pairs are further apart than the nearest vertices at all sizes, (parts 1, parts 2)."""
+        from scipy.spatial import cKDTree
+
+        placed = [[part.vertices for part in body.parts] for body in self.bodies]
+        placed[0] = [own @ pose[:3, :3].T + pose[:3, 3] for own in placed[0]]
+        lows, highs = ([np.array([end(own, axis=0) for own in each]) for each in placed] for end in (np.min, np.max))
+        apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
+        reach = sum(own.reach(self.sizes) for own in self.faces)
+        tree, points = cKDTree(np.concatenate(placed[1])), np.concatenate(placed[0])
+        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * reach)
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
@@ -188,14 +196,10 @@ class TrueSizes:
         """Make the bodies exact where they are nearer than is told of sizes, (k,); tell whether any were."""
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
         for place, gap in told:
-            try:
-                near = self._nearest(pose, place, gap)
-            except InputError:  # a face has vanished
-                continue
-            for own in near:
+            for own in self._nearest(pose, place, gap):
                 if own.gap >= gap - slack or len(new) >= SEVERAL:
                     break
-                both = tuple(self._drawn(role, own, place) for role in (0, 1))
+                both = tuple(self._drawn(role, own) for role in (0, 1))
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):
                     new.append(both)
         if not new:
@@ -207,42 +211,93 @@ class TrueSizes:
 
     def _nearest(self, pose: Array, place: Array, gap: float) -> list[_Contact]:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
-        values = dict(zip(self.sizes, place.tolist(), strict=True))
-        made = each_resized(dict(zip(ROLES, self.facets, strict=True)), values)
-        bodies = made["movable"], made["static"]
-        band = abs(gap) + sum(sum(deviation_of(own)) for own in bodies) + DEFAULT.snap * self.size
+        made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
+        band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
         found = list[_Contact]()
-        for own in nearest_on_faces(*bodies, np.ones(2), pose, band):
+        for own in nearest_on_faces(*made, scales, pose, band):
             if own.gap >= gap:
                 break
-            patches = tuple(tuple(true_faces(body).at(x)) for body, x in zip(bodies, own.points, strict=True))
+            patches = tuple(tuple(faces.at(x)) for faces, x in zip(made, own.points, strict=True))
             contact = _Contact(own.gap, own.points, own.normal, patches)
             pairs = {(i, j) for i in patches[0] for j in patches[1]}
             if pairs <= self.standing:
                 continue
-            if self._stands(bodies, contact, pose, place):
+            if self._stands(made, contact, pose, place):
                 self.standing |= pairs
             else:
                 found.append(contact)
         return found
 
-    def _stands(self, bodies: tuple[Body, Body], own: _Contact, pose: Array, place: Array) -> bool:
+    def _stands(self, made: Sequence[TrueFaces], own: _Contact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""
         rates = np.zeros(len(self.sizes))
         for role, side in ((0, -1.0), (1, 1.0)):
-            faces, point = true_faces(bodies[role]), own.points[role]
-            rows = [faces.row_at(k, point) for k in own.patches[role]]
-            normals = np.array([faces.patches[k].gaps(point[None])[1][0] for k in own.patches[role]])
             normal = own.normal @ (pose[:3, :3] if role == 0 else np.eye(3))
-            rates[self.columns[role]] += side * normal @ self.moves[role].at(point, rows, normals)
+            point = own.points[role]
+            move = self.faces[role].moves.at(point, *_meeting(made[role], own.patches[role], point))
+            rates[self.faces[role].columns] += side * normal @ move
         box = np.array([size.tolerance for size in self.sizes], float)
         start = own.gap - float(rates @ place)
         ends = np.sort(rates[:, None] * box, axis=1).sum(axis=0)
         return bool(np.abs(start + ends).max() <= DEFAULT.tie * self.size)
 
-    def _drawn(self, role: int, own: _Contact, place: Array) -> Array:
+    def _drawn(self, role: int, own: _Contact) -> Array:
         """Return the point as drawn that a contact's point at sizes is of."""
-        body = self.facets[role]
-        scale = np.eye(3) + np.einsum("k,kxy->xy", place[self.columns[role]], self.moves[role].turns)
-        point = body.seed + np.linalg.solve(scale, own.points[role] - body.seed)
-        return onto(point[None], [true_faces(body).patches[k] for k in own.patches[role]])[0]
+        patches = true_faces(self.facets[role]).patches
+        return onto(own.points[role][None], [patches[k] for k in own.patches[role]])[0]
+
+
+def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[list[int], Array]:
+    """Return rows of the body's faces that stand for patches at a point, and the normals of these there, (k, 3)."""
+    normals = [faces.patches[k].gaps(point[None])[1][0] for k in patches]
+    return [faces.row_at(k, point) for k in patches], np.array(normals).reshape(-1, 3)
+
+
+class SizedFaces:
+    """How the true faces of a body follow its sizes.
+
+    Attributes
+    ----------
+    faces : TrueFaces
+        As drawn.
+    moves : MovesOfFaces
+    columns : list of int
+        Which of all sizes they follow.
+    """
+
+    def __init__(self, body: Body, sizes: Sequence[Size], columns: list[int]) -> None:
+        self.faces, self.columns = true_faces(body), columns
+        self.moves = MovesOfFaces.of(body, [sizes[k] for k in columns])
+        self._uniform = np.array([float(sizes[k].scale == "xyz") for k in columns])
+        first, self._places = distinct_rows(self.faces.corners.reshape(-1, 3))
+        points, owners = self.faces.corners.reshape(-1, 3)[first], np.repeat(self.faces.owners, 3)
+        lengths = self.moves._replace(turns=0.0 * self.moves.turns)
+        meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
+        met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
+        self._moves, self._all = (np.array([own.at(*each) for each in met]) for own in (lengths, self.moves))
+
+    @classmethod
+    def of(cls, body: Body, role: str, sizes: Sequence[Size]) -> SizedFaces:
+        """Return it of the sizes that are the body's."""
+        return cls(body, sizes, [k for k, own in enumerate(sizes) if own.body == role])
+
+    def reach(self, sizes: Sequence[Size]) -> float:
+        """Return how far sizes move any point of the faces at most."""
+        most = np.array([max(map(abs, sizes[k].tolerance or (0.0, 0.0))) for k in self.columns])
+        return float((norms(np.moveaxis(self._all, 1, -1)).max(axis=0) @ most) if len(most) else 0.0)
+
+    def at(self, place: Array) -> tuple[TrueFaces, float]:
+        """Return the faces at all sizes, (k,), before they are scaled about the seed, and that uniform scale."""
+        values = np.asarray(place, float)[self.columns]
+        scale = 1.0 + float(self._uniform @ values)
+        lengths, shifts = (own @ values / scale for own in (self.moves.lengths, self.moves.shifts))
+        patches = list[Patch]()
+        for k, own in enumerate(self.faces.patches):
+            row = int(self.faces.rows[np.flatnonzero(self.faces.owners == k)[0]])
+            if self.faces.is_round[k]:
+                surface = own.surface.offset(own.side * float(lengths[row]), shifts[row])
+            else:
+                surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
+            patches.append(own._replace(surface=surface))
+        moved = (self._moves @ values)[self._places] / scale
+        return self.faces.moved(patches, self.faces.corners + moved.reshape(-1, 3, 3)), scale

@@ -9,6 +9,7 @@ that are near each other.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -119,11 +120,28 @@ class TrueFaces:
         self.every_pair_of_patches = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
         far = self.corners[of[two], (places[two] + 2) % 3]
         convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
+        convex &= ~self._smooth(start)
         self.edges, self.edge_patches = self.every_edge[convex], self.every_pair_of_patches[convex]
         tips, spot = distinct_rows(self.edges.reshape(-1, 3))
         kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
         meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
         self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
+
+    def moved(self, patches: Sequence[Patch], corners: Array) -> TrueFaces:
+        """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
+        other = copy(self)
+        other.patches, other.corners = tuple(patches), corners
+        other._join(unit_normals(corners))
+        return other
+
+    def _smooth(self, points: Array) -> Flags:
+        """Tell over which edges, by a point of each, one patch goes on in the other, as a fillet does."""
+        found = np.zeros(len(points), bool)
+        for pair in np.unique(self.every_pair_of_patches, axis=0):
+            own = (self.every_pair_of_patches == pair).all(axis=1)
+            one, two = (self.patches[k].gaps(points[own])[1] for k in pair.tolist())
+            found[own] = norms(cross(one, two)) < DEFAULT.sharp
+        return found
 
     def _distances(self, k: int, point: Array) -> tuple[Array, Ints]:
         """Return how far the triangles of a patch are from a point, and their numbers."""
@@ -250,19 +268,21 @@ def _hit(points: Array, directions: Array, corners: Array) -> Flags:
     return met & (np.abs(far) <= longest)  # not the far side of a cylinder
 
 
-def nearest_on_faces(one: Body, two: Body, scales: Array, transform: Array, band: float) -> list[NearestPoints]:
+def nearest_on_faces(
+    one: TrueFaces, two: TrueFaces, scales: Sequence[float] | Array, transform: Array, band: float
+) -> list[NearestPoints]:
     """Return where bodies come nearest on their true faces, where a round one takes part.
 
     Parameters
     ----------
-    one, two : Body
+    one, two : TrueFaces
     scales : (2,) array
     transform : (4, 4) array
         Pose change of body 1.
     band : float
         Pairs of triangles up to this distance are looked at.
     """
-    placed = _Placed(true_faces(one), scales[0], transform), _Placed(true_faces(two), scales[1], np.eye(4))
+    placed = _Placed(one, scales[0], transform), _Placed(two, scales[1], np.eye(4))
     found = list[NearestPoints]()
     for k, (own, other) in enumerate((placed, placed[::-1])):
         for gap, normal, point, foot in _nearest(own, other, band, both=k == 0):

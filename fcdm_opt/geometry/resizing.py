@@ -236,15 +236,27 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
     """Return a body made with faces moved outward, (faces,), with what its facets stand for, where that is known."""
-    errors = facet_errors(body) if body.surfaces is not None else None
-    if made.faces != body.faces:
+    errors, rows = facet_errors(body) if body.surfaces is not None else None, _rows_moved(body, made, offsets)
+    if rows is None:
         return made
     if errors is None:
-        return replace(made, facet_errors=body.facet_errors)
+        return made if body.facet_errors is None else replace(made, facet_errors=frozen(body.facet_errors[rows]))
     surfaces = _moved_surfaces(body, offsets)
     if surfaces is None:
         return made
-    return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors))
+    surfaces = tuple((own, tuple(np.flatnonzero(np.isin(rows, of)).tolist())) for own, of in surfaces)
+    return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors[rows]))
+
+
+def _rows_moved(body: Body, made: Body, offsets: Array) -> Ints | None:
+    """Return which face of a body each of a body made of it is, (faces,): where labels changed, by its plane moved."""
+    if made.faces == body.faces:
+        return np.arange(len(body.faces))
+    (normals, points), (own, places) = body.face_planes, made.face_planes
+    levels = (normals * points).sum(axis=1) + offsets
+    off = 1.0 - own @ normals.T + np.abs((own * places).sum(axis=1)[:, None] - levels) / body.size
+    rows = off.argmin(axis=1)
+    return None if off[np.arange(len(rows)), rows].max(initial=0.0) > DEFAULT.nominal else rows
 
 
 def _moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:

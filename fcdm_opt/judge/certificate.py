@@ -23,6 +23,7 @@ from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
@@ -747,7 +748,7 @@ class _Judge:
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
         bodies = problem.movable, problem.static
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
-        gap = gap_of_true_faces(*bodies, problem.target, self.transform, need + self.limit + 2.0 * off)
+        gap = gap_of_true_faces(*map(true_faces, bodies), problem.target, self.transform, need + self.limit + 2.0 * off)
         note = "least gap of the faces that facets stand for, on points of these"
         found = [_at_least("true faces", gap, need - self.limit, note)]
         if "touch" in (problem.goal, problem.pair):

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.true_sizes import ROLES, SizedFaces
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import solids_gap
@@ -172,16 +175,13 @@ class GapClaims:
 
         Of the pairs that are counted; the third is how far the others are from touching.
         """
+        if self.standing_faces is not None:
+            gap = self._of_true_faces(place)
+            return gap, gap, 0.0
         try:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
-        if self.standing_faces is not None:
-            assert self.least is not None
-            assert self.largest is not None
-            band = max(abs(self.least[0]), abs(self.largest[0])) + 2.0 * sum(max(deviation_of(own)) for own in bodies)
-            gap = gap_of_true_faces(*bodies, scales[0], self._pose(place), 2.0 * band, self.standing_faces)
-            return gap, gap, 0.0
         pair, here = scaled_pair(*bodies), self._pose(place)[None]
         if self.contact is not None and any(body.is_surface for body in bodies):
             gap = self._along(bodies, scales[0], here[0])
@@ -197,6 +197,21 @@ class GapClaims:
             for own in (counted, self.standing)
         )
         return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
+
+    def _of_true_faces(self, place: Array) -> float:
+        """Return the gap of the true faces at sizes."""
+        assert self.least is not None
+        assert self.largest is not None
+        band = max(abs(self.least[0]), abs(self.largest[0])) + 2.0 * sum(max(deviation_of(own)) for own in self.bodies)
+        faces, scales = [true_faces(own) for own in self.bodies], np.asarray(place, float)
+        if self.sizes:
+            both = [self._rates[role].at(place) for role in (0, 1)]
+            faces, scales = [own for own, _ in both], np.array([scale for _, scale in both])
+        return gap_of_true_faces(*faces, scales, self._pose(place), 2.0 * band, self.standing_faces or ())
+
+    @cached_property
+    def _rates(self) -> list[SizedFaces]:
+        return [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.bodies, ROLES, strict=True)]
 
     def _along(self, bodies: tuple[Body, Body], scales: Array, pose: Array) -> float:
         """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces.

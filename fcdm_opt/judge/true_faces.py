@@ -7,16 +7,15 @@ the other body; about the nearest the grid is made finer until it tells no more.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags
-from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.patches import TrueFaces, true_faces
+from fcdm_opt.geometry.patches import TrueFaces
 from fcdm_opt.geometry.tessellation import Swept
 
-GRID = 6  # points along a side of a triangle
+GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
 FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
 BLOCK = 2_000  # points at a time
 ROUNDING = 1e-12  # of areas
@@ -27,13 +26,18 @@ KEPT = 6  # points about which it is made finer, of each two surfaces
 
 
 def gap_of_true_faces(
-    one: Body, two: Body, scales: Array, transform: Array, band: float, without: Collection[tuple[int, int]] = ()
+    one: TrueFaces,
+    two: TrueFaces,
+    scales: Sequence[float] | Array,
+    transform: Array,
+    band: float,
+    without: Collection[tuple[int, int]] = (),
 ) -> float:
     """Return the gap of bodies on their true faces, minus their depth; infinite where it is more than the band.
 
     Parameters
     ----------
-    one, two : Body
+    one, two : TrueFaces
     scales : (2,) array
     transform : (4, 4) array
         Pose change of body 1.
@@ -43,8 +47,8 @@ def gap_of_true_faces(
         Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
     """
     placed = [
-        _There(true_faces(body), scale, pose)
-        for body, scale, pose in zip((one, two), scales.tolist(), (transform, np.eye(4)), strict=True)
+        _There(faces, float(scale), pose)
+        for faces, scale, pose in zip((one, two), scales, (transform, np.eye(4)), strict=True)
     ]
     turned = [(j, i) for i, j in without]
     return -max(_deepest(*placed, band, without), _deepest(*placed[::-1], band, turned))
@@ -132,7 +136,8 @@ def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[
 
 def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs: Array, band: float) -> float:
     """Return it for two surfaces."""
-    steps = np.arange(GRID) / (GRID - 1)
+    grid = GRID if len(triangles) <= MANY else GRID // 2
+    steps = np.arange(grid) / (grid - 1)
     shares = np.array([(1.0 - u - v, u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
     surface, side = other.patches[k]
     which, shares = np.repeat(np.arange(len(triangles)), len(shares)), np.tile(shares, (len(triangles), 1))

@@ -12,8 +12,8 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.seats import independent
-from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair

@@ -16,7 +16,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces
+from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
@@ -120,7 +120,7 @@ def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPo
     band = max(least, 0.0) + DEFAULT.snap * problem.size
     band += sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
     chosen = list[NearestPoints]()
-    for own in nearest_on_faces(*bodies, problem.target, transform, band):
+    for own in nearest_on_faces(*map(true_faces, bodies), problem.target, transform, band):
         if (chosen and own.gap >= least) or len(chosen) == SEVERAL:
             break
         if not any(_same(own, other, problem) for other in chosen):

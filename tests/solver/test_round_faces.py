@@ -172,7 +172,7 @@ def test_the_judge_refuses_motions_that_are_right_for_facets_alone(monkeypatch: 
     assert [check.name for check in wrong.certificate.checks if not check.passed] == ["true faces"]
     shift = np.eye(4)
     shift[0, 3] = 0.09
-    assert gap_of_true_faces(*problem.bodies, np.ones(2), shift, 0.2) == pytest.approx(0.01, abs=1e-9)
+    assert gap_of_true_faces(*map(true_faces, problem.bodies), np.ones(2), shift, 0.2) == pytest.approx(0.01, abs=1e-9)
 
 
 def test_meshes_are_taken_as_round_where_that_is_asked() -> None:

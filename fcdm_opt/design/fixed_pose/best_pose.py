@@ -190,6 +190,11 @@ class BestPose(NotebookRepr, Plain):
         return self.problem is not None and is_fit(self.problem) and self.window == (0.0, 0.0)
 
     @property
+    def on_true_faces(self) -> bool:
+        """Whether gaps are those of the faces that facets stand for."""
+        return self.standing_faces is not None
+
+    @property
     def passed(self) -> bool:
         """Whether the collision library confirms the pose."""
         return bool(self.checks) and all(check.passed for check in self.checks)
@@ -293,10 +298,11 @@ def best_pose(
         assert isinstance(problem, Problem)
         scales = None if own else worst_sizes(problem, sizes, box)
         true = true_sizes(problem, scales)
-        proves = certify and (true is None or high == np.inf)  # of facets within round faces gaps are larger elsewhere
-        for _ in range(ROUNDS):
+        for turn in range(ROUNDS + 1):
+            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
             worst = Worst.of(problem, scales, low, high, true)
             worst.leave_out_standing()
+            proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere
             best = _best(worst, accuracy, effort * proves, fitted=False, windowed=clearance is not None)
             told = best.found.off.extremes
             if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], told, own=own):

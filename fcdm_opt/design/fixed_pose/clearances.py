@@ -121,6 +121,8 @@ class Clearances(NotebookRepr):
         Of lengths, "" where the problem names none.
     standing : tuple of str
         Contacts that are closed at all of these sizes, a flange on its plate: not counted in gaps, as in `stack_up`.
+    on_true_faces : bool
+        Whether gaps are those of the faces that facets stand for.
     """
 
     transform: Array | None
@@ -138,6 +140,7 @@ class Clearances(NotebookRepr):
     edges: Array = field(repr=False)
     unit: str = ""
     standing: tuple[str, ...] = ()
+    on_true_faces: bool = False
 
     @property
     def range(self) -> tuple[float, float]:
@@ -197,7 +200,7 @@ def clearances(
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
     expected(problem, (Problem, Assembly), "problem")
-    own = by_name(problem, sizes, box)
+    own, true = by_name(problem, sizes, box), None
     if by_contacts(problem, named=False):
         asked, names = all_sizes(problem, sizes, box)
         scene: Any = ContactGaps(problem, asked, names, own=own)
@@ -210,7 +213,8 @@ def clearances(
         whole = tolerance_boxes(problem.sizes) if own else box_of(problem, sizes, box)
         pairs, source = _drawn(problem, sizes, whole, count, seed, own=own)
         true = true_sizes(problem, None if own else Sizes(whole))
-        for _ in range(ROUNDS):
+        for turn in range(ROUNDS + 1):
+            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
             request = problem.request if own else vars(problem)
             bodies = (request["movable"], request["static"]) if true is None else true.bodies
             scene = OwnSizes(*bodies, problem.sizes) if own else Scales(*bodies, Sizes(whole))
@@ -245,6 +249,7 @@ def clearances(
         edges=frozen(edges),
         unit=problem.unit,
         standing=scene.standing_in_words,
+        on_true_faces=true is not None,
     )
 
 

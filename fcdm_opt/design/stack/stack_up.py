@@ -190,6 +190,11 @@ class StackUp:
         found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
         return tuple(dict.fromkeys(feature.in_words(*bodies) for feature in found))
 
+    @property
+    def on_true_faces(self) -> bool:
+        """Whether gaps are those of the faces that facets stand for."""
+        return any(body.exact is not None for body in self.touching.bodies)
+
     @cached_property
     def off(self) -> tuple[float, float]:
         """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
@@ -298,10 +303,9 @@ class StackUp:
 
         if self.loop is not None:
             return self.loop.claims(least, largest, told)
-        exact = any(body.exact is not None for body in self.touching.bodies)
         return GapClaims(
             bodies=tuple(body if body.exact is None else body.exact.facets for body in self.touching.bodies),
-            standing_faces=self.touching.standing_faces if exact else None,
+            standing_faces=self.touching.standing_faces if self.on_true_faces else None,
             sizes=self.sizes,
             transform=self.touching.transform,
             least=least,
