@@ -38,16 +38,17 @@ def touching_true_faces(
 
     Bodies that are exact at points are taken for those that they stand for, and made exact anew.
     """
-    facets = [own if own.exact is None else own.exact.facets for own in (movable, static)]
-    at_all = TrueSizes.of(*facets, sizes)
+    one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
+    at_all = TrueSizes.of(one, two, sizes)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
     for _ in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=at_all.apart(pose), **how)
+        apart = at_all.apart(pose)
+        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, **how)
         found = at_all.counted(every)
         if not at_all.refined(pose, [own[::-1] for own in (found.least(), found.largest())]):
             return replace(found, standing_faces=frozenset(at_all.standing))
-    return TouchingSizes.of(*facets, sizes, transform=transform, **how)
+    return TouchingSizes.of(one, two, sizes, transform=transform, **how)
 
 
 def widened(touching: TouchingSizes, sizes: Sequence[Size], **how: Any) -> TouchingSizes:
@@ -199,7 +200,7 @@ class TrueSizes:
             for own in self._nearest(pose, place, gap):
                 if own.gap >= gap - slack or len(new) >= SEVERAL:
                     break
-                both = tuple(self._drawn(role, own) for role in (0, 1))
+                both = self._drawn(0, own), self._drawn(1, own)
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):
                     new.append(both)
         if not new:
@@ -214,10 +215,10 @@ class TrueSizes:
         made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
         band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
         found = list[_Contact]()
-        for own in nearest_on_faces(*made, scales, pose, band):
+        for own in nearest_on_faces(made, scales, pose, band):
             if own.gap >= gap:
                 break
-            patches = tuple(tuple(faces.at(x)) for faces, x in zip(made, own.points, strict=True))
+            patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
             contact = _Contact(own.gap, own.points, own.normal, patches)
             pairs = {(i, j) for i in patches[0] for j in patches[1]}
             if pairs <= self.standing:

@@ -269,20 +269,20 @@ def _hit(points: Array, directions: Array, corners: Array) -> Flags:
 
 
 def nearest_on_faces(
-    one: TrueFaces, two: TrueFaces, scales: Sequence[float] | Array, transform: Array, band: float
+    faces: Sequence[TrueFaces], scales: Sequence[float] | Array, transform: Array, band: float
 ) -> list[NearestPoints]:
     """Return where bodies come nearest on their true faces, where a round one takes part.
 
     Parameters
     ----------
-    one, two : TrueFaces
+    faces : (TrueFaces, TrueFaces)
     scales : (2,) array
     transform : (4, 4) array
         Pose change of body 1.
     band : float
         Pairs of triangles up to this distance are looked at.
     """
-    placed = _Placed(one, scales[0], transform), _Placed(two, scales[1], np.eye(4))
+    placed = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
     found = list[NearestPoints]()
     for k, (own, other) in enumerate((placed, placed[::-1])):
         for gap, normal, point, foot in _nearest(own, other, band, both=k == 0):

@@ -748,7 +748,8 @@ class _Judge:
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
         bodies = problem.movable, problem.static
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
-        gap = gap_of_true_faces(*map(true_faces, bodies), problem.target, self.transform, need + self.limit + 2.0 * off)
+        band = need + self.limit + 2.0 * off
+        gap = gap_of_true_faces([*map(true_faces, bodies)], problem.target, self.transform, band)
         note = "least gap of the faces that facets stand for, on points of these"
         found = [_at_least("true faces", gap, need - self.limit, note)]
         if "touch" in (problem.goal, problem.pair):

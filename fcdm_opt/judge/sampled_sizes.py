@@ -207,7 +207,7 @@ class GapClaims:
         if self.sizes:
             both = [self._rates[role].at(place) for role in (0, 1)]
             faces, scales = [own for own, _ in both], np.array([scale for _, scale in both])
-        return gap_of_true_faces(*faces, scales, self._pose(place), 2.0 * band, self.standing_faces or ())
+        return gap_of_true_faces(faces, scales, self._pose(place), 2.0 * band, self.standing_faces or ())
 
     @cached_property
     def _rates(self) -> list[SizedFaces]:

@@ -26,8 +26,7 @@ KEPT = 6  # points about which it is made finer, of each two surfaces
 
 
 def gap_of_true_faces(
-    one: TrueFaces,
-    two: TrueFaces,
+    faces: Sequence[TrueFaces],
     scales: Sequence[float] | Array,
     transform: Array,
     band: float,
@@ -37,7 +36,7 @@ def gap_of_true_faces(
 
     Parameters
     ----------
-    one, two : TrueFaces
+    faces : (TrueFaces, TrueFaces)
     scales : (2,) array
     transform : (4, 4) array
         Pose change of body 1.
@@ -47,11 +46,12 @@ def gap_of_true_faces(
         Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
     """
     placed = [
-        _There(faces, float(scale), pose)
-        for faces, scale, pose in zip((one, two), scales, (transform, np.eye(4)), strict=True)
+        _There(own, float(scale), pose)
+        for own, scale, pose in zip(faces, scales, (transform, np.eye(4)), strict=True)
     ]
     turned = [(j, i) for i, j in without]
-    return -max(_deepest(*placed, band, without), _deepest(*placed[::-1], band, turned))
+    one, two = placed
+    return -max(_deepest(one, two, band, without), _deepest(two, one, band, turned))
 
 
 class _There:

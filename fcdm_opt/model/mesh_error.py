@@ -18,6 +18,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.model.apart_until import apart_until
 from fcdm_opt.problem.fit import drawn_bodies, misfit
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -106,6 +107,8 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if solve is None or one is None or two is None:
         return solution
     with suppress(pacing.TimeOverError):
+        if (known := apart_until(problem.of_facets, amount)) is not None:
+            return _between(solution, _least(solution, known), amount)
         outer = _Scene(one[1], two[1], ())
         seconds = max(SHORTEST, sum(solution.seconds.values()))
         low = _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount)

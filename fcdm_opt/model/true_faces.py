@@ -120,7 +120,7 @@ def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPo
     band = max(least, 0.0) + DEFAULT.snap * problem.size
     band += sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
     chosen = list[NearestPoints]()
-    for own in nearest_on_faces(*map(true_faces, bodies), problem.target, transform, band):
+    for own in nearest_on_faces([*map(true_faces, bodies)], problem.target, transform, band):
         if (chosen and own.gap >= least) or len(chosen) == SEVERAL:
             break
         if not any(_same(own, other, problem) for other in chosen):

@@ -367,7 +367,7 @@ def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed:
     return _Best(worst, best, search, status, value, bound, bool(done), fitted)
 
 
-def _told(problem: Scene, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
+def _told(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
     """Return what is told of a pose."""
     worst, best, search = found.worst, found.found, found.search
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])

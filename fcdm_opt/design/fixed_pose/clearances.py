@@ -216,8 +216,8 @@ def clearances(
         for turn in range(ROUNDS + 1):
             true = true if turn < ROUNDS else None  # it comes to no end: then of facets
             request = problem.request if own else vars(problem)
-            bodies = (request["movable"], request["static"]) if true is None else true.bodies
-            scene = OwnSizes(*bodies, problem.sizes) if own else Scales(*bodies, Sizes(whole))
+            one, two = (request["movable"], request["static"]) if true is None else true.bodies
+            scene = OwnSizes(one, two, problem.sizes) if own else Scales(one, two, Sizes(whole))
             here = scene.pose(transform)
             scene.leave_out([here])
             at = scene.rows(here)
@@ -225,7 +225,7 @@ def clearances(
             if true is None or is_exact(true, transform, extremes, own=own):
                 break
         if not own:
-            wider = Scales(*bodies, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
+            wider = Scales(one, two, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
             wider.standing = scene.standing
             rows = wider.rows(here)
         gaps = rows.gaps(pairs)

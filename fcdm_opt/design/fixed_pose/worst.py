@@ -115,10 +115,10 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        bodies, names = OwnSizes(movable, static, problem.sizes, places), [size.name for size in problem.sizes]
-        kept = (own for own, _ in _kept_clear(problem, bodies.sizes, names, own=True, places=places))
+        scene, names = OwnSizes(movable, static, problem.sizes, places), [size.name for size in problem.sizes]
+        kept = (own for own, _ in _kept_clear(problem, scene.sizes, names, own=True, places=places))
         near = tuple(replace(own, limits=limits) for own in kept)
-        return cls(problem, bodies, low, high, limits, keep_out=near)
+        return cls(problem, scene, low, high, limits, keep_out=near)
 
     def leave_out_standing(self) -> None:
         """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""

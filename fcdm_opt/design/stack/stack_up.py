@@ -303,8 +303,9 @@ class StackUp:
 
         if self.loop is not None:
             return self.loop.claims(least, largest, told)
+        one, two = (body if body.exact is None else body.exact.facets for body in self.touching.bodies)
         return GapClaims(
-            bodies=tuple(body if body.exact is None else body.exact.facets for body in self.touching.bodies),
+            bodies=(one, two),
             standing_faces=self.touching.standing_faces if self.on_true_faces else None,
             sizes=self.sizes,
             transform=self.touching.transform,

@@ -1,0 +1,63 @@
+"""How far a motion of one parameter goes at least until parts that are apart touch, on their true faces.
+
+From each pose the part goes on by what its distance is at least over its largest speed: nothing is touched on the way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcdm_opt import pacing
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.true_distance import FacesApart
+from fcdm_opt.problem.problem import Problem
+
+NEAR = 5e-5  # of the motion: so near to the touch it ends
+STEPS = 60
+STRAIGHT = 1e-9  # of the size: what poses of one screw motion may differ by, in rounding
+DIFFERENCE = 1e-4  # of the motion: a central difference, by which speeds are known to better than MARGIN
+MARGIN = 1e-6
+
+
+def apart_until(problem: Problem, amount: float) -> float | None:
+    """Return an amount below which no motion makes parts touch; None where motions have several parameters.
+
+    Or are no translation, rotation or screw.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose parts are apart.
+    amount : float
+        Of a motion with which they touch.
+    """
+    if len(problem.motion.names) != 1 or problem.amount != "weighted" or not amount > 0.0:
+        return None
+    bodies = [body.scaled(scale) for body, scale in zip(problem.bodies[:2], problem.target.tolist(), strict=True)]
+    apart = FacesApart([true_faces(body) for body in bodies])
+    end = amount / float(problem.weights[0])
+
+    def pose(q: float) -> Array:
+        return problem.motion.transform(np.array([q]), bodies[0].seed, bodies[1].seed)
+
+    twice = pose(end / 2.0) @ pose(end / 2.0)
+    if np.abs(twice - pose(end)).max() > STRAIGHT * problem.size or np.abs(pose(0.0) - np.eye(4)).max() > 0.0:
+        return None
+    step = DIFFERENCE * end
+    rate = (pose(step) - pose(-step)) / (2.0 * step)
+    speeds = norms(bodies[0].vertices @ rate[:3, :3].T + rate[:3, 3])
+    speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:3, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
+    found, near = end, NEAR * end
+    for side in (1.0, -1.0):
+        x = 0.0
+        for _ in range(STEPS):
+            free = apart.least(pose(side * x), small=near * speed) if x < found - near else 0.0
+            if not free > 0.0:
+                break
+            x += free / speed
+            pacing.check()
+        found = min(found, x)
+    return min(found * float(problem.weights[0]), amount)
