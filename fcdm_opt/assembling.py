@@ -23,6 +23,7 @@ from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Task
+from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
@@ -149,10 +150,18 @@ class _Solving:
         if self._model != "auto":
             what = f"contacts that share motions are one program: {', '.join(names)}"
             raise InputError(what, key="model", found=self._model, allowed='"auto"')
-        problems = [assembly.problem(pair, parts) for pair in group]
-        tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
+        asked = [assembly.problem(pair, parts) for pair in group]
         relaxed = self._relaxed(group) if self._prove else 0.0
-        answer = all_at_once(problems, tasks, names, known=relaxed, prove=self._prove)
+        rounds = [Exchange.of(problem) for problem in asked]
+        for _ in range(ROUNDS):
+            problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
+            tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
+            answer = all_at_once(problems, tasks, names, known=relaxed, prove=self._prove)
+            both = zip(rounds, tasks, strict=True)
+            here = answer.q
+            refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
+            if not any(refined):
+                break
         shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
         told = f"{', '.join(names)} (stage {answer.stage})"
         met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})

@@ -117,7 +117,6 @@ def solve(
 
 def _several(assembly: Assembly, how: _How) -> AssemblySolution:
     """Return the solution of an assembly, of which contacts are problems of their own."""
-    how = how._replace(exact=False)  # all parts of an assembly are judged together, of facets
     quick = how._replace(certify=False, effort="quick")
     as_asked, at_once = (partial(_answered, how=own) for own in (how, quick))
     return assembled(
@@ -131,7 +130,7 @@ def _answered(problem: Problem, how: _How) -> Solution:
         facets_known(problem)
     solution = _solved_all(problem, how)
     at_once = partial(_solved_all, how=_at_once(how))
-    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if how.exact else None
+    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None)
     if points is not None:
         found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE
@@ -226,7 +225,6 @@ class _How(NamedTuple):
     effort: Effort
     seconds: float | None
     judge: bool = True
-    exact: bool = True
 
 
 class _Watch:

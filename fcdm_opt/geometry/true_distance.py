@@ -94,10 +94,8 @@ class Pieces(NamedTuple):
         others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
         halves = Pieces(corners, np.tile(own.patches, 2), others, np.zeros(0)).measured(patches)
         kept = ~rows
-        both = zip(self[:3], halves[:3], strict=True)
-        joined = [np.concatenate([mine[kept], new]) for mine, new in both]
         of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)])
-        return Pieces(*joined, np.concatenate([self.errors[kept], halves.errors])), of
+        return Pieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
 class FacesApart:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import (
     PROOF,
     RESTORED,
@@ -49,8 +50,15 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
     limit = max(tolerances.touch * min(body.size for body in assembly.parts.values()), tolerances.tie * assembly.size)
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
+    both = zip(assembly.contacts, solution.contacts, strict=False)
+    exact = dict[tuple[str, str], tuple[Body, Body]]()  # whose true faces were judged
+    for pair, own in both:
+        if own.problem.exact_at is not None:
+            movable, static = own.problem.movable, own.problem.static
+            exact |= {(pair.one, pair.two): (movable, static), (pair.two, pair.one): (static, movable)}
     for one, two in assembly.pairs():
-        bodies, rho, seen = (made[one], made[two]), np.array([scales[one], scales[two]]), _seen(poses, one, two)
+        rho, seen = np.array([scales[one], scales[two]]), _seen(poses, one, two)
+        bodies = exact.get((one, two), (made[one], made[two]))
         gap = solids_gap(*bodies, rho, seen, limit)
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
     for part in assembly.motions:
@@ -95,7 +103,8 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
     for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
         if not assembly.is_own(pair) or pair.one in taken or tuple(own.parameters) != assembly.motions[pair.one].names:
             continue  # its motion is counted, or it is not the only one that it depends on
-        proofs = proof_checks(replace(own, problem=assembly.problem(pair)))
+        exact = own.problem.exact_at is not None  # the same question, see `_contacts`
+        proofs = proof_checks(own if exact else replace(own, problem=assembly.problem(pair)))
         checks += [check._replace(name=f"{pair}: {check.name}") for check in proofs]
         if all(check.passed for check in proofs):
             shown.append(assembly.weights[pair.one] * own.lower_bound)
@@ -195,7 +204,7 @@ def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float,
     told = len(solution.contacts)
     checks.append(Check("contacts", told == len(assembly.contacts), told, len(assembly.contacts), "all that are asked"))
     for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
-        asked, problem = assembly.problem(pair), own.problem
+        asked, problem = assembly.problem(pair), own.problem.of_facets
         same = all(
             np.array_equal(getattr(asked, key), getattr(problem, key))
             for key in ("goal", "contacts", "target", "clearance")

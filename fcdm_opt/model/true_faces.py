@@ -30,6 +30,97 @@ FAR = 0.05  # of the size: nearer points of a time are one
 Points = dict[str, list[list[float]]]
 
 
+class Exchange:
+    """A question of two parts, which are made exact at more and more points of their round faces.
+
+    Attributes
+    ----------
+    facets : Problem
+        The question about the parts as they are drawn.
+    points : mapping of "movable", "static" to lists of points
+        See `Problem.exact_at`.
+    need : float
+        Least gap that is asked for.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.facets, known = problem.of_facets, problem.exact_at or {}
+        self.points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
+        self.need = self.facets.clearance if "clear" in (self.facets.goal, self.facets.pair) else 0.0
+        self._slack = self.facets.contact_slack
+
+    @classmethod
+    def of(cls, problem: Problem) -> Exchange | None:
+        """Return it; None where round faces play no part, or what they are is not known.
+
+        A goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale.
+        """
+        facets = problem.of_facets
+        if facets.goal not in ("touch", "clear") or facets.contacts:
+            return None
+        near, plane = (facets.movable, facets.static), DEFAULT.drawn * facets.size
+        if any(max(deviation_of(own.body)) > plane or own.ends[0] < own.ends[1] for own in facets.keep_out):
+            return None
+        found = any(map(round_surfaces, near)) and all(bounding_bodies(own) is not None for own in near)
+        return cls(problem) if found else None
+
+    @property
+    def problem(self) -> Problem:
+        """The question about the parts that are exact at the points."""
+        return self.facets.with_exact_points(self.points)
+
+    def nearest(self, transform: Array, slack: float) -> list[NearestPoints]:
+        """Return where the gap after a motion is less than asked and some slack, the worst first, a few; or is least.
+
+        Gaps are less what is asked for. Of keep-outs the second point is not theirs.
+        """
+        facets, chosen = self.facets, list[NearestPoints]()
+        movable, scale = facets.movable, float(facets.target[0])
+        others = [(facets.static, float(facets.target[1]), self.need)]
+        others += [(own.body, own.ends[0], own.clearance) for own in facets.keep_out]
+        found = list[NearestPoints]()
+        for k, (body, its_scale, need) in enumerate(others):
+            band = max(need + slack, 0.0) + DEFAULT.snap * facets.size
+            band += sum(deviation_of(movable)) * scale + sum(deviation_of(body)) * its_scale
+            both = [true_faces(movable), true_faces(body)]
+            for own in nearest_on_faces(both, (scale, its_scale), transform, band):
+                found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1]))
+        for own in sorted(found, key=lambda own: own.gap):
+            if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
+                break
+            if not any(_same(own, other, facets) for other in chosen):
+                chosen.append(own)
+        return chosen
+
+    def add(self, found: Sequence[NearestPoints]) -> None:
+        """Make the parts exact at these points."""
+        for own in found:
+            for role, point in zip(self.points, own.points.tolist(), strict=False):
+                self.points[role].append(point)
+
+    def new(self, found: Sequence[NearestPoints]) -> list[NearestPoints]:
+        """Return those at which the parts are not exact, or that overlap by more than rounding."""
+        return [own for own in found if own.gap < -self._slack or not self._has(own)]
+
+    def refine(self, transform: Array, *, at_least: bool = False) -> bool:
+        """Make the parts exact where true faces overlap after a motion; tell whether they were not.
+
+        With `at_least` also where they are nearest.
+        """
+        near = self.nearest(transform, self._slack if at_least else -TIGHT * self._slack)
+        new = [own for own in near if (own.gap < -TIGHT * self._slack or at_least) and not self._has(own)]
+        self.add(new)
+        return bool(new)
+
+    def _has(self, own: NearestPoints) -> bool:
+        """Tell whether parts are exact there."""
+        near = DEFAULT.nominal * self.facets.size
+        return all(
+            bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
+            for there, point in zip(self.points.values(), own.points, strict=False)
+        )
+
+
 def points_of_true_faces(
     problem: Problem, solve: Callable[[Problem], Solution], refused: Callable[[Solution], bool]
 ) -> Points | None:
@@ -45,32 +136,29 @@ def points_of_true_faces(
     refused : callable
         Tells whether a motion found so is no answer, as it leaves the fit.
     """
-    known, problem = problem.exact_at or {}, problem.of_facets
-    if not _asks(problem):
+    asked = Exchange.of(problem)
+    if asked is None:
         return None
-    points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
-    need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
-    slack = problem.contact_slack
-    if not known:
-        _add(points, [own for own in _nearest(problem, np.eye(4), need + slack) if abs(own.gap - need) <= slack])
+    slack, points = asked.facets.contact_slack, asked.points
+    if problem.exact_at is None:
+        asked.add([own for own in asked.nearest(np.eye(4), slack) if abs(own.gap) <= slack])
     deepest = np.inf
     for count in range(ROUNDS):
-        current = solve(problem.with_exact_points(points))
+        current = solve(asked.problem)
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
         if refused(current):
             return points if problem.goal == "clear" else None
-        nearest = _nearest(problem, current.transform, need - TIGHT * slack)
-        new = [own for own in nearest if own.gap < -slack or not _there(own, points, problem)]
-        worst = [own for own in new if own.gap < need - TIGHT * slack]
-        _add(points, worst or new[:1])  # where they are nearest their gap is told
+        new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
+        worst = [own for own in new if own.gap < -TIGHT * slack]
+        asked.add(worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
         if count % PATIENCE == PATIENCE - 1:
-            if not need - worst[0].gap < 0.5 * deepest:
+            if not -worst[0].gap < 0.5 * deepest:
                 break
-            deepest = need - worst[0].gap
-    return points if worst[0].gap >= need - slack else None
+            deepest = -worst[0].gap
+    return points if worst[0].gap >= -slack else None
 
 
 def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -> Problem:
@@ -85,56 +173,14 @@ def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -
         Of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of them
         true faces overlap where the parts are not exact.
     """
-    if not _asks(problem):
-        return problem
-    known, facets = problem.exact_at or {}, problem.of_facets
-    points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
-    slack = facets.contact_slack
-    for count in range(ROUNDS):
-        current = facets.with_exact_points(points)
-        near = [own for transform in poses(current) for own in _nearest(facets, transform, slack)]
-        new = [own for own in near if (own.gap < -TIGHT * slack or not count) and not _there(own, points, facets)]
-        if not new:
+    asked = Exchange.of(problem)
+    for count in range(ROUNDS if asked is not None else 0):
+        assert asked is not None
+        current = asked.problem
+        refined = [asked.refine(transform, at_least=not count) for transform in poses(current)]
+        if not any(refined):
             return current
-        _add(points, new)
     return problem
-
-
-def _add(points: Points, found: Sequence[NearestPoints]) -> None:
-    for own in found:
-        for role, point in zip(points, own.points.tolist(), strict=True):
-            points[role].append(point)
-
-
-def _asks(problem: Problem) -> bool:
-    """Tell whether round faces matter, and a goal is about the bodies, not about one contact."""
-    if problem.goal not in ("touch", "clear") or problem.contacts or problem.keep_out:
-        return False
-    bodies = problem.movable, problem.static
-    return any(map(round_surfaces, bodies)) and all(bounding_bodies(own) is not None for own in bodies)
-
-
-def _nearest(problem: Problem, transform: Array, least: float) -> list[NearestPoints]:
-    """Return where true faces are nearer than so much after a motion, the worst first, a few; or the nearest place."""
-    bodies = problem.movable, problem.static
-    band = max(least, 0.0) + DEFAULT.snap * problem.size
-    band += sum(sum(deviation_of(own)) * float(scale) for own, scale in zip(bodies, problem.target, strict=True))
-    chosen = list[NearestPoints]()
-    for own in nearest_on_faces([*map(true_faces, bodies)], problem.target, transform, band):
-        if (chosen and own.gap >= least) or len(chosen) == SEVERAL:
-            break
-        if not any(_same(own, other, problem) for other in chosen):
-            chosen.append(own)
-    return chosen
-
-
-def _there(own: NearestPoints, points: Points, problem: Problem) -> bool:
-    """Tell whether parts are exact there."""
-    near = DEFAULT.nominal * problem.size
-    return all(
-        bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
-        for there, point in zip(points.values(), own.points, strict=True)
-    )
 
 
 def _same(one: NearestPoints, two: NearestPoints, problem: Problem) -> bool:

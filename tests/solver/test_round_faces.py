@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,7 +88,9 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
     wide = tall * math.tan(a)
     block = fo.Prism([(-60, -9), (60, -9), (60, tall), (wide, tall), (0, 0), (-wide, tall), (-60, tall)], 60.0)
     roller = fo.Cylinder(r, 50.0, base=(0, r / math.sin(a) + off, 5.0))
-    assert usable(asked(roller, block, Y), effort="quick").amount == pytest.approx(abs(off), **NEAR)
+    solution = usable(asked(roller, block, Y))
+    assert solution.amount == pytest.approx(abs(off), **NEAR)
+    assert solution.amount_low == pytest.approx(abs(off), rel=1e-4)
 
 
 def test_a_ball_meets_planes_cones_and_its_socket() -> None:
@@ -174,7 +177,84 @@ def test_the_judge_refuses_motions_that_are_right_for_facets_alone(monkeypatch: 
     assert [check.name for check in wrong.certificate.checks if not check.passed] == ["true faces"]
     shift = np.eye(4)
     shift[0, 3] = 0.09
-    assert gap_of_true_faces([*map(true_faces, problem.bodies)], np.ones(2), shift, 0.2) == pytest.approx(0.01, abs=1e-9)
+    gap = gap_of_true_faces([*map(true_faces, problem.bodies)], np.ones(2), shift, 0.2)
+    assert gap == pytest.approx(0.01, abs=1e-9)
+
+
+def fit(limits: tuple[tuple[float, float], tuple[float, float]], **more) -> fo.Problem:
+    """A shaft and a bore of diameter 20, line to line as drawn, of other facets."""
+    shaft, bore = limits
+    sizes = [
+        fo.Size("shaft", "movable", faces="cylinder radius 10", each=0.5, tolerance=shaft, **more),
+        fo.Size("bore", "static", faces="bore radius 10", each=-0.5, tolerance=bore, **more),
+    ]
+    return asked(pin(10.0, facets=28), plate(10.0), X >> Y, sizes=sizes, limits={"T": (-1, 1), "T_2": (-1, 1)})
+
+
+def test_a_stack_up_of_a_press_fit_is_that_of_its_diameters() -> None:
+    """p6 in H7: radial interference of .0005 to .0175; facets said .01 more, and as much less."""
+    sigma = {"normal": {"sigma": 0.003}}
+    stack = fo.stack_up(fit(((0.022, 0.035), (0.0, 0.021)), distribution=sigma))
+    worst = stack.worst()
+    assert (worst.least, worst.largest) == pytest.approx((-0.0175, -0.0005), abs=1e-12)
+    assert (worst.least_low, worst.largest_high) == (worst.least, worst.largest)
+    assert [row.coefficients for row in stack.rows] == [pytest.approx({"shaft": -0.5, "bore": 0.5})] * len(stack.rows)
+    assert stack.root_sum_square().deviation == pytest.approx(0.5 * math.hypot(0.003, 0.003), rel=1e-3)  # cut off
+    assert fo.verify(stack).passed
+    claimed = replace(stack.claims(), least=(-0.017, stack.claims().least[1]))
+    assert not all(check.passed for check in claimed.checks())
+
+
+def test_one_pose_for_all_diameters_is_in_the_middle_of_the_bore() -> None:
+    """Gaps of -.0075 to .0095 in the middle; .001 beside it they are as far off on either side."""
+    problem = fit(((0.002, 0.015), (0.0, 0.021)))
+    told = fo.clearances(problem, count=10)
+    assert told.range == pytest.approx((-0.0075, 0.0095), abs=1e-9)
+    found = fo.best_pose(problem)
+    assert found.worst_gap == pytest.approx(0.0085, abs=1e-7)
+    assert math.hypot(*found.parameters.values()) == pytest.approx(0.001, abs=1e-6)
+    assert not found.certified
+    assert fo.verify(found).passed
+
+
+def test_parts_of_an_assembly_meet_on_their_true_faces() -> None:
+    """One after the other: a pin in a sleeve in a plate; and together: a roller on two flanks."""
+    way = fo.Translation((0.6, 0.8, 0.0))
+    ring = fo.cut(fo.Cylinder(9.9, 30, base=(0, 0, -5)), fo.Cylinder(6.0, 32, base=(0, 0, -6), facets=28))
+    parts = {"plate": plate(10.0), "sleeve": ring, "pin": fo.Cylinder(5.95, 40, base=(0, 0, -10), facets=36)}
+    touch = [{"parts": pair, "goal": "touch"} for pair in (("sleeve", "plate"), ("pin", "sleeve"))]
+    follow = {"sleeve": way, "pin": way}
+    found = fo.solve(fo.Assembly(parts, touch, motions=follow, follows={"pin": "sleeve"}), effort="quick")
+    assert found.usable
+    assert [found.amounts[part] for part in follow] == pytest.approx([0.1, 0.05], **NEAR)
+
+    half, r = math.radians(30.0), 8.0
+    flank = [(0, 0), (30 * math.tan(half), 30), (40, 30), (40, 0)]
+    left = fo.Prism([(-x, y) for x, y in reversed(flank)], 60.0)
+    roller = fo.Cylinder(r, 50, base=(0.3, r / math.sin(half) + 0.2, 5))
+    parts = {"right": fo.Prism(flank, 60.0), "left": left, "roller": roller}
+    touch = [{"parts": ("roller", other), "goal": "touch"} for other in ("left", "right")]
+    found = fo.solve(fo.Assembly(parts, touch, motions={"roller": X >> Y}), effort="quick")
+    assert found.usable
+    assert found.transforms["roller"][:2, 3] == pytest.approx([-0.3, -0.2], **NEAR)
+    assert fo.verify(fo.AssemblySolution.from_dict(json.loads(json.dumps(found.to_dict())))).passed
+
+
+def test_a_round_part_keeps_clear_of_plane_walls() -> None:
+    """A ball is lowered onto a table beside a wall, which it is to keep .5 off: its facets came nearer."""
+    table, wall = fo.Box((40, 40, 10), centre=(0, 0, -5)), fo.Box((4, 40, 40), centre=(7.3, 0, 20))
+    ball = fo.Sphere(5.0, centre=(0, 0, 6.0), facets=16)
+    kept = (fo.KeepOut(wall, clearance=0.5),)
+    found = usable(asked(ball, table, fo.Translation("x") >> Z, keep_out=kept), effort="quick")
+    assert [*found.parameters.values()] == pytest.approx([-0.2, -1.0], **NEAR)
+    assert "true faces, keep-out 'box'" in {check.name for check in found.certificate.checks}
+
+
+def test_a_pin_touches_its_bore_when_its_play_is_used_up() -> None:
+    found = fo.contact_times(asked(pin(9.9), plate(10.0), fo.Translation((0.6, 0.8, 0.0))), limit=1.0)
+    assert [touch.x for touch in found.touches] == pytest.approx([-0.1, 0.1], abs=1e-9)
+    rows = fo.contact_rows(found.problem, at=[0.1], within=0.01)
+    assert min(float(row(q=[0.1], rho=(1.0, 1.0))["gap"]) for row in rows.contacts) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_meshes_are_taken_as_round_where_that_is_asked() -> None:
