@@ -155,6 +155,14 @@ def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, I
         yield pairs[:, 0], pairs[:, 1]
 
 
+def overlapping_between(low: Array, high: Array, under: Array, over: Array) -> Ints:
+    """Return the pairs of a box of one set, (n, k), and one of another, (m, k), that overlap: rows of both, (p, 2)."""
+    groups, count = np.repeat([0, 1], [len(low), len(under)]), len(low)
+    found = overlapping(np.concatenate([low, under]), np.concatenate([high, over]), groups)
+    pairs = [np.column_stack([np.minimum(i, j), np.maximum(i, j) - count]) for i, j in found]
+    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+
+
 def _along_curve(places: Array) -> Ints:
     """Return the order of places along a curve that keeps near ones together (Morton's), by their first coordinates."""
     spread = places - places.min(axis=0)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.polygons import distances
@@ -297,64 +297,65 @@ def _nearest(
     own: _Placed, other: _Placed, band: float, *, both: bool
 ) -> Iterator[tuple[Array, Array, Array, Array]]:
     """Yield where features of one body come nearest to patches of the other."""
-    faces, others = own.faces, other.faces
+    faces = own.faces
     features = (
         (own.corners, faces.owners[:, None]),
         (own.edges, faces.edge_patches),
         (own.tips[:, None], np.empty((len(own.tips), 0), np.int64)),
     )
     for points, of in features:
-        if not len(points):
-            continue
-        low, high = points.min(axis=1), points.max(axis=1)
-        lows, highs = other.corners.min(axis=1) - band, other.corners.max(axis=1) + band
-        group = np.repeat([0, 1], [len(points), len(other.corners)])
-        pairs = [
-            np.column_stack([np.minimum(i, j), np.maximum(i, j) - len(points)])
-            for i, j in overlapping(np.concatenate([low, lows]), np.concatenate([high, highs]), group)
-        ]
-        if not pairs:
-            continue
-        near = np.concatenate(pairs)
-        near = np.unique(np.column_stack([near[:, 0], others.owners[near[:, 1]]]), axis=0)
-        round_ = faces.is_round[of[near[:, 0]]].any(axis=1) | others.is_round[near[:, 1]]
-        if of.shape[1] == 1:  # of two round patches once; a plane has its nearest points at its edges
-            round_ &= faces.is_round[of[near[:, 0], 0]]
-            if not both:
-                round_ &= ~others.is_round[near[:, 1]]
-        near = near[round_]
-        keys = np.column_stack([of[near[:, 0]], near[:, 1]])
-        for key in np.unique(keys, axis=0).tolist():
-            rows = near[(keys == key).all(axis=1), 0]
-            start = points[rows].mean(axis=1)
-            if len(rows) > STARTS:  # the nearest, and some everywhere
-                order = np.argsort(other.patches[key[-1]].gaps(start)[0], kind="stable")
-                spread = np.linspace(0, len(rows) - 1, STARTS // 2).astype(int)
-                start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
-            *on, against = key
-            extent = float(norms(np.ptp(points[rows], axis=(0, 1))))
-            x = lowest(start, [own.patches[k] for k in on], other.patches[against], extent)
-            if len(on) == 1:
-                kept = own.covers(on[0], x)
-            elif on:
-                kept = own.crossed(np.array(on), x)
-            else:
-                kept = np.ones(len(x), bool)
-            x = x[kept]
-            gap, normal = other.patches[against].gaps(x)
-            foot = x - gap[:, None] * normal
-            kept = other.covers(against, foot) & (np.abs(gap) <= band)
-            if len(on) == 1:
-                kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
-            kept[kept] &= ~other.outside(against, x[kept], gap[kept])
-            if kept.any():
-                x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
-                order = np.argsort(gap, kind="stable")
-                tight, chosen = DEFAULT.nominal * faces.body.size, list[int]()
-                for j in order.tolist():
-                    if all(norms(x[j] - x[i]) > tight for i in chosen):
-                        chosen.append(j)
-                yield gap[chosen], normal[chosen], x[chosen], foot[chosen]
+        if len(points):
+            near = _near(points, of, own, other, band, both=both)
+            keys = np.column_stack([of[near[:, 0]], near[:, 1]])
+            for *on, against in np.unique(keys, axis=0).tolist():
+                rows = near[(keys == (*on, against)).all(axis=1), 0]
+                found = _nearest_of_two(points[rows], own, on, other, against, band)
+                if len(found[0]):
+                    yield found
+
+
+def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *, both: bool) -> Ints:
+    """Return which features, by their pieces (n, k, 3), may be within a band of which patches, (m, 2).
+
+    Those with a round face alone: of two round patches once, and none of a plane, which has its nearest points at its
+    edges.
+    """
+    faces, others = own.faces, other.faces
+    low, high = other.corners.min(axis=1) - band, other.corners.max(axis=1) + band
+    near = overlapping_between(points.min(axis=1), points.max(axis=1), low, high)
+    near = np.unique(np.column_stack([near[:, 0], others.owners[near[:, 1]]]), axis=0)
+    round_ = faces.is_round[of[near[:, 0]]].any(axis=1) | others.is_round[near[:, 1]]
+    if of.shape[1] == 1:
+        round_ &= faces.is_round[of[near[:, 0], 0]]
+        if not both:
+            round_ &= ~others.is_round[near[:, 1]]
+    return near[round_]
+
+
+def _nearest_of_two(
+    pieces: Array, own: _Placed, on: list[int], other: _Placed, against: int, band: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return where a feature on some patches is nearest to a patch: gaps, its normals, and the points of both."""
+    start, patch = pieces.mean(axis=1), other.patches[against]
+    if len(start) > STARTS:  # the nearest, and some everywhere
+        order = np.argsort(patch.gaps(start)[0], kind="stable")
+        spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
+        start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
+    x = lowest(start, [own.patches[k] for k in on], patch, float(norms(np.ptp(pieces, axis=(0, 1)))))
+    if on:
+        x = x[own.covers(on[0], x) if len(on) == 1 else own.crossed(np.array(on), x)]
+    gap, normal = patch.gaps(x)
+    foot = x - gap[:, None] * normal
+    kept = other.covers(against, foot) & (np.abs(gap) <= band)
+    if len(on) == 1:
+        kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
+    kept[kept] &= ~other.outside(against, x[kept], gap[kept])
+    x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
+    tight, chosen = DEFAULT.nominal * own.faces.body.size, list[int]()
+    for j in np.argsort(gap, kind="stable").tolist():
+        if all(norms(x[j] - x[i]) > tight for i in chosen):
+            chosen.append(j)
+    return gap[chosen], normal[chosen], x[chosen], foot[chosen]
 
 
 def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Array:

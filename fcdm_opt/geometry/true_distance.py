@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
 
@@ -157,10 +157,7 @@ def _near(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> Ints:
         most = _no_more(one[i], two[j], errors[0][i], errors[1][j])
     else:
         most = float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
-    group, count = np.repeat([0, 1], [len(one), len(two)]), len(one)
-    boxes = np.concatenate([low - most, under]), np.concatenate([high + most, over])
-    found = [np.column_stack([np.minimum(i, j), np.maximum(i, j) - count]) for i, j in overlapping(*boxes, group)]
-    pairs = np.concatenate([np.zeros((0, 2), np.int64), *found])
+    pairs = overlapping_between(low - most, high + most, under, over)
     i, j = pairs.T
     pairs = pairs[norms(np.maximum(np.maximum(under[j] - high[i], low[i] - over[j]), 0.0)) <= most]
     for own, other, k in ((one, two, 0), (two, one, 1)):
