@@ -8,7 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, Time, code_of, option
+from fcdm_opt.cli.common import (
+    OUTPUT,
+    AsJson,
+    Cases,
+    Dark,
+    Files,
+    Inquiry,
+    OpenedFile,
+    Out,
+    Time,
+    code_of,
+    option,
+    written,
+)
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -23,6 +36,7 @@ DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
     "motion that solves the case."
 )
+TABLE = "Write one row a case into this file, for Excel and the like."
 
 
 def curve_command(
@@ -68,7 +82,7 @@ def solve_command(
     ] = None,
     time: Time = None,
     table: Annotated[
-        Path | None, option("--table", "CSV", "Write one row a case there, for Excel and the like.", OUTPUT)
+        Path | None, option("--table", "CSV", TABLE, OUTPUT, callback=written("--table", ".csv", ".txt"))
     ] = None,
     as_json: AsJson = False,
     out: Out = None,

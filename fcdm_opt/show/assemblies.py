@@ -46,7 +46,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 
 
 def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str]]:
-    """Return part, what it follows, scale, motion and amount, of each that moves, then of those that are fixed.
+    """Return part, what its motion is relative to, scale, motion and amount; first of those that move, then of others.
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
@@ -85,13 +85,18 @@ def assembly_verdict(solution: AssemblySolution) -> str:
 
 
 def assembly_instruction(solution: AssemblySolution) -> str:
-    """Return what to do with each part: "move left wedge 0.0125 mm along +x; move key 0.1 mm along -z"."""
+    """Return what to do with each part: "move wedge 0.01 mm along +x; move key 0.1 mm along -z relative to wedge".
+
+    A motion is relative to what carries the part, which is said where that is no fixed part.
+    """
     assembly, moved = solution.assembly, list[str]()
     for part, kept in _kept(solution).items():
         motion = assembly.motions[part]
         words = motion.describe_steps(kept, unit=assembly.unit) if any(kept) else []
         steps = zip(motion.by_step(kept), words, strict=False)
-        moved += [instruction_text(part, done)] if (done := [step for own, step in steps if any(own)]) else []
+        done, carrier = [step for own, step in steps if any(own)], assembly.follows[part]
+        relative = f" relative to {carrier}, which carries it" * (carrier in assembly.motions)
+        moved += [f"{instruction_text(part, done)}{relative}"] if done else []
     return "; ".join(moved) or "leave all parts where they are"
 
 
@@ -111,11 +116,11 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
         "verified": verdict,
     }
     rows = list[dict[str, str]]()
-    for part, follows, scale, motion, amount in part_texts(solution):
+    for part, carrier, scale, motion, amount in part_texts(solution):
         weight = assembly.weights.get(part, 1.0)
         own = {
             "part": wrapped(part, CELL_WIDTH),
-            "follows": wrapped(follows, CELL_WIDTH),
+            "relative to": wrapped(carrier, CELL_WIDTH),
             "scale": scale,
             "weight": f"{weight:g}" if weight != 1.0 else "",
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
@@ -154,7 +159,7 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     ways += [np.zeros(3)] * len(assembly.keep_out)
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    moved = "after these motions; arrows: where each part goes, with what it follows"
+    moved = "after these motions; arrows: where each part goes, with what carries it"
     state = moved if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
     contacts = touching(solution)
