@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import told_element, with_article
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -265,6 +265,7 @@ def _verdict(problem: Problem) -> str:
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
     other = drawn_bodies(problem)[1 - found.inside]
     faces = dict.fromkeys(told_element(other, own) for own in found.faces[1 - found.inside] if own is not None)
-    between = f", {'between' if len(faces) == 2 else 'across'} its {' and '.join(faces)}" if faces else ""
+    told = " and ".join(map(with_article, faces))
+    between = f", {'between' if len(faces) == 2 else 'across'} {told} of {outer}" if faces else ""
     between += " (of its facets)" * any(" radius " in face for face in faces)
     return f"does not fit: {fit}{between}"

@@ -47,7 +47,7 @@ VERDICTS = {
     ),
     ("boxes", "already clear"): "leave cube where it is: it is 0.5 clear of plate; nothing to do",
     ("nut", "nut made too small"): (
-        "does not fit: key 20.00 mm in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
+        "does not fit: key 20.00 mm in nut 19.89 mm, between face 2 (facing -x) and face 10 (facing +x) of nut"
     ),
     ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
         "impossible with this motion and these limits (proved): at the nearest pose found (TX 0 mm + TZ 0.36 mm) "
@@ -202,7 +202,7 @@ def test_walls_that_leave_too_little_room_are_named() -> None:
         cube("key", 2.0), slot, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm"
     )
     told = verdict_text(fo.solve(problem))
-    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between its face ")
+    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between face ")
     assert "(facing +x) and face " in told
     assert "(facing -x)" in told
 
