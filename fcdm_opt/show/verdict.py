@@ -215,7 +215,8 @@ def contact_text(problem: Problem, features: Sequence[Feature], *, named: bool =
     if not told:
         return ""
     pairs = [(step, two) for step, others in told.items() for two in others]
-    shown = [f"{step} {' and '.join(with_article(two) for own, two in pairs[:CONTACTS] if own == step)}" for step in told]
+    few = [(step, [with_article(two) for own, two in pairs[:CONTACTS] if own == step]) for step in told]
+    shown = [f"{step} {' and '.join(others)}" for step, others in few]
     words = " and ".join(shown[: len({step for step, _ in pairs[:CONTACTS]})])
     more = f", and {counted(len(pairs) - CONTACTS, 'more contact')}" if len(pairs) > CONTACTS else ""
     return f"{words} of {name_of(problem, 1)}{more}"
