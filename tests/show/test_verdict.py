@@ -226,3 +226,15 @@ def test_labels_in_a_text_are_names_of_faces() -> None:
     faces = "V1F2(P1V8; P2V1,V2,V3,V4)"
     assert labels_in_words(f"{faces}; closes a gap", asked) == "corner 8 of lid, left face of box; closes a gap"
     assert labels_in_words(f"keep-out 'post' {faces}", asked) == "corner 8 of lid, left face of post"
+
+
+@pytest.mark.parametrize("goal", ["touch", "clear"])
+def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_three_searches(goal: Any) -> None:
+    """A pin of 8.002 in a bore of 7.984: the bore is the plate's, and no mesh leaves open whether they fit."""
+    bore = fo.Cylinder(3.992, 12.0, base=(0, 0, -1), facets=16)
+    plate = fo.cut(fo.Box((16, 16, 10), centre=(0, 0, 5)), bore, name="plate")
+    pin = fo.Cylinder(4.001, 12.0, base=(0, 0, -1), facets=16, name="pin")
+    solution = fo.solve(fo.Problem(pin, plate, motion=fo.Translation("x"), target=(1, 1), goal=goal, unit="mm"))
+    words = "does not fit: pin 8.002 mm in plate 7.984 mm, across the bore of radius 3.992 of plate"
+    assert verdict_text(solution) == words
+    assert (solution.usable, solution.amount_low, solution.problem.exact_at) == (False, math.inf, None)
