@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts,
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, telling
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -61,12 +62,8 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
 def _kept(solution: AssemblySolution) -> dict[str, list[float]]:
     """Return the values of each part's motion, 0 for rounding."""
-    assembly, found = solution.assembly, dict[str, list[float]]()
-    for part, motion in assembly.motions.items():
-        weights = assembly.weights[part] * motion.weights(assembly.lengths[part])
-        q = np.array([*solution.parameters.get(part, {}).values()])
-        found[part] = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
-    return found
+    values = iter(telling(solution.assembly, [*solution.coordinates.values()]))
+    return {part: [*islice(values, len(motion.names))] for part, motion in solution.assembly.motions.items()}
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:

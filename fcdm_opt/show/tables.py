@@ -204,7 +204,7 @@ def _spans(coherent: CoherentRange, spans: Sequence[StateSpan]) -> str:
     problem, direction = coherent.problem, coherent.direction
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
-    starts = [steps_text(problem, (span.low * direction).tolist(), 0.0) for span in seen[1:]]
+    starts = [steps_text(problem, (span.low * direction).tolist()) for span in seen[1:]]
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 

@@ -30,6 +30,7 @@ NONE = "\u2013"
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
+UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
@@ -134,11 +135,10 @@ def in_unit(value: float, unit: str) -> float:
     return math.degrees(value) if unit == "deg" else value
 
 
-def telling(scene: Scene, values: Sequence[float], amount: float | None = None) -> list[float]:
-    """Return values of the parameters, 0 for those that add nothing to so large an amount, by default their own."""
+def telling(scene: Scene, values: Sequence[float], least: float = UNSEEN) -> list[float]:
+    """Return values of the parameters, 0 for those that add no more than a share of the weighted amount of all."""
     weighted = [own.weight * q for q, own in zip(values, scene.coordinates, strict=False)]
-    amount = math.hypot(*weighted) if amount is None else amount
-    return [q if abs(x) > NOTHING * amount else 0.0 for q, x in zip(values, weighted, strict=False)]
+    return [q if abs(x) > least * math.hypot(*weighted) else 0.0 for q, x in zip(values, weighted, strict=False)]
 
 
 def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
@@ -150,7 +150,7 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
     scene, found = solution.question, [*solution.coordinates.values()]
-    values = telling(scene, found, solution.amount)
+    values = telling(scene, found)
     if not values:
         return "-"
     if not isinstance(scene, Assembly):
@@ -162,9 +162,9 @@ def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     return "; ".join(told) or "-"
 
 
-def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
-    """Return a motion in words as `motion_text` does; what adds nothing to so large an amount is left out."""
-    values = telling(problem, values, amount)
+def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:
+    """Return a motion in words as `motion_text` does."""
+    values = telling(problem, values)
     if not values:
         return "-"
     return described(problem.motion, values, problem.unit if unit else "")

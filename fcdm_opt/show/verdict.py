@@ -94,9 +94,9 @@ def answer_text(solution: Solution) -> str:
     return f"{head}{verdict_text(solution)}\n{row}"
 
 
-def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
+def _done(problem: Problem, values: Sequence[float]) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
-    values = telling(problem, values, amount)
+    values = telling(problem, values)
     steps = zip(problem.motion.by_step(values), problem.motion.describe_steps(values, unit=problem.unit), strict=True)
     return [step for own, step in steps if any(own)]
 
@@ -110,10 +110,9 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     ends = []
     for event in coherent.events:
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
-        far = float(np.linalg.norm(problem.weights * values)) if values else 0.0
-        steps = " and ".join(" ".join(step) for step in _done(problem, values, far)) if values else ""
+        steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
-    along = steps_text(problem, coherent.direction.tolist(), 1.0)
+    along = steps_text(problem, coherent.direction.tolist())
     sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
     sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
@@ -138,7 +137,7 @@ def _across(coherent: CoherentRange) -> bool:
 
 
 def _steps(solution: Solution) -> list[tuple[str, str]]:
-    return _done(solution.problem, list(solution.parameters.values()), solution.amount)
+    return _done(solution.problem, list(solution.parameters.values()))
 
 
 def motion_said(solution: Solution) -> str:

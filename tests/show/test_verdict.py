@@ -13,7 +13,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show.texts import parameter_texts
+from fcdm_opt.show.texts import parameter_texts, telling
 from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -238,3 +238,11 @@ def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_thre
     words = "does not fit: pin 8.002 mm in plate 7.984 mm, across the bore of radius 3.992 of plate"
     assert verdict_text(solution) == words
     assert (solution.usable, solution.amount_low, solution.problem.exact_at) == (False, math.inf, None)
+
+
+def test_a_shift_of_3e_13_mm_stood_beside_one_of_25_micrometres() -> None:
+    """Parameters below the last digit told of the others are none in words; data have them."""
+    problem = fo.Problem(cube("key", 2.0), cube("wall", 2.0), target=(1, 1), goal="touch", unit="mm",
+                         motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"))  # fmt: skip
+    assert telling(problem, [-3.393e-07, -3.049e-13, 0.02528]) == [0.0, 0.0, 0.02528]
+    assert telling(problem, [2e-6, 0.0, 0.02528]) == [2e-6, 0.0, 0.02528]
