@@ -228,7 +228,8 @@ def print_whatif(answer: WhatIf) -> None:
     rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
     notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
-    notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
+    changed = (f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling)
+    notes += [labels_in_words(text, answer.after.question) for text in changed]
     print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 
