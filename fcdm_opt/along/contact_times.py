@@ -112,6 +112,14 @@ class ContactTimes(Plain):
         known = [own for own in each if own is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(each) else None
 
+    def __str__(self) -> str:
+        """Return the states in words, a line for the parts and for each keep-out."""
+        along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
+        return "\n".join(
+            ", ".join([f"{name}: {own[0].state}", *(f"from x = {span.low:.6g} {span.state}" for span in own[1:])])
+            for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items()
+        )
+
     def state(self, x: float) -> State | Literal["unknown"]:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
         return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")

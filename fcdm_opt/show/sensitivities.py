@@ -88,7 +88,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     groups = dict[str, list[Bar]]()
     for bar in shown:
         groups.setdefault(bar.note if bar.note == HALF else f"{bar.note}: {bar.unit}", []).append(bar)
-    rows = [row for heading, own in groups.items() for row in (heading, *own)]
+    rows: list[str | Bar] = [row for heading, own in groups.items() for row in (heading, *own)]
     notes = [caption] if caption else []
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
@@ -118,12 +118,12 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
-    for row, bar in enumerate(rows):
-        if isinstance(bar, str):
-            axes.annotate(literal(bar), (HEADINGS, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
+    for row, told in enumerate(rows):
+        if isinstance(told, str):
+            axes.annotate(literal(told), (HEADINGS, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
                           fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
             continue
-        less = bar.value < 0.0
+        bar, less = told, told.value < 0.0
         axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
