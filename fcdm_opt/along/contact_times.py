@@ -177,7 +177,8 @@ def contact_times(
     )
     pair = frozen(pair)
     problem, limit = _to_first_contacts(problem, along, pair, limit)
-    keep_outs = {own.name: _keep_out_states(problem, own, along, pair, limit) for own in problem.keep_out}
+    beside = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
+    keep_outs = {name: contact_times(own, along, limit=limit).spans for name, own in beside.items()}
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     spans += [StateSpan(*own) for own in ahead.spans]
@@ -278,13 +279,6 @@ def _of_solids(
     inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
     real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
     return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]
-
-
-def _keep_out_states(
-    problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
-) -> tuple[StateSpan, ...]:
-    """Return the states of the movable body and a keep-out, at all of its scales."""
-    return contact_times(_with_keep_out(problem, keep_out, pair), along, limit=limit).spans
 
 
 def _with_keep_out(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:

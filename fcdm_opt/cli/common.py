@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
 ENDINGS = {
-    ".csv", ".gif", ".glb", ".htm", ".html", ".jpeg", ".jpg", ".json", ".md", ".obj", ".off", ".parquet", ".pdf",
-    ".ply", ".png", ".py", ".sqlite", ".step", ".stl", ".stp", ".svg", ".tex", ".toml", ".tsv", ".txt", ".webp",
-    ".xls", ".xlsx", ".zip",
+    ".csv", ".glb", ".htm", ".html", ".jpeg", ".jpg", ".json", ".md", ".obj", ".off", ".parquet", ".pdf", ".ply",
+    ".png", ".py", ".sqlite", ".step", ".stl", ".stp", ".svg", ".tex", ".toml", ".tsv", ".txt", ".xls", ".xlsx", ".zip",
 }  # fmt: skip
 """Endings that say what kind of file is meant."""
 MOST_READ = 2**20  # bytes of a problem file that is read at a press of the tab key, so that none is slow
@@ -88,6 +87,8 @@ Out = Annotated[
     Path | None,
     option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, callback=written("--out")),
 ]
+ROWS = "Write one row a case into this file, for Excel and the like."
+TableOut = Annotated[Path | None, option("--table", "CSV", ROWS, OUTPUT, callback=written("--table", ".csv", ".txt"))]
 Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Time = Annotated[

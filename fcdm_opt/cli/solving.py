@@ -4,24 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import (
-    OUTPUT,
-    AsJson,
-    Cases,
-    Dark,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Out,
-    Time,
-    code_of,
-    option,
-    written,
-)
+from fcdm_opt.cli.common import AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, TableOut, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -36,7 +22,6 @@ DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
     "motion that solves the case."
 )
-TABLE = "Write one row a case into this file, for Excel and the like."
 
 
 def curve_command(
@@ -81,9 +66,7 @@ def solve_command(
         float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     time: Time = None,
-    table: Annotated[
-        Path | None, option("--table", "CSV", TABLE, OUTPUT, callback=written("--table", ".csv", ".txt"))
-    ] = None,
+    table: TableOut = None,
     as_json: AsJson = False,
     out: Out = None,
     dark: Dark = False,

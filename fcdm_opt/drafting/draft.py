@@ -210,7 +210,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made.tests |= {
         "saying_its_unit": lambda place: chosen_solid(place)[0].suffix.lower() in OWN_UNIT,
         "step": lambda place: chosen_solid(place)[0].suffix.lower() in STEP,
-        "large": _is_large,
+        "large": lambda own, gap: own.amount > max(LARGE * own.problem.size, 2.0 * abs(gap)),  # no correction any more
     }
     return made.get_template("problem.toml.jinja")
 
@@ -385,11 +385,6 @@ def _moved(solution: Solution) -> str:
     units = [problem.size if kind == "translation" else 1.0 for _, kind in problem.motion.parameters]
     found = zip(solution.parameters.values(), units, strict=True)
     return problem.motion.describe([0.0 if abs(x) <= NOISE * one else x for x, one in found])
-
-
-def _is_large(solution: Solution, gap: float) -> bool:
-    """Tell whether a motion is no correction any more; `gap` is that as drawn."""
-    return solution.amount > LARGE * solution.problem.size and solution.amount > 2.0 * abs(gap)
 
 
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:

@@ -231,24 +231,21 @@ def unlike_steps(scene: Scene) -> str:
 
     Those that differ most, so that no shift closes both; empty where none do.
     """
-    return max((_unlike_steps(problem) for problem in scene.relations.values()), default=(0.0, ""))[1]
-
-
-def _unlike_steps(problem: Problem) -> tuple[float, str]:
-    found, drawn = (problem.contact_slack, ""), drawn_bodies(problem)
-    bodies = list(zip((problem.movable, problem.static), problem.target.tolist(), drawn, strict=True))
-    for one, two in combinations(problem.chosen_joints, 2):
+    most, found = 0.0, ""
+    relations = scene.relations.values()
+    for problem, one, two in ((own, *pair) for own in relations for pair in combinations(own.chosen_joints, 2)):
         if one.normals[0] @ two.normals[0] < 1.0 - DEFAULT.side:
             continue
+        made = (problem.movable, problem.static), problem.target.tolist(), drawn_bodies(problem)
         steps, texts = list[float](), list[str]()
-        for k, (body, rho, named) in enumerate(bodies):
+        for k, (body, rho, named) in enumerate(zip(*made, strict=True)):
             both = [(own.feature.one, own.feature.two)[k] for own in (one, two)]
             first, last = (body.vertices[element.vertices[0] - 1] for element in both)
             steps.append(rho * float((last - first) @ one.normals[0]))
             faces, step = " and ".join(told_element(named, own) for own in both), f"{abs(steps[k]):.6g}"
             texts.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
-        if abs(steps[0] - steps[1]) > found[0]:
-            found = abs(steps[0] - steps[1]), f"do not go together: {', and '.join(texts)}"
+        if (apart := abs(steps[0] - steps[1])) > max(most, problem.contact_slack):
+            most, found = apart, f"do not go together: {', and '.join(texts)}"
     return found
 
 

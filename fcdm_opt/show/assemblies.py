@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts,
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, telling
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, values_by_part
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -51,19 +50,13 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
-    assembly, moved = solution.assembly, _kept(solution).items()
+    assembly, moved = solution.assembly, values_by_part(solution).items()
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
         (part, assembly.follows.get(part, "-"), f"{assembly.scales[part]:g}", motion,
          amount_text(solution.amounts.get(part)))
         for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
     ]  # fmt: skip
-
-
-def _kept(solution: AssemblySolution) -> dict[str, list[float]]:
-    """Return the values of each part's motion, 0 for rounding."""
-    values = iter(telling(solution.assembly, [*solution.coordinates.values()]))
-    return {part: [*islice(values, len(motion.names))] for part, motion in solution.assembly.motions.items()}
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:
@@ -75,10 +68,12 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     done = assembly_instruction(solution)
-    if not any(map(any, _kept(solution).values())):
+    if not any(map(any, values_by_part(solution).values())):
         return f"{done}: every contact is closed"
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
-    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *_through(solution)])
+    gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
+    through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
+    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *through])
 
 
 def assembly_instruction(solution: AssemblySolution) -> str:
@@ -87,7 +82,7 @@ def assembly_instruction(solution: AssemblySolution) -> str:
     A motion is relative to what carries the part, which is said where that is no fixed part.
     """
     assembly, moved = solution.assembly, list[str]()
-    for part, kept in _kept(solution).items():
+    for part, kept in values_by_part(solution).items():
         motion = assembly.motions[part]
         words = motion.describe_steps(kept, unit=assembly.unit) if any(kept) else []
         steps = zip(motion.by_step(kept), words, strict=False)
@@ -95,12 +90,6 @@ def assembly_instruction(solution: AssemblySolution) -> str:
         relative = f" relative to {carrier}, which carries it" * (carrier in assembly.motions)
         moved += [f"{instruction_text(part, done)}{relative}"] if done else []
     return "; ".join(moved) or "leave all parts where they are"
-
-
-def _through(solution: AssemblySolution) -> list[str]:
-    """Return in words what parts go through on their straight way."""
-    told = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]()) if solution.usable else []
-    return [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in told]
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:

@@ -30,9 +30,6 @@ SHIFTED, MOVED = "planes of faces, shifted outwards", "corners and seeds, moved 
 HALF = "sizes by name, each by half its tolerance"
 """What is done to sizes that have a tolerance: each has a step of its own."""
 
-BY_NAME, ASKED = "sizes by name", "clearances asked for"
-"""What kind of data these are."""
-
 MOST, LEAST = 16, 4
 """Bars of a picture; at least so many of them of the bodies' shape."""
 
@@ -197,11 +194,11 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
                 yield Bar(f"{side} limit of {name}", step * value, unit, "limits of the motion, raised")
-    yield Bar("clearance", shift * derivatives.clearance, length, ASKED)
+    yield Bar("clearance", shift * derivatives.clearance, length, "clearances asked for")
     for name, value in derivatives.keep_out.items():
-        yield Bar(f"clearance from {name}", shift * value, length, ASKED)
+        yield Bar(f"clearance from {name}", shift * value, length, "clearances asked for")
     for own in problem.sizes:
-        step, unit, note = (shift, length, BY_NAME) if own.is_length else (STEP, percent, BY_NAME)
+        step, unit, note = (shift, length, "sizes by name") if own.is_length else (STEP, percent, "sizes by name")
         if own.tolerance is not None and own.half > 0.0:
             step, note = own.half, HALF
             unit = measured(f"+{step:.4g}", problem.unit) if own.is_length else f"+{step:.3%}".replace("%", " %")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.problem.assembly import Assembly
@@ -149,17 +150,18 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
-    scene, found = solution.question, [*solution.coordinates.values()]
-    values = telling(scene, found)
-    if not values:
-        return "-"
+    scene = solution.question
     if not isinstance(scene, Assembly):
-        return described(scene.motion, values, scene.unit if unit else "")
-    told, start = list[str](), 0
-    for part, motion in scene.motions.items():
-        own, start = values[start : start + len(motion.names)], start + len(motion.names)
-        told += [f"{part} {described(motion, own, scene.unit if unit else '')}"] if any(own) else []
-    return "; ".join(told) or "-"
+        return steps_text(scene, [*solution.coordinates.values()], unit=unit)
+    moved = ((part, scene.motions[part], own) for part, own in values_by_part(solution).items() if any(own))
+    return "; ".join(f"{part} {described(own, q, scene.unit if unit else '')}" for part, own, q in moved) or "-"
+
+
+def values_by_part(solution: Bounded) -> dict[str, list[float]]:
+    """Return the values of the motion of each part of an assembly, 0 for rounding; none without motions."""
+    scene = cast("Assembly", solution.question)
+    values = iter(telling(scene, [*solution.coordinates.values()]))
+    return {part: [*islice(values, len(motion.names))] for part, motion in scene.motions.items()}
 
 
 def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:

@@ -149,7 +149,8 @@ def study_page(result: StudyResult) -> str:
     rows = result.rows()
     count = len(rows)
     varied, columns = _columns(result, rows)
-    charted, printed = (_evenly(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    fewer = (min(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    charted, printed = ([k * count // some for k in range(some)] for some in fewer)
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
     return whole_page(
         "study.html",
@@ -189,10 +190,6 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     varied = names[names.index("number") + 1 : names.index("status")]
     motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
     return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
-
-
-def _evenly(count: int, most: int) -> Sequence[int]:
-    return range(count) if count <= most else [k * count // most for k in range(most)]
 
 
 def _listed(values: Sequence[Any]) -> str:
