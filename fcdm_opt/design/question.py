@@ -118,13 +118,11 @@ class BodyTable:
         """The contents as an entry, which refuses what no body has."""
         return checked(KeepOutEntry if self.data.keys() & _OF_KEEP_OUTS else BodyEntry, self.data)
 
-    @property
-    def drawn(self) -> BodyTable:
-        """The table without a mesh file, with the body as read from it; itself where it names none."""
-        return self.drawn_for(())
+    def drawn(self, sizes: Sequence[Size] = ()) -> BodyTable:
+        """Return the table without a mesh file, with the body as read from it; itself where it names none.
 
-    def drawn_for(self, sizes: Sequence[Size]) -> BodyTable:
-        """Return the same with the body cut so that it can follow sizes, which takes the surface that the file has."""
+        It is cut so that it can follow its sizes, which takes the surface that the file has.
+        """
         if "file" not in self.data:
             return self
         stamp: tuple[int, ...] = ()
@@ -154,7 +152,7 @@ class BodyTable:
         if "file" in data and place == ("vertices",):
             data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
         elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
-            data = self.drawn.data
+            data = self.drawn().data
         return BodyTable(put(data, place, value, dropped=excluded), self.role)
 
 
@@ -234,7 +232,7 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        return SceneTables(self._each(lambda table: table.drawn_for(self.checked_sizes)), self.sizes, self.assembled)
+        return SceneTables(self._each(lambda table: table.drawn(self.checked_sizes)), self.sizes, self.assembled)
 
     @cached_property
     def unit(self) -> str:

@@ -36,8 +36,6 @@ MOST, LEAST = 16, 4
 NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
 """Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
 
-HEADINGS = 0.02  # of the width: where lines begin that say what the bars below them are
-
 ROOM, HATCH, LETTERS, LISTED = 1.36, "////", 40, 240
 """How far the axis goes, largest bar 1; hatch of what lowers the amount; letters of a name, of a list of names."""
 
@@ -119,7 +117,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
     for row, told in enumerate(rows):
         if isinstance(told, str):
-            axes.annotate(literal(told), (HEADINGS, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
+            axes.annotate(literal(told), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
                           fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
             continue
         bar, less = told, told.value < 0.0
