@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
@@ -89,7 +90,9 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],
         inputs=_inputs(files),
-        versions=made().items(),
+        sources=", ".join(file["file"] for file in files),
+        versions=(versions := made()).items(),
+        made_at=versions["date"],
     )
 
 
@@ -109,7 +112,8 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
     bodies = assembly.bodies_made
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
-        "name": assembly.name,
+        **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
+        "sha256": digest(canonical(assembly.to_dict())),
         "usable": solution.usable,
         "verdict": assembly_verdict(solution),
         "picture": inline_svg(assembly_figure(solution), name),
