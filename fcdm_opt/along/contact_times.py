@@ -177,8 +177,8 @@ def contact_times(
     )
     pair = frozen(pair)
     problem, limit = _to_first_contacts(problem, along, pair, limit)
-    beside = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
-    keep_outs = {name: contact_times(own, along, limit=limit).spans for name, own in beside.items()}
+    asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
+    keep_outs = {name: contact_times(own, along, limit=limit).spans for name, own in asked.items()}
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     spans += [StateSpan(*own) for own in ahead.spans]

@@ -259,8 +259,8 @@ def _verdict(problem: Problem) -> str:
     places = int(max(0, 1 - np.floor(np.log10(lack))))
     names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
-    told = (f"{float(f'{width:.12g}'):.{places}f}" for width in widths)  # not by rounding
-    wide, room = (measured(width, problem.unit) for width in told)
+    digits = (f"{float(f'{width:.12g}'):.{places}f}" for width in widths)  # not by rounding
+    wide, room = (measured(width, problem.unit) for width in digits)
     fit = f"{inner} {wide} in {outer} {room}"
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(f"{widths[1]:.6g}", problem.unit)

@@ -115,12 +115,12 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
-    for row, told in enumerate(rows):
-        if isinstance(told, str):
-            axes.annotate(literal(told), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
+    for row, item in enumerate(rows):
+        if isinstance(item, str):
+            axes.annotate(literal(item), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
                           fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
             continue
-        bar, less = told, told.value < 0.0
+        bar, less = item, item.value < 0.0
         axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
