@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.multipliers import shows, smallest_by_multipliers
-from fcdm_opt.model.mesh_error import facets_known, with_mesh_error
+from fcdm_opt.model.mesh_error import facets_known, too_wide, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
@@ -130,7 +130,8 @@ def _answered(problem: Problem, how: _How) -> Solution:
         facets_known(problem)
     solution = _solved_all(problem, how)
     at_once = partial(_solved_all, how=_at_once(how))
-    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None)
+    exact = solution.usable or not too_wide(problem)
+    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if exact else None
     if points is not None:
         found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE

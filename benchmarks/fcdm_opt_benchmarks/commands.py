@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fcdm_opt.cli.common import Seed
+from fcdm_opt.cli.common import Seed, option, written
 from fcdm_opt.cli.guarding import NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fcdm_opt_benchmarks.method import Method
     from fcdm_opt_benchmarks.record import BenchRun
 
+WRITTEN = "Write results, tables and pictures into this folder."
 LISTED = 3  # scenes in which a rival is ahead
 
 Quick = Annotated[bool, typer.Option("--quick", help="Take the short form.")]
@@ -27,7 +28,7 @@ Compare = Annotated[
 
 
 def bench_command(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results, tables and pictures there.")],
+    out: Annotated[Path, option("--out", "DIR", WRITTEN, callback=written("--out"))],
     quick: Quick = False,
     seed: Seed = 1,
     only: Annotated[
@@ -65,7 +66,7 @@ def bench_command(
 def stability_command(
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Write results, tables, the map and failing inputs there."),
+        option("--out", "DIR", "Write results, tables, the map and failing inputs there.", callback=written("--out")),
     ] = None,
     quick: Quick = False,
     seed: Seed = 1,

@@ -18,7 +18,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
 from fcdm_opt.problem.arguments import LARGEST
@@ -91,8 +91,13 @@ class Ends:
         """The events at low and high."""
         return self.first, self.last
 
+    def __repr__(self) -> str:
+        """Return where it ends and what ends it there, on one line."""
+        low, high = (f"{event.x:.6g} ({event.what})" for event in self.events)
+        return f"{type(self).__name__}({low} to {high})"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class CoherentRange(Ends, Plain, NotebookRepr):
     """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
 
@@ -122,6 +127,10 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     proved: bool
     _followed: tuple[Followed, ...] = field(repr=False, default=())
 
+    def __str__(self) -> str:
+        """Return in words what lasts from where to where, and what ends it on both sides."""
+        return "\n- ".join(imported("show.verdict:range_texts")(self))
+
     def transform(self, x: float) -> Array:
         """Return the 4x4 transform of body 1 at x."""
         problem = self.problem
@@ -149,7 +158,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AssemblyRange(Ends, Plain):
     """Interval low <= x <= high of motions x * direction of an assembly's parts over which all of its contacts last.
 
@@ -167,6 +176,10 @@ class AssemblyRange(Ends, Plain):
     assembly: Assembly
     direction: Mapping[str, float]
     contacts: Mapping[str, CoherentRange]
+
+    def __str__(self) -> str:
+        """Return the same in words for each contact."""
+        return "\n".join(f"{name}: {own}" for name, own in self.contacts.items())
 
     @property
     def first(self) -> Event:  # type: ignore[override]

@@ -119,6 +119,14 @@ class ContactTimes(Plain):
         """Whether it is of the faces that facets stand for."""
         return isinstance(self.problem, Problem) and self.problem.exact_at is not None
 
+    def __str__(self) -> str:
+        """Return the states in words, a line for the parts and for each keep-out."""
+        along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
+        return "\n".join(
+            ", ".join([f"{name}: {own[0].state}", *(f"from x = {span.low:.6g} {span.state}" for span in own[1:])])
+            for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items()
+        )
+
     def state(self, x: float) -> State | Literal["unknown"]:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
         return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")
@@ -176,7 +184,8 @@ def contact_times(
     )
     pair = frozen(pair)
     bodies = exact_where(_of_bodies(problem, pair), lambda own: _touching_poses(_times(own, along, pair, limit)))
-    keep_outs = {own.name: _keep_out_states(problem, own, along, pair, limit) for own in problem.keep_out}
+    asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
+    keep_outs = {name: contact_times(own, along, limit=limit).spans for name, own in asked.items()}
     found = _times(problem if bodies.exact_at is None else bodies, along, pair, limit)
     return replace(found, keep_outs=keep_outs)
 
@@ -300,13 +309,6 @@ def _of_solids(
     inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
     real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
     return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]
-
-
-def _keep_out_states(
-    problem: Problem, keep_out: KeepOut, along: Array, pair: Array, limit: float | None
-) -> tuple[StateSpan, ...]:
-    """Return the states of the movable body and a keep-out, at all of its scales."""
-    return contact_times(_with_keep_out(problem, keep_out, pair), along, limit=limit).spans
 
 
 def _with_keep_out(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:

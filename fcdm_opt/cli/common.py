@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
+ENDINGS = {
+    ".csv", ".glb", ".htm", ".html", ".jpeg", ".jpg", ".json", ".md", ".obj", ".off", ".parquet", ".pdf", ".ply",
+    ".png", ".py", ".sqlite", ".step", ".stl", ".stp", ".svg", ".tex", ".toml", ".tsv", ".txt", ".xls", ".xlsx", ".zip",
+}  # fmt: skip
+"""Endings that say what kind of file is meant."""
 MOST_READ = 2**20  # bytes of a problem file that is read at a press of the tab key, so that none is slow
 
 
@@ -61,9 +66,29 @@ def argument(metavar: str, text: str, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
 
 
+def written(key: str, *endings: str) -> Callable[[Path | None], Path | None]:
+    """Return the check of an option that names what is written: a file with one of some endings, else a folder.
+
+    A name with the ending of another kind of file is refused.
+    """
+
+    def checked(path: Path | None) -> Path | None:
+        if path is not None and path.suffix.lower() in ENDINGS - {*endings} and not path.is_dir():
+            allowed = f"a name in {' or '.join(endings)}" if endings else "the name of a folder for several files"
+            raise InputError("no file of this kind is written", key=key, found=str(path), allowed=allowed)
+        return path
+
+    return checked
+
+
 Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]
 AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
-Out = Annotated[Path | None, option("--out", "DIR", "Write pictures (PNG and SVG) there.", OUTPUT)]
+Out = Annotated[
+    Path | None,
+    option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, callback=written("--out")),
+]
+ROWS = "Write one row a case into this file, for Excel and the like."
+TableOut = Annotated[Path | None, option("--table", "CSV", ROWS, OUTPUT, callback=written("--table", ".csv", ".txt"))]
 Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Time = Annotated[

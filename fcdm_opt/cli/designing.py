@@ -24,6 +24,7 @@ from fcdm_opt.cli.common import (
     code_of,
     finish,
     option,
+    written,
 )
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; with a yield the stack-up it is of
 LEAST = 0.1  # seconds that a map gets in any case
-Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
+RESULTS = "Write results and pictures into this folder."
+Results = Annotated[Path, option("--out", "DIR", RESULTS, callback=written("--out"))]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured pairs of parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]

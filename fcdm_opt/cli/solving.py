@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, Time, code_of, option
+from fcdm_opt.cli.common import AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, TableOut, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -67,9 +66,7 @@ def solve_command(
         float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     time: Time = None,
-    table: Annotated[
-        Path | None, option("--table", "CSV", "Write one row a case there, for Excel and the like.", OUTPUT)
-    ] = None,
+    table: TableOut = None,
     as_json: AsJson = False,
     out: Out = None,
     dark: Dark = False,

@@ -7,7 +7,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -21,6 +21,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import fit_for_sizes
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
@@ -117,16 +118,18 @@ class BodyTable:
         """The contents as an entry, which refuses what no body has."""
         return checked(KeepOutEntry if self.data.keys() & _OF_KEEP_OUTS else BodyEntry, self.data)
 
-    @cached_property
-    def drawn(self) -> BodyTable:
-        """The table without a mesh file, with the body as read from it; itself where it names none."""
+    def drawn(self, sizes: Sequence[Size] = ()) -> BodyTable:
+        """Return the table without a mesh file, with the body as read from it; itself where it names none.
+
+        It is cut so that it can follow its sizes, which takes the surface that the file has.
+        """
         if "file" not in self.data:
             return self
         stamp: tuple[int, ...] = ()
         with suppress(OSError, ValueError):  # reading it says what is wrong
             now = Path(str(self.data["file"])).expanduser().stat()
             stamp = now.st_mtime_ns, now.st_size
-        return _read(canonical(self.data), self.role, stamp)
+        return _read(canonical(self.data), self.role, stamp, tuple(own for own in sizes if own.body == self.role))
 
     @cached_property
     def body(self) -> Body:
@@ -149,16 +152,17 @@ class BodyTable:
         if "file" in data and place == ("vertices",):
             data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
         elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
-            data = self.drawn.data
+            data = self.drawn().data
         return BodyTable(put(data, place, value, dropped=excluded), self.role)
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _read(text: str, role: str, stamp: tuple[int, ...]) -> BodyTable:
+def _read(text: str, role: str, stamp: tuple[int, ...], sizes: tuple[Size, ...]) -> BodyTable:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = BodyTable(json.loads(text), role)
     beside = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    return BodyTable({**plain_body(table.checked.body(role, None)), **beside}, role)
+    body = fit_for_sizes(table.checked.body(role, None), sizes)
+    return BodyTable({**plain_body(body), **beside}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -228,7 +232,7 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        return SceneTables(self._each(lambda table: table.drawn), self.sizes, self.assembled)
+        return SceneTables(self._each(lambda table: table.drawn(self.checked_sizes)), self.sizes, self.assembled)
 
     @cached_property
     def unit(self) -> str:

@@ -210,7 +210,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made.tests |= {
         "saying_its_unit": lambda place: chosen_solid(place)[0].suffix.lower() in OWN_UNIT,
         "step": lambda place: chosen_solid(place)[0].suffix.lower() in STEP,
-        "large": _is_large,
+        "large": lambda own, gap: own.amount > max(LARGE * own.problem.size, 2.0 * abs(gap)),  # no correction any more
     }
     return made.get_template("problem.toml.jinja")
 
@@ -387,13 +387,8 @@ def _moved(solution: Solution) -> str:
     return problem.motion.describe([0.0 if abs(x) <= NOISE * one else x for x, one in found])
 
 
-def _is_large(solution: Solution, gap: float) -> bool:
-    """Tell whether a motion is no correction any more; `gap` is that as drawn."""
-    return solution.amount > LARGE * solution.problem.size and solution.amount > 2.0 * abs(gap)
-
-
-def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]]:
-    """Return faces whose distance is a size, and can be one: their labels or name, words for what it is, `each`.
+def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:
+    """Return faces whose distance is a size, and can be one: their labels or name, its name, what it is, `each`.
 
     The diameters of cylinders and bores, then `most` distances of material or room between plane faces that look
     opposite ways and lie over one another: first those of faces that are the nearest so to each other on their side,
@@ -402,21 +397,22 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
     normals, points = body.face_planes
     names = names_of_rows(body)
     round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
-    found, known = list[tuple[tuple[str, ...], str, float]](), set[tuple[int, ...]]()
+    found, known = list[tuple[tuple[str, ...], str, str, float]](), set[tuple[int, ...]]()
 
-    def offered(faces: tuple[str, ...], width: float, what: str) -> bool:
+    def offered(faces: tuple[str, ...], width: float, name: str, what: str) -> bool:
         each = 0.5 if width > 0.0 else -0.5
         asked = Size("width", "movable", faces=faces, each=each)
         with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
             Resizing.of(fit_for_sizes(body, (asked,)), [asked])
-            found.append((faces, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
+            found.append((faces, name, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
             return True
         return False
 
     for name in round_ones[:most]:
-        kind, _, radius, *_ = name.split()
+        kind, _, radius, *number = name.split()
         width = 2.0 * float(radius)
-        offered((name,), width if kind in ROUND_KINDS[::2] else -width, f"diameter {width:.6g}")
+        called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))
+        offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, told)
     plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
     over = [
         (float((points[j] - points[i]) @ normals[j]), i, j)
@@ -435,8 +431,10 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, float]
     for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if width and key not in known and len(found) < limit:
-            ways = " and ".join(map(direction, normals[[i, j]]))
-            if offered((f"F{i + 1}", f"F{j + 1}"), width, f"{ways}, {abs(width):.6g}"):
+            one, two = map(direction, normals[[i, j]])
+            axis = f"{one[1]} " * (len(one) == 2)
+            name = f"{axis}{'width' if width > 0.0 else 'gap'} F{i + 1} to F{j + 1}"
+            if offered((f"F{i + 1}", f"F{j + 1}"), width, name, f"{one} and {two}, {abs(width):.6g}"):
                 known.add(key)
     return found
 

@@ -139,6 +139,11 @@ def is_round(told: str) -> bool:
     return " of radius " in told and not told.startswith("edge ")
 
 
+def with_article(told: str) -> str:
+    """Return an element in words with "the", but where a number names it."""
+    return told if told.startswith(("corner", "face ")) else f"the {told}"
+
+
 def _rounded(name: str) -> str:
     return name.replace(" radius ", " of radius ")
 

@@ -126,6 +126,14 @@ class TrueFaces:
         kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
         meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
         self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
+        room = 10.0 * self.body.rounding  # by which digits of the file may leave them off their faces
+        for k, tip in enumerate(self.tips):
+            own = np.unique(self.owners[(norms(self.corners - tip) == 0.0).any(axis=1)])
+            at = tip.copy()
+            for _ in range(3):
+                off, ways = zip(*(self.patches[j].gaps(at[None]) for j in own), strict=True)
+                at -= np.linalg.lstsq(np.concatenate(ways), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+            self.tips[k] = at if norms(at - tip) <= room else tip
 
     def moved(self, patches: Sequence[Patch], corners: Array) -> TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""

@@ -19,7 +19,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
 from fcdm_opt.model.apart_until import apart_until
-from fcdm_opt.problem.fit import drawn_bodies, misfit
+from fcdm_opt.problem.fit import drawn_bodies, misfit, true_diameters
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
@@ -65,7 +65,7 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
     errors = [facet_errors(body) for body in problem.bodies]
     if all(own is not None and not own.any() for own in errors):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
-    if not solution.usable and _too_wide(problem):
+    if not solution.usable and too_wide(problem):
         return replace(solution, amount_low=math.inf, amount_high=math.inf)
     if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
         return solution
@@ -221,11 +221,13 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
     return bool(features) and all(_exact(body, element) for body, elements in sides for element in elements)
 
 
-def _too_wide(problem: Problem) -> bool:
-    """Tell whether widths do not go together between faces that are plane in truth: that is so whatever the mesh is."""
+def too_wide(problem: Problem) -> bool:
+    """Tell whether widths do not go together between faces as they are in truth: that is so whatever the mesh is."""
     found = misfit(problem)
-    sides = zip(drawn_bodies(problem), found.faces, strict=True) if found is not None else ()
-    return found is not None and all(own is not None and _exact(body, own) for body, faces in sides for own in faces)
+    if found is None or true_diameters(problem, found) is not None:
+        return found is not None
+    sides = zip(drawn_bodies(problem), found.faces, strict=True)
+    return all(own is not None and _exact(body, own) for body, faces in sides for own in faces)
 
 
 def _exact(body: Body, element: Element) -> bool:

@@ -94,6 +94,12 @@ class Relative(Step):
                 reaches[own.start : own.start + len(own.motion.parameters)] = own.motion.reaches(points, own.seeds[0])
         return tuple(reaches.tolist())
 
+    def own_words(self, q: list[float], unit: str = "", digits: int = 6) -> str:
+        """Parameters in words, those of several parts with commas between, without those that are 0."""
+        kept = [(replace(self, every=(own,)), x) for own, x in zip(self.every, q, strict=True) if x]
+        words = ", ".join(super(Relative, own).own_words([x], unit, digits) for own, x in kept)
+        return words or super().own_words(q, unit, digits)
+
     @cached_property
     def _shifting(self) -> bool:
         return all(own.motion.shifts for own in (*self.one, *self.two))

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -221,7 +221,9 @@ def mismatched(scene: Scene) -> bool:
 
 def verdict(scene: Scene) -> str:
     """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
-    return next(filter(None, map(_verdict, scene.relations.values())), "")
+    tight = (problem for problem in scene.relations.values() if misfit(problem) is not None)
+    named = (own for problem in tight for own in (problem.of_facets, problem))  # whose faces have the names in its file
+    return next(filter(None, map(_verdict, named)), "")
 
 
 def unlike_steps(scene: Scene) -> str:
@@ -229,24 +231,21 @@ def unlike_steps(scene: Scene) -> str:
 
     Those that differ most, so that no shift closes both; empty where none do.
     """
-    return max((_unlike_steps(problem) for problem in scene.relations.values()), default=(0.0, ""))[1]
-
-
-def _unlike_steps(problem: Problem) -> tuple[float, str]:
-    found, drawn = (problem.contact_slack, ""), drawn_bodies(problem)
-    bodies = list(zip((problem.movable, problem.static), problem.target.tolist(), drawn, strict=True))
-    for one, two in combinations(problem.chosen_joints, 2):
+    most, found = 0.0, ""
+    relations = scene.relations.values()
+    for problem, one, two in ((own, *pair) for own in relations for pair in combinations(own.chosen_joints, 2)):
         if one.normals[0] @ two.normals[0] < 1.0 - DEFAULT.side:
             continue
+        made = (problem.movable, problem.static), problem.target.tolist(), drawn_bodies(problem)
         steps, texts = list[float](), list[str]()
-        for k, (body, rho, named) in enumerate(bodies):
+        for k, (body, rho, named) in enumerate(zip(*made, strict=True)):
             both = [(own.feature.one, own.feature.two)[k] for own in (one, two)]
             first, last = (body.vertices[element.vertices[0] - 1] for element in both)
             steps.append(rho * float((last - first) @ one.normals[0]))
             faces, step = " and ".join(told_element(named, own) for own in both), f"{abs(steps[k]):.6g}"
             texts.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
-        if abs(steps[0] - steps[1]) > found[0]:
-            found = abs(steps[0] - steps[1]), f"do not go together: {', and '.join(texts)}"
+        if (apart := abs(steps[0] - steps[1])) > max(most, problem.contact_slack):
+            most, found = apart, f"do not go together: {', and '.join(texts)}"
     return found
 
 
@@ -254,17 +253,39 @@ def _verdict(problem: Problem) -> str:
     found = misfit(problem)
     if found is None:
         return ""
-    places = int(max(0, 1 - np.floor(np.log10(found.inner - found.outer))))
+    exact = true_diameters(problem, found)
+    widths = exact or (found.inner, found.outer)
+    lack = widths[0] - widths[1]
+    places = int(max(0, 1 - np.floor(np.log10(lack))))
     names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
-    widths = (f"{float(f'{width:.12g}'):.{places}f}" for width in (found.inner, found.outer))  # not by rounding
-    wide, room = (measured(width, problem.unit) for width in widths)
-    fit, lack = f"{inner} {wide} in {outer} {room}", found.inner - found.outer
-    if lack < NEARLY * found.outer:  # digits that differ where nobody reads them
-        room = measured(f"{found.outer:.6g}", problem.unit)
+    digits = (f"{float(f'{width:.12g}'):.{places}f}" for width in widths)  # not by rounding
+    wide, room = (measured(width, problem.unit) for width in digits)
+    fit = f"{inner} {wide} in {outer} {room}"
+    if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
+        room = measured(f"{widths[1]:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
     other = drawn_bodies(problem)[1 - found.inside]
     faces = dict.fromkeys(told_element(other, own) for own in found.faces[1 - found.inside] if own is not None)
-    between = f", {'between' if len(faces) == 2 else 'across'} its {' and '.join(faces)}" if faces else ""
-    between += " (of its facets)" * any(" radius " in face for face in faces)
+    walls = " and ".join(map(with_article, faces))
+    between = f", {'between' if len(faces) == 2 else 'across'} {walls} of {outer}" if faces else ""
+    between += " (of its facets)" * (exact is None and any(map(is_round, faces)))
     return f"does not fit: {fit}{between}"
+
+
+def true_diameters(problem: Problem, found: Misfit) -> tuple[float, float] | None:
+    """Return the diameters made of a round part and of the bore that it is in, where the widths of facets are of these.
+
+    None of other walls, and where the true faces would go together.
+    """
+    widths = list[float]()
+    made = (problem.movable, problem.static), problem.target.tolist(), found.faces
+    for drawn, body, rho, walls in zip(drawn_bodies(problem), *made, strict=True):
+        labels = {tuple(sorted(own.vertices)) for own in walls if own is not None}
+        pairs = zip(round_faces(drawn), round_faces(body), strict=False)
+        surface = next((now.surface for was, now in pairs if labels and labels <= {*was.faces}), None)
+        if body.surfaces is None or surface is None or surface.line is None or surface.line[1] != 0.0:
+            return None
+        widths.append(2.0 * rho * surface.radius)
+    inner, outer = widths[found.inside], widths[1 - found.inside]
+    return (inner, outer) if inner > outer else None

@@ -18,7 +18,7 @@ from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts,
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, values_by_part
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("scale", "amount", "total", "proved\nat least")
@@ -46,27 +46,17 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 
 
 def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str]]:
-    """Return part, what it follows, scale, motion and amount, of each that moves, then of those that are fixed.
+    """Return part, what its motion is relative to, scale, motion and amount; first of those that move, then of others.
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
-    assembly, moved = solution.assembly, _kept(solution).items()
+    assembly, moved = solution.assembly, values_by_part(solution).items()
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
         (part, assembly.follows.get(part, "-"), f"{assembly.scales[part]:g}", motion,
          amount_text(solution.amounts.get(part)))
         for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
     ]  # fmt: skip
-
-
-def _kept(solution: AssemblySolution) -> dict[str, list[float]]:
-    """Return the values of each part's motion, 0 for rounding."""
-    assembly, found = solution.assembly, dict[str, list[float]]()
-    for part, motion in assembly.motions.items():
-        weights = assembly.weights[part] * motion.weights(assembly.lengths[part])
-        q = np.array([*solution.parameters.get(part, {}).values()])
-        found[part] = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
-    return found
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:
@@ -78,27 +68,28 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     done = assembly_instruction(solution)
-    if not any(map(any, _kept(solution).values())):
+    if not any(map(any, values_by_part(solution).values())):
         return f"{done}: every contact is closed"
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
-    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *_through(solution)])
+    gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
+    through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
+    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *through])
 
 
 def assembly_instruction(solution: AssemblySolution) -> str:
-    """Return what to do with each part: "move left wedge 0.0125 mm along +x; move key 0.1 mm along -z"."""
+    """Return what to do with each part: "move wedge 0.01 mm along +x; move key 0.1 mm along -z relative to wedge".
+
+    A motion is relative to what carries the part, which is said where that is no fixed part.
+    """
     assembly, moved = solution.assembly, list[str]()
-    for part, kept in _kept(solution).items():
+    for part, kept in values_by_part(solution).items():
         motion = assembly.motions[part]
         words = motion.describe_steps(kept, unit=assembly.unit) if any(kept) else []
         steps = zip(motion.by_step(kept), words, strict=False)
-        moved += [instruction_text(part, done)] if (done := [step for own, step in steps if any(own)]) else []
+        done, carrier = [step for own, step in steps if any(own)], assembly.follows[part]
+        relative = f" relative to {carrier}, which carries it" * (carrier in assembly.motions)
+        moved += [f"{instruction_text(part, done)}{relative}"] if done else []
     return "; ".join(moved) or "leave all parts where they are"
-
-
-def _through(solution: AssemblySolution) -> list[str]:
-    """Return in words what parts go through on their straight way."""
-    told = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]()) if solution.usable else []
-    return [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in told]
 
 
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
@@ -111,11 +102,11 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
         "verified": verdict,
     }
     rows = list[dict[str, str]]()
-    for part, follows, scale, motion, amount in part_texts(solution):
+    for part, carrier, scale, motion, amount in part_texts(solution):
         weight = assembly.weights.get(part, 1.0)
         own = {
             "part": wrapped(part, CELL_WIDTH),
-            "follows": wrapped(follows, CELL_WIDTH),
+            "relative to": wrapped(carrier, CELL_WIDTH),
             "scale": scale,
             "weight": f"{weight:g}" if weight != 1.0 else "",
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
@@ -154,7 +145,7 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     ways += [np.zeros(3)] * len(assembly.keep_out)
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    moved = "after these motions; arrows: where each part goes, with what it follows"
+    moved = "after these motions; arrows: where each part goes, with what carries it"
     state = moved if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
     contacts = touching(solution)

@@ -491,7 +491,8 @@ def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: st
     within = [
         line for line in places if ((line >= (left + gap / 3, bottom)) & (line <= (right - gap / 3, top - gap))).all()
     ]
-    clear = [line for line in within if _is_clear(raster, line, 0.6 * gap)]
+    aside = 0.6 * gap * np.array([[0.0, 0.0], [-way[1], way[0]], [way[1], -way[0]]])  # so far from all bodies
+    clear = [line for line in within if all(raster.free(line + shift) for shift in aside)]
     start, tip = (clear or within or places)[0]
     head = "-|>,head_width=0.28,head_length=0.55"
     style = {"arrowstyle": head, "color": BLUE, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
@@ -503,13 +504,6 @@ def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: st
         lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
         look = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
         axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
-
-
-def _is_clear(raster: Raster, line: Array, room: float) -> bool:
-    """Tell whether a line on the page keeps so far from all bodies."""
-    way = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
-    across = room * np.array([-way[1], way[0]])
-    return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
 
 
 def _draw_contacts(

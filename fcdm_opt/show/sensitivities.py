@@ -24,11 +24,11 @@ STEP = 0.01
 NEGLIGIBLE = 1e-9
 """Of the largest bar: smaller ones are rounding, and left out."""
 
-SHIFTED, MOVED = "its plane shifted outwards", "moved in the direction that costs most"
+SHIFTED, MOVED = "planes of faces, shifted outwards", "corners and seeds, moved in the direction that costs most"
 """What is done to data of the bodies' shape."""
 
-HALF = "half its tolerance"
-"""What the step of a size by name is."""
+HALF = "sizes by name, each by half its tolerance"
+"""What is done to sizes that have a tolerance: each has a step of its own."""
 
 MOST, LEAST = 16, 4
 """Bars of a picture; at least so many of them of the bodies' shape."""
@@ -52,7 +52,7 @@ class Bar(NamedTuple):
     unit : str
         The step, such as "+1 %".
     note : str
-        What the step means, where the name does not say it.
+        What kind of data it is, and what is done to them: a picture has those of one kind and step under it.
     """
 
     name: str
@@ -80,14 +80,13 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     few = [bar for bar in every if bar.note not in (SHIFTED, MOVED)]
     shape = sorted((bar for bar in every if bar not in few), key=lambda bar: -abs(bar.value))
     shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
+    groups = dict[str, list[Bar]]()
+    for bar in shown:
+        groups.setdefault(bar.note if bar.note == HALF else f"{bar.note}: {bar.unit}", []).append(bar)
+    rows = list[str | Bar]()
+    for heading, own in groups.items():
+        rows += [heading, *own]
     notes = [caption] if caption else []
-    if any(bar in shape for bar in shown):
-        notes.append(
-            "faces move outwards, vertices and seeds the way that costs most, by "
-            f"{measured(f'{_rounded(STEP * problem.length):g}', problem.unit)}"
-        )
-    if any(bar.note.startswith(HALF) for bar in shown):
-        notes.append("sizes by name change by half their tolerance")
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
     missing = sum(map(math.isnan, derivatives.faces.values()))
@@ -97,12 +96,13 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
         notes.append("derivatives are missing, one-sided or not unique: " + "; ".join(derivatives.reasons))
-    sheet = Sheet.of(PAGE, BELOW + ROW * max(len(shown), 2), title=title, caption="\n".join(notes))
+    sheet = Sheet.of(PAGE, BELOW + ROW * max(len(rows), 2), title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
-    axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
+    axes.set(ylim=(max(len(rows), 2) - 0.5, -0.5))
     unit = problem.amount_unit or "length units"
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
-    axes.set_yticks(range(len(shown)), [literal(shortened(bar.name, LETTERS)) for bar in shown])
+    named = [literal(shortened(row.name, LETTERS)) if isinstance(row, Bar) else "" for row in rows]
+    axes.set_yticks(range(len(rows)), named)
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:
@@ -115,8 +115,12 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
-    for row, bar in enumerate(shown):
-        less = bar.value < 0.0
+    for row, item in enumerate(rows):
+        if isinstance(item, str):
+            axes.annotate(literal(item), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
+                          fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
+            continue
+        bar, less = item, item.value < 0.0
         axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
@@ -174,32 +178,31 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
     names = [name_of(problem, k) for k in (0, 1)]
     for body, value, size in zip(names, derivatives.target.tolist(), problem.target.tolist(), strict=True):
-        yield Bar(f"size of {body}", STEP * size * value, percent, "the size made; all else as it is")
+        yield Bar(f"overall size of {body}", STEP * size * value, percent, "overall sizes as made, all else as it is")
     if derivatives.nominal.any():
         for body, value, size in zip(names, derivatives.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
-            yield Bar(f"nominal size of {body}", STEP * size * value, percent, "the size made follows it")
+            yield Bar(f"nominal size of {body}", STEP * size * value, percent, "nominal and made sizes alike")
     if derivatives.tolerance is not None:
         for body, row in zip(names, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
-                yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
+                yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "tolerances, shares of the size")
     for (name, kind), (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         rotates = kind != "translation"
         step, unit = (math.radians(turn), f"+{turn:g} deg") if rotates else (shift, length)
         for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
-                yield Bar(f"{side} limit of {name}", step * value, unit, "the limit raised")
-    yield Bar("clearance", shift * derivatives.clearance, length, "")
+                yield Bar(f"{side} limit of {name}", step * value, unit, "limits of the motion, raised")
+    yield Bar("clearance", shift * derivatives.clearance, length, "clearances asked for")
     for name, value in derivatives.keep_out.items():
-        yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
+        yield Bar(f"clearance from {name}", shift * value, length, "clearances asked for")
     for own in problem.sizes:
-        step, unit, note = (shift, length, "") if own.is_length else (STEP, percent, "")
+        step, unit, note = (shift, length, "sizes by name") if own.is_length else (STEP, percent, "sizes by name")
         if own.tolerance is not None and own.half > 0.0:
-            step, note = own.half, f"{HALF}, "
+            step, note = own.half, HALF
             unit = measured(f"+{step:.4g}", problem.unit) if own.is_length else f"+{step:.3%}".replace("%", " %")
-        note += f"of the {own.body} part, from the size made"
-        yield Bar(f"size {own.name}", step * derivatives.sizes[own.name], unit, note)
+        yield Bar(f"{own.name} of {names[own.body == 'static']}", step * derivatives.sizes[own.name], unit, note)
     for name, weight in problem.motion.by_name(problem.weights).items():
-        yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "of the amount")
+        yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
         yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():

@@ -204,7 +204,7 @@ def _spans(coherent: CoherentRange, spans: Sequence[StateSpan]) -> str:
     problem, direction = coherent.problem, coherent.direction
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
-    starts = [steps_text(problem, (span.low * direction).tolist(), 0.0) for span in seen[1:]]
+    starts = [steps_text(problem, (span.low * direction).tolist()) for span in seen[1:]]
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
@@ -228,7 +228,8 @@ def print_whatif(answer: WhatIf) -> None:
     rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
     notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
-    notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
+    changed = (f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling)
+    notes += [labels_in_words(text, answer.after.question) for text in changed]
     print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 

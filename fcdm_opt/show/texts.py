@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.problem.assembly import Assembly
@@ -30,6 +31,7 @@ NONE = "\u2013"
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
+UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
@@ -134,11 +136,10 @@ def in_unit(value: float, unit: str) -> float:
     return math.degrees(value) if unit == "deg" else value
 
 
-def telling(scene: Scene, values: Sequence[float], amount: float | None = None) -> list[float]:
-    """Return values of the parameters, 0 for those that add nothing to so large an amount, by default their own."""
+def telling(scene: Scene, values: Sequence[float], least: float = UNSEEN) -> list[float]:
+    """Return values of the parameters, 0 for those that add no more than a share of the weighted amount of all."""
     weighted = [own.weight * q for q, own in zip(values, scene.coordinates, strict=False)]
-    amount = math.hypot(*weighted) if amount is None else amount
-    return [q if abs(x) > NOTHING * amount else 0.0 for q, x in zip(values, weighted, strict=False)]
+    return [q if abs(x) > least * math.hypot(*weighted) else 0.0 for q, x in zip(values, weighted, strict=False)]
 
 
 def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
@@ -149,22 +150,23 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 def motion_text(solution: Bounded, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
-    scene, found = solution.question, [*solution.coordinates.values()]
-    values = telling(scene, found, solution.amount)
-    if not values:
-        return "-"
+    scene = solution.question
     if not isinstance(scene, Assembly):
-        return described(scene.motion, values, scene.unit if unit else "")
-    told, start = list[str](), 0
-    for part, motion in scene.motions.items():
-        own, start = values[start : start + len(motion.names)], start + len(motion.names)
-        told += [f"{part} {described(motion, own, scene.unit if unit else '')}"] if any(own) else []
-    return "; ".join(told) or "-"
+        return steps_text(scene, [*solution.coordinates.values()], unit=unit)
+    moved = ((part, scene.motions[part], own) for part, own in values_by_part(solution).items() if any(own))
+    return "; ".join(f"{part} {described(own, q, scene.unit if unit else '')}" for part, own, q in moved) or "-"
 
 
-def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
-    """Return a motion in words as `motion_text` does; what adds nothing to so large an amount is left out."""
-    values = telling(problem, values, amount)
+def values_by_part(solution: Bounded) -> dict[str, list[float]]:
+    """Return the values of the motion of each part of an assembly, 0 for rounding; none without motions."""
+    scene = cast("Assembly", solution.question)
+    values = iter(telling(scene, [*solution.coordinates.values()]))
+    return {part: [*islice(values, len(motion.names))] for part, motion in scene.motions.items()}
+
+
+def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:
+    """Return a motion in words as `motion_text` does."""
+    values = telling(problem, values)
     if not values:
         return "-"
     return described(problem.motion, values, problem.unit if unit else "")

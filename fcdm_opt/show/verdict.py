@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.naming import is_round, told_element
+from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
     CLOSED,
@@ -94,9 +94,9 @@ def answer_text(solution: Solution) -> str:
     return f"{head}{verdict_text(solution)}\n{row}"
 
 
-def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
+def _done(problem: Problem, values: Sequence[float]) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
-    values = telling(problem, values, amount)
+    values = telling(problem, values)
     steps = zip(problem.motion.by_step(values), problem.motion.describe_steps(values, unit=problem.unit), strict=True)
     return [step for own, step in steps if any(own)]
 
@@ -110,13 +110,12 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     ends = []
     for event in coherent.events:
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
-        far = float(np.linalg.norm(problem.weights * values)) if values else 0.0
-        steps = " and ".join(" ".join(step) for step in _done(problem, values, far)) if values else ""
+        steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
-    along = steps_text(problem, coherent.direction.tolist(), 1.0)
+    along = steps_text(problem, coherent.direction.tolist())
     sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
     sizes *= _across(coherent)
-    told = [f"along {along}, {contact_text(problem, coherent.features)}{sizes}, until"]
+    told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
         if not steps:
             what = "nothing ends it"
@@ -138,7 +137,7 @@ def _across(coherent: CoherentRange) -> bool:
 
 
 def _steps(solution: Solution) -> list[tuple[str, str]]:
-    return _done(solution.problem, list(solution.parameters.values()), solution.amount)
+    return _done(solution.problem, list(solution.parameters.values()))
 
 
 def motion_said(solution: Solution) -> str:
@@ -200,18 +199,23 @@ def sure_text(solution: Solution) -> str:
     return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
 
 
-def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
-    """Return what touches what: "its corner 5 touches the top face (facing +z) of plate"; of many the first ones."""
+def contact_text(problem: Problem, features: Sequence[Feature], *, named: bool = False) -> str:
+    """Return what touches what: "its corner 5 touches the top face (facing +z) of plate"; of many the first ones.
+
+    `named`: the movable part is named, where no text before it does.
+    """
     told: dict[str, list[str]] = {}
     for feature in features:
         one, two = told_element(problem.movable, feature.one), told_element(problem.static, feature.two)
         flat = feature.kind == "F1F2" and not is_round(one) and not is_round(two)
-        others = told.setdefault(f"its {one} {'lies on' if flat else 'touches'}", [])
+        mine = f"{with_article(one)} of {name_of(problem, 0)}" if named else f"its {one}"
+        others = told.setdefault(f"{mine} {'lies on' if flat else 'touches'}", [])
         others += [two] if two not in others else []
     if not told:
         return ""
     pairs = [(step, two) for step, others in told.items() for two in others]
-    shown = [f"{step} {' and '.join(_the(two) for own, two in pairs[:CONTACTS] if own == step)}" for step in told]
+    few = [(step, [with_article(two) for own, two in pairs[:CONTACTS] if own == step]) for step in told]
+    shown = [f"{step} {' and '.join(others)}" for step, others in few]
     words = " and ".join(shown[: len({step for step, _ in pairs[:CONTACTS]})])
     more = f", and {counted(len(pairs) - CONTACTS, 'more contact')}" if len(pairs) > CONTACTS else ""
     return f"{words} of {name_of(problem, 1)}{more}"
@@ -227,11 +231,6 @@ def labels_in_words(text: str, scene: Scene) -> str:
         head = "" if problem is scene else f"{' - '.join(pair)}: "
         text = Feature.all_in_words(text, *drawn_bodies(problem), keep_outs, head)
     return text
-
-
-def _the(element: str) -> str:
-    """Return an element with an article, but where a number names it."""
-    return element if element.startswith(("corner", "face ")) else f"the {element}"
 
 
 def fit_text(problem: Problem) -> str:

@@ -52,7 +52,7 @@ BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amoun
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
-LINEAR, NEWTON = "1: several contacts, linear equations", "2: several contacts, by Newton's method"
+LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
 
 
 def contact_system(task: Task) -> Answer | None:

@@ -18,20 +18,20 @@ EXAMPLE = str(Path(__file__).parents[2] / "problems" / "example1.toml")
 
 
 @pytest.mark.parametrize(
-    ("line", "missing"), [(["solve", EXAMPLE, "--out"], "matplotlib"), (["report", EXAMPLE, "--out"], "plotly.offline")]
+    ("command", "name", "missing"), [("solve", "out", "matplotlib"), ("report", "out.html", "plotly.offline")]
 )
 def test_pictures_were_refused_once_a_case_after_all_was_solved(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, line: list[str], missing: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: str, name: str, missing: str
 ) -> None:
     from fcdm_opt.show import rendering
 
     rendering.plotly.cache_clear()
     monkeypatch.setitem(sys.modules, missing, None)  # as if it were not installed
-    found = CliRunner().invoke(app, [*line, str(tmp_path / "out.html")])
+    found = CliRunner().invoke(app, [command, EXAMPLE, "--out", str(tmp_path / name)])
     assert found.exit_code == 2
     assert found.stderr.count("pip install 'fcdm_opt[pictures]'") == 1
     assert not found.stdout
-    assert not (tmp_path / "out.html").exists()
+    assert not (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize("name", ["allocation", "coacd", "dask", "pictures", "step", "tables"])

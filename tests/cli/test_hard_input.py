@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
+from fcdm_opt.cli.common import written
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import load_problems
 
@@ -85,6 +86,27 @@ def test_a_folder_that_cannot_be_made_ended_in_a_traceback(here: Path, command: 
     assert result.exit_code == 2
     assert "afile" in result.stderr
     assert not (here / "afile").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("line", "allowed"),
+    [
+        ("solve p.toml --out o.svg", "a folder"),
+        ("curve p.toml --out o.PNG", "a folder"),
+        ("map p.toml --out o.html", "a folder"),
+        ("study p.toml --out o.csv", "a folder"),
+        ("solve p.toml --table o.xlsx", ".csv or .txt"),
+        ("report p.toml --out o.svg", ".html"),
+        ("init a.stl b.stl --out o.svg", ".toml"),
+    ],
+)
+def test_a_name_of_another_kind_of_file_made_a_folder_of_that_name(here: Path, line: str, allowed: str) -> None:
+    command, *arguments = line.split()
+    result = run(command, *arguments)
+    assert result.exit_code == 2
+    assert allowed.split()[-1] in result.stderr.partition("allowed: ")[2]
+    assert [own.name for own in here.iterdir()] == ["p.toml"]
+    assert written("--out")(Path("run.1")) == Path("run.1")  # the name of a folder
 
 
 def test_a_case_name_longer_than_file_names_may_be_lost_the_answer(here: Path) -> None:

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.special import ndtr
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
+from fcdm_opt.design.question import Question
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 KEY = PROBLEMS / "slot_and_key.toml"
@@ -150,6 +152,39 @@ def test_a_size_with_a_space_in_its_name_is_set_on_the_command_line(tmp_path: Pa
         code, _, said = run("whatif", file, "--set", change)
         assert code == 2
         assert word in said
+
+
+def test_what_if_and_studies_refused_the_sizes_of_a_mesh_that_has_to_be_cut_for_them(tmp_path: Path) -> None:
+    """A T of one piece, its shoulders in one plane: the height of one changes, as `solve` had it from the file."""
+    foot, stem = (trimesh.creation.box(bounds=ends) for ends in (((-3, 0, 0), (3, 4, 2)), ((-1, 0, 1), (1, 4, 6))))
+    trimesh.boolean.union([foot, stem]).export(tmp_path / "tee.off")
+    trimesh.creation.box(bounds=((2, 0, 2.5), (5, 4, 4))).export(tmp_path / "bar.off")
+    tee = fo.Body.from_file(tmp_path / "tee.off", unit="mm")
+    normals, points = tee.face_planes
+    up = np.flatnonzero((normals[:, 2] > 0.9) & (points[:, 2] == 2))
+    right = next(k for k in up if tee.vertices[tee.faces[k][0] - 1, 0] > 0)
+    file = tmp_path / "tee.toml"
+    file.write_text(f"""
+        [bodies.movable]
+        file = "tee.off"
+        unit = "mm"
+        [bodies.static]
+        file = "bar.off"
+        unit = "mm"
+        [[size]]
+        name = "shoulder"
+        body = "movable"
+        faces = "F{right + 1}"
+        tolerance = 0.2
+        [[case]]
+        name = "1"
+        goal = "touch"
+        motion = [{{ translation = "z" }}]
+        made = {{ shoulder = 0.125 }}
+    """)
+    (asked,) = Question.read(file)
+    assert fo.solve(asked.problem()).amount == pytest.approx(0.375)
+    assert fo.solve(asked.changed({"made.shoulder": -0.125}).drawn().problem()).amount == pytest.approx(0.625)
 
 
 def test_a_study_varies_what_is_made_and_tolerances(tmp_path: Path) -> None:

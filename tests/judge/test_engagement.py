@@ -26,7 +26,7 @@ UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
 NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds
 TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])  # orthogonal
 
-WALLS = "between its face 7 (facing +x) and face 11 (facing -x)"
+WALLS = "between face 7 (facing +x) and face 11 (facing -x) of slot"
 
 
 def block(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> np.ndarray:
@@ -97,7 +97,7 @@ def test_the_part_inside_may_be_the_one_that_stands_still() -> None:
     found = misfit(problem)
     assert found is not None
     assert (found.inside, found.inner, found.outer) == (1, pytest.approx(1.02 * 19.4), pytest.approx(0.98 * 20.0))
-    assert verdict(problem).startswith("does not fit: nut 19.79 mm in slot 19.60 mm, between its face ")
+    assert verdict(problem).startswith("does not fit: nut 19.79 mm in slot 19.60 mm, between face ")
     assert fo.solve(problem).status is Status.OUTSIDE_FIT
 
 
@@ -183,7 +183,7 @@ def test_a_peg_too_large_for_its_hole_is_not_put_on_top_of_it() -> None:
     solution = fo.solve(problem)
     assert solution.parameters["TZ"] == pytest.approx(0.95 * 20.0, abs=1e-9)
     assert solution.status is Status.OUTSIDE_FIT
-    assert verdict(problem).startswith("does not fit: peg 10.50 in plate 9.69, between its face ")
+    assert verdict(problem).startswith("does not fit: peg 10.50 in plate 9.69, between face ")
     assert fits_up_to(problem) == pytest.approx(0.2 / 20.2, rel=1e-4)
 
 

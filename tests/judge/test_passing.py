@@ -252,7 +252,7 @@ def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_
     monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", 0.5)  # for what does not fit: nothing is found of it
     found = CliRunner().invoke(app, ["init", *args, "--unit", "mm"])
     words = " ".join(found.output.split())
-    assert "does not fit: shaft 20.000 mm in plate 19.957 mm, across its bore of radius 10" in words
+    assert "does not fit: shaft 20.000 mm in plate 19.957 mm, across the bore of radius 10 of plate" in words
     assert "move the movable part in the drawing" not in words
     assert "1 of 4 cases solved and verified" in words
     assert words.count("Does not fit: shaft") == 3

@@ -318,6 +318,8 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     asked = next(each for each in fo.load_assemblies(path) if each.scales["key"] == 1.02)
     solution = fo.solve(asked)
     text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": ""}], [solution])
+    assert "relative to left wedge, which carries it" in text
+    assert text.count('<table class="title-block">') == 1  # a sheet of two parts had one, of several none
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
     opened.drawn("0 corrected")

@@ -516,8 +516,8 @@ def test_sensitivities_are_the_derivatives_of_the_closed_form():
     (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
     bars = {bar["name"]: bar["value"] for bar in case["sensitivities"]["bars"]}
     first, second = case["pair"]
-    assert bars[f"size of {case['bodies'][0]['name']}"] == pytest.approx(0.01 * first / 2, rel=1e-6)
-    assert bars[f"size of {case['bodies'][1]['name']}"] == pytest.approx(0.01 * second / 4, rel=1e-6)
+    assert bars[f"overall size of {case['bodies'][0]['name']}"] == pytest.approx(0.01 * first / 2, rel=1e-6)
+    assert bars[f"overall size of {case['bodies'][1]['name']}"] == pytest.approx(0.01 * second / 4, rel=1e-6)
 
 
 def test_what_was_left_out_is_true_of_the_problem():

@@ -32,7 +32,7 @@ def test_bars_are_what_solving_again_gives() -> None:
     def again(**changes: Any) -> float:
         return fo.solve(asked.changed(**changes)).amount
 
-    for k, name in enumerate(f"size of {body.name}" for body in (asked.movable, asked.static)):
+    for k, name in enumerate(f"overall size of {body.name}" for body in (asked.movable, asked.static)):
         up, down = asked.target.copy(), asked.target.copy()
         up[k] *= 1.0 + STEP
         down[k] *= 1.0 - STEP
@@ -52,8 +52,8 @@ def test_a_tolerance_counts_by_a_hundredth_and_sizes_come_always() -> None:
     slope = (fo.solve(wider).amount - solved("example1", "B").amount) / 1e-4
     assert found[f"tolerance + of {asked.movable.name}"].value == pytest.approx(STEP * slope, rel=0.02)
     assert found[f"tolerance + of {asked.movable.name}"].unit == "+0.01"
-    assert f"size of {asked.static.name}" in found
-    assert found[f"size of {asked.static.name}"].value == 0.0
+    assert f"overall size of {asked.static.name}" in found
+    assert found[f"overall size of {asked.static.name}"].value == 0.0
 
 
 def test_a_limit_that_holds_gets_a_bar_with_its_unit() -> None:
@@ -77,9 +77,17 @@ def test_steps_of_lengths_were_numbers_that_nobody_knows() -> None:
     told = named(solution)
     assert told["front face of key"].unit == "+0.1 mm"
     assert told["front face of key"].value == pytest.approx(-0.1)
-    half = told["size slot_depth"]  # each 0.05 deeper, as far as its tolerance goes
-    assert (half.unit, half.note.partition(",")[0]) == ("+0.05 mm", "half its tolerance")
+    half = told["slot_depth of slot"]  # each 0.05 deeper, as far as its tolerance goes
+    assert (half.unit, half.note) == ("+0.05 mm", "sizes by name, each by half its tolerance")
     assert half.value == pytest.approx(0.05)
+
+
+def test_steps_of_different_kinds_stood_in_one_list() -> None:
+    """Overall sizes, sizes by name and faces, by per cent and by mm: each kind has a heading with its step."""
+    words = [text.get_text() for text in shown(sensitivities_figure(solved("slot_and_key", "low foot, deep slot")))]
+    for heading in ("overall sizes as made, all else as it is: +1 %", "sizes by name, each by half its tolerance",
+                    "planes of faces, shifted outwards: +0.1 mm"):  # fmt: skip
+        assert words.count(heading) == 1
 
 
 def test_without_a_motion_there_are_no_bars_and_the_picture_says_so() -> None:

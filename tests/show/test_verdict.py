@@ -13,7 +13,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show.texts import parameter_texts
+from fcdm_opt.show.texts import parameter_texts, telling
 from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -47,7 +47,7 @@ VERDICTS = {
     ),
     ("boxes", "already clear"): "leave cube where it is: it is 0.5 clear of plate; nothing to do",
     ("nut", "nut made too small"): (
-        "does not fit: key 20.00 mm in nut 19.89 mm, between its face 2 (facing -x) and face 10 (facing +x)"
+        "does not fit: key 20.00 mm in nut 19.89 mm, between face 2 (facing -x) and face 10 (facing +x) of nut"
     ),
     ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
         "impossible with this motion and these limits (proved): at the nearest pose found (TX 0 mm + TZ 0.36 mm) "
@@ -202,7 +202,7 @@ def test_walls_that_leave_too_little_room_are_named() -> None:
         cube("key", 2.0), slot, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm"
     )
     told = verdict_text(fo.solve(problem))
-    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between its face ")
+    assert told.startswith("does not fit: key 2.020 mm in slot 1.980 mm, between face ")
     assert "(facing +x) and face " in told
     assert "(facing -x)" in told
 
@@ -226,3 +226,23 @@ def test_labels_in_a_text_are_names_of_faces() -> None:
     faces = "V1F2(P1V8; P2V1,V2,V3,V4)"
     assert labels_in_words(f"{faces}; closes a gap", asked) == "corner 8 of lid, left face of box; closes a gap"
     assert labels_in_words(f"keep-out 'post' {faces}", asked) == "corner 8 of lid, left face of post"
+
+
+@pytest.mark.parametrize("goal", ["touch", "clear"])
+def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_three_searches(goal: Any) -> None:
+    """A pin of 8.002 in a bore of 7.984: the bore is the plate's, and no mesh leaves open whether they fit."""
+    bore = fo.Cylinder(3.992, 12.0, base=(0, 0, -1), facets=16)
+    plate = fo.cut(fo.Box((16, 16, 10), centre=(0, 0, 5)), bore, name="plate")
+    pin = fo.Cylinder(4.001, 12.0, base=(0, 0, -1), facets=16, name="pin")
+    solution = fo.solve(fo.Problem(pin, plate, motion=fo.Translation("x"), target=(1, 1), goal=goal, unit="mm"))
+    words = "does not fit: pin 8.002 mm in plate 7.984 mm, across the bore of radius 3.992 of plate"
+    assert verdict_text(solution) == words
+    assert (solution.usable, solution.amount_low, solution.problem.exact_at) == (False, math.inf, None)
+
+
+def test_a_shift_of_3e_13_mm_stood_beside_one_of_25_micrometres() -> None:
+    """Parameters below the last digit told of the others are none in words; data have them."""
+    problem = fo.Problem(cube("key", 2.0), cube("wall", 2.0), target=(1, 1), goal="touch", unit="mm",
+                         motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"))  # fmt: skip
+    assert telling(problem, [-3.393e-07, -3.049e-13, 0.02528]) == [0.0, 0.0, 0.02528]
+    assert telling(problem, [2e-6, 0.0, 0.02528]) == [2e-6, 0.0, 0.02528]

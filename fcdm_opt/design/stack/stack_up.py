@@ -242,6 +242,8 @@ class StackUp:
     @cached_property
     def _worst(self) -> WorstCase:
         (least, low), (largest, high) = self.touching.least(), self.touching.largest()
+        rounding = DEFAULT.weld * max(body.size for body in self.touching.bodies)
+        least, largest = (0.0 if abs(gap) <= rounding else gap for gap in (least, largest))
         named = [dict(zip(self.names, place.tolist(), strict=True)) for place in (low, high)]
         out, short = self.off
         return WorstCase(least, named[0], largest, named[1], least - short, largest + out)

@@ -31,10 +31,6 @@ OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
 Rates = Sensitivity | AssemblySensitivity
 
 
-def _no_rate(sensitivity: Rates) -> float:
-    return math.nan
-
-
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
     """One constraint of a problem or an assembly.
@@ -79,7 +75,7 @@ class Constraint:
     outward: float = math.nan
     slack: float = 0.0
     kept_at_rest: bool = False
-    rate: Callable[[Any], float] = _no_rate
+    rate: Callable[[Any], float] = lambda _: math.nan
 
 
 def _limit(scene: Scene, coordinate: Coordinate, label: str, sides: tuple[int, ...]) -> Constraint:

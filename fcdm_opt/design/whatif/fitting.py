@@ -110,8 +110,10 @@ def order(problem: Scene) -> tuple[Order, str]:
     if by_name(problem) and problem.goal == "clear" and problem.pair != "touch":
         if problem.motion.shifts and _has_most_material(problem):  # the length that weighs turns may follow sizes
             return Order.FROM_ZERO, "faces only move outwards: a motion that clears larger parts clears smaller ones"
-        if problem.request["made"] == "loosest" and alone and _is_clear_as_drawn(problem):
-            return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"
+        if problem.request["made"] == "loosest" and alone and bool((problem.target == 1.0).all()):
+            need = problem.clearance - problem.contact_slack
+            if float(problem.changed(made=None).curve.gap(problem.target)) >= need:  # all as drawn
+                return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"
     if by_name(problem):
         return Order.ANY, UNKNOWN
     if problem.goal == "beyond" and alone:
@@ -143,12 +145,6 @@ def _has_most_material(problem: Problem) -> bool:
         if not size.is_length or (problem.made[size.name] * out < np.outer([0.0, *ends], out).max(axis=0)).any():
             return False
     return True
-
-
-def _is_clear_as_drawn(problem: Problem) -> bool:
-    """Tell whether a problem of sizes needs no motion where all are as drawn."""
-    gap = float(problem.changed(made=None).curve.gap(problem.target))
-    return bool((problem.target == 1.0).all()) and gap >= problem.clearance - problem.contact_slack
 
 
 def _is_star(body: Body) -> bool:

@@ -31,6 +31,7 @@ from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import (
+    NOTHING,
     advised,
     asked_text,
     bound_text,
@@ -104,9 +105,8 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     texts = parameter_texts(problem, solution.parameters)
-    told = zip(
-        problem.motion.parameters, telling(problem, list(solution.parameters.values())), texts, strict=False
-    )  # none without a motion
+    values = telling(problem, list(solution.parameters.values()), NOTHING)
+    told = zip(problem.motion.parameters, values, texts, strict=False)  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),

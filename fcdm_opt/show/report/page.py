@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
@@ -89,7 +90,9 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],
         inputs=_inputs(files),
-        versions=made().items(),
+        sources=", ".join(file["file"] for file in files),
+        versions=(versions := made()).items(),
+        made_at=versions["date"],
     )
 
 
@@ -109,7 +112,8 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
     bodies = assembly.bodies_made
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
-        "name": assembly.name,
+        **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
+        "sha256": digest(canonical(assembly.to_dict())),
         "usable": solution.usable,
         "verdict": assembly_verdict(solution),
         "picture": inline_svg(assembly_figure(solution), name),
@@ -149,7 +153,8 @@ def study_page(result: StudyResult) -> str:
     rows = result.rows()
     count = len(rows)
     varied, columns = _columns(result, rows)
-    charted, printed = (_evenly(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    fewer = (min(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    charted, printed = ([k * count // some for k in range(some)] for some in fewer)
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
     return whole_page(
         "study.html",
@@ -189,10 +194,6 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     varied = names[names.index("number") + 1 : names.index("status")]
     motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
     return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
-
-
-def _evenly(count: int, most: int) -> Sequence[int]:
-    return range(count) if count <= most else [k * count // most for k in range(most)]
 
 
 def _listed(values: Sequence[Any]) -> str:
