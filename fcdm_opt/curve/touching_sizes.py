@@ -76,7 +76,7 @@ class TouchingSizes:
         Of shifts of the movable body, which count as sizes behind the others.
     standing : tuple of PairRows
         Of part pairs that touch at all sizes of the box and were left out, see `of`.
-    standing_faces : set of (int, int)
+    permanent_faces : set of (int, int)
         Of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count.
     as_drawn : bool
         Whether rows are those of contacts as drawn, whatever the box: they are not found anew.
@@ -89,7 +89,7 @@ class TouchingSizes:
     reach: tuple[float, str]
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
     standing: tuple[PairRows, ...] = ()
-    standing_faces: frozenset[tuple[int, int]] = frozenset()
+    permanent_faces: frozenset[tuple[int, int]] = frozenset()
     as_drawn: bool = False
 
     @classmethod

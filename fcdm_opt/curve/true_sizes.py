@@ -47,7 +47,7 @@ def touching_true_faces(
         every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, **how)
         found = at_all.counted(every)
         if not at_all.refined(pose, [own[::-1] for own in (found.least(), found.largest())]):
-            return replace(found, standing_faces=frozenset(at_all.standing))
+            return replace(found, permanent_faces=frozenset(at_all.permanent))
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
 
 
@@ -101,7 +101,7 @@ class TrueSizes:
         As drawn, movable and static.
     bodies : (Body, Body)
         The same, exact at the points.
-    standing : set of (int, int)
+    permanent : set of (int, int)
         Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
     """
 
@@ -110,7 +110,7 @@ class TrueSizes:
         self.size = max(movable.size, static.size)
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
-        self.standing = set[tuple[int, int]]()
+        self.permanent = set[tuple[int, int]]()
         self.bodies = self._exact()
 
     @classmethod
@@ -156,9 +156,9 @@ class TrueSizes:
         placed[0] = [own @ pose[:3, :3].T + pose[:3, 3] for own in placed[0]]
         lows, highs = ([np.array([end(own, axis=0) for own in each]) for each in placed] for end in (np.min, np.max))
         apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
-        reach = sum(own.reach(self.sizes) for own in self.faces)
+        most = sum(own.largest_move(self.sizes) for own in self.faces)
         tree, points = cKDTree(np.concatenate(placed[1])), np.concatenate(placed[0])
-        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * reach)
+        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * most)
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
@@ -169,7 +169,7 @@ class TrueSizes:
                 rows = [[body.face_rows[face] for face in body.faces_with(own.vertices)] for body, own in sides]
                 both = zip(map(true_faces, self.facets), rows, strict=True)
                 patches = [{faces.patch_of(row) for row in own} for faces, own in both]
-                self.standing |= {(i, j) for i in patches[0] for j in patches[1]}
+                self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
         kept = tuple(own for own in found.pairs if not self._within_round(own))
         return replace(found, pairs=kept or found.pairs)
 
@@ -193,10 +193,10 @@ class TrueSizes:
                     return True
         return False
 
-    def refined(self, pose: Array, told: Sequence[tuple[Array, float]]) -> bool:
-        """Make the bodies exact where they are nearer than is told of sizes, (k,); tell whether any were."""
+    def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
+        """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
-        for place, gap in told:
+        for place, gap in claimed:
             for own in self._nearest(pose, place, gap):
                 if own.gap >= gap - slack or len(new) >= SEVERAL:
                     break
@@ -221,10 +221,10 @@ class TrueSizes:
             patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
             contact = _Contact(own.gap, own.points, own.normal, patches)
             pairs = {(i, j) for i in patches[0] for j in patches[1]}
-            if pairs <= self.standing:
+            if pairs <= self.permanent:
                 continue
             if self._stands(made, contact, pose, place):
-                self.standing |= pairs
+                self.permanent |= pairs
             else:
                 found.append(contact)
         return found
@@ -282,7 +282,7 @@ class SizedFaces:
         """Return it of the sizes that are the body's."""
         return cls(body, sizes, [k for k, own in enumerate(sizes) if own.body == role])
 
-    def reach(self, sizes: Sequence[Size]) -> float:
+    def largest_move(self, sizes: Sequence[Size]) -> float:
         """Return how far sizes move any point of the faces at most."""
         most = np.array([max(map(abs, sizes[k].tolerance or (0.0, 0.0))) for k in self.columns])
         return float((norms(np.moveaxis(self._all, 1, -1)).max(axis=0) @ most) if len(most) else 0.0)

@@ -131,8 +131,8 @@ class TrueFaces:
             own = np.unique(self.owners[(norms(self.corners - tip) == 0.0).any(axis=1)])
             at = tip.copy()
             for _ in range(3):
-                off, ways = zip(*(self.patches[j].gaps(at[None]) for j in own), strict=True)
-                at -= np.linalg.lstsq(np.concatenate(ways), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+                off, normal = zip(*(self.patches[j].gaps(at[None]) for j in own), strict=True)
+                at -= np.linalg.lstsq(np.concatenate(normal), np.concatenate(off), rcond=DEFAULT.sharp)[0]
             self.tips[k] = at if norms(at - tip) <= room else tip
 
     def moved(self, patches: Sequence[Patch], corners: Array) -> TrueFaces:

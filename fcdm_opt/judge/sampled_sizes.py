@@ -74,7 +74,7 @@ class GapClaims:
         The gaps, (n,), that are told there. Without one only the range is told.
     standing : sequence of (int, int)
         Part pairs that are not counted.
-    standing_faces : set of (int, int), optional
+    permanent_faces : set of (int, int), optional
         With them the gap is that of the true faces, without these patches of both, by number in `true_faces`.
     keep_out : sequence of (Body, float)
         Bodies that the movable one keeps clear of at all sizes, and by how much at least; the static one among them
@@ -100,7 +100,7 @@ class GapClaims:
     listed: Array | None = None
     told: Callable[[Array], Array] | None = None
     standing: Sequence[tuple[int, int]] = ()
-    standing_faces: frozenset[tuple[int, int]] | None = None
+    permanent_faces: frozenset[tuple[int, int]] | None = None
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
     others: Sequence[Check] = ()
@@ -112,7 +112,7 @@ class GapClaims:
         """Return what the collision library says of it."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies)
         others = _spread(self.box) if self.listed is None else self.listed
-        most = SAMPLED + CORNERS if self.standing_faces is None else FEW
+        most = SAMPLED + CORNERS if self.permanent_faces is None else FEW
         others = others[np.linspace(0, len(others) - 1, min(len(others), most)).astype(np.int64)]
         ends = np.array([own[1] for own in (self.least, self.largest) if own is not None], float)
         found = [] if self.least is None else self._of_gap(ends, others, slack)
@@ -175,7 +175,7 @@ class GapClaims:
 
         Of the pairs that are counted; the third is how far the others are from touching.
         """
-        if self.standing_faces is not None:
+        if self.permanent_faces is not None:
             gap = self._of_true_faces(place)
             return gap, gap, 0.0
         try:
@@ -207,7 +207,7 @@ class GapClaims:
         if self.sizes:
             both = [self._rates[role].at(place) for role in (0, 1)]
             faces, scales = [own for own, _ in both], np.array([scale for _, scale in both])
-        return gap_of_true_faces(faces, scales, self._pose(place), 2.0 * band, self.standing_faces or ())
+        return gap_of_true_faces(faces, scales, self._pose(place), 2.0 * band, self.permanent_faces or ())
 
     @cached_property
     def _rates(self) -> list[SizedFaces]:

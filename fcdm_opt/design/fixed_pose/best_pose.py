@@ -93,8 +93,8 @@ class BestPose(NotebookRepr, Plain):
         contact that the motion can open counts.
     standing_parts : tuple of (int, int)
         Their part pairs.
-    standing_faces : set of (int, int), or None
-        Of bodies with round faces their faces, see `TouchingSizes.standing_faces`.
+    permanent_faces : set of (int, int), or None
+        Of bodies with round faces their faces, see `TouchingSizes.permanent_faces`.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
@@ -124,7 +124,7 @@ class BestPose(NotebookRepr, Plain):
     problem: Problem | Assembly | None = field(default=None, repr=False)
     standing: tuple[str, ...] = ()
     standing_parts: tuple[tuple[int, int], ...] = ()
-    standing_faces: frozenset[tuple[int, int]] | None = None
+    permanent_faces: frozenset[tuple[int, int]] | None = None
     transforms: Mapping[str, Array] = field(default_factory=dict)
     contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -174,7 +174,7 @@ class BestPose(NotebookRepr, Plain):
             box=self.sizes.box,
             listed=self.sizes.pairs,
             standing=self.standing_parts,
-            standing_faces=self.standing_faces,
+            permanent_faces=self.permanent_faces,
             keep_out=() if failed else [own[:2] for own in obstacles(problem)],
             others=[*others, *(self.check(problem) if proof else ())],
         )
@@ -192,7 +192,7 @@ class BestPose(NotebookRepr, Plain):
     @property
     def on_true_faces(self) -> bool:
         """Whether gaps are those of the faces that facets stand for."""
-        return self.standing_faces is not None
+        return self.permanent_faces is not None
 
     @property
     def passed(self) -> bool:
@@ -304,14 +304,14 @@ def best_pose(
             worst.leave_out_standing()
             proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere
             best = _best(worst, accuracy, effort * proves, fitted=False, windowed=clearance is not None)
-            told = best.found.off.extremes
-            if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], told, own=own):
+            extremes = best.found.off.extremes
+            if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], extremes, own=own):
                 break
         if true is not None and not proves:
             best = best._replace(bound=min(best.value, 0.0), done=False)
-    pose = _told(problem, best, (low, high), own=own)
+    pose = _reported(problem, best, (low, high), own=own)
     if true is not None:
-        pose = replace(pose, evidence=None, standing_faces=frozenset(true.standing))
+        pose = replace(pose, evidence=None, permanent_faces=frozenset(true.permanent))
     return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
 
 
@@ -367,7 +367,7 @@ def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed:
     return _Best(worst, best, search, status, value, bound, bool(done), fitted)
 
 
-def _told(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
+def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
     """Return what is told of a pose."""
     worst, best, search = found.worst, found.found, found.search
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])

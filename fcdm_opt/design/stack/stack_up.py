@@ -308,7 +308,7 @@ class StackUp:
         one, two = (body if body.exact is None else body.exact.facets for body in self.touching.bodies)
         return GapClaims(
             bodies=(one, two),
-            standing_faces=self.touching.standing_faces if self.on_true_faces else None,
+            permanent_faces=self.touching.permanent_faces if self.on_true_faces else None,
             sizes=self.sizes,
             transform=self.touching.transform,
             least=least,
