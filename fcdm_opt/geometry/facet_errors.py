@@ -317,7 +317,12 @@ def _moved(body: Body, off: Array, errors: Array) -> Body | None:
     """Return a body whose faces are moved outward by lengths, all >= 0 or all <= 0; None where that cannot be."""
     if not off.any():
         return body
-    return _surface_moved(body, off, errors) if body.is_surface else _parts_moved(body, off)
+    if not body.is_surface:
+        return _parts_moved(body, off)
+    flat = np.asarray(errors.max(axis=1) == 0.0)
+    made = _surface_moved(body, off, flat)
+    # where a fillet goes on in a plane, corners that stay in it may have to go too far
+    return _surface_moved(body, off, np.zeros_like(flat)) if made is None else made
 
 
 # ------------------------------------------------------------------------------------------ of bodies cut into parts
@@ -414,13 +419,16 @@ def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] 
 # --------------------------------------------------------------------------------------- of bodies kept as a surface
 
 
-def _surface_moved(body: Body, off: Array, errors: Array) -> Body | None:
-    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved."""
+def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
+    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved.
+
+    Those of faces that are `flat`, (faces,), stay in their planes.
+    """
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     owners = body.face_triangles[1]
     first, same = distinct_rows(body.vertices)
     normals = unit_normals(body.vertices[triangles])
-    moves = _moves(same[triangles], owners, normals, off, errors, len(first))
+    moves = _moves(same[triangles], owners, normals, off, flat, len(first))
     if moves is None:
         return None
     points = body.vertices + moves[same]
@@ -456,14 +464,13 @@ def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
 
 
 def _moves(
-    corners: Ints, owners: Ints, normals: Array, off: Array, errors: Array, count: int
+    corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int
 ) -> Array | None:
     """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved.
 
-    It stays in the planes of faces that have no error. None where there is no such move.
+    It stays in the planes of flat faces. None where there is no such move.
     """
     moves, side = np.zeros((count, 3)), 1.0 if off.max() > 0.0 else -1.0
-    flat = np.asarray(errors.max(axis=1) == 0.0)
     faces, their = np.repeat(owners, 3), corners.ravel()
     order = np.argsort(their, kind="stable")
     ends = np.searchsorted(their[order], np.arange(count + 1))
