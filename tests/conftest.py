@@ -26,7 +26,7 @@ providers.is_local_module_file = lambda path: False
 
 settings.register_profile(
     "tests",
-    max_examples=50,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     database=None,
