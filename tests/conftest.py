@@ -39,7 +39,7 @@ settings.load_profile("plain Python" if PLAIN else "tests")
 
 # `pytest -m fast`: under a minute on two cores with kernels compiled, and something of every package
 FAST = {
-    "test_batch", "test_bodies", "test_certificate", "test_checker", "test_cli_help", "test_contact",
+    "test_batch", "test_bodies", "test_certificate", "test_contact",
     "test_contact_rows", "test_conversion", "test_descent", "test_distributions", "test_documents_complete",
     "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init", "test_judging",
     "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples", "test_problem",
