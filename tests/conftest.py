@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from fcdm_opt.threads import single
 
 single()  # as the command line does
+os.environ["DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"] = "forkserver"  # its workers start in a second less
 pytest.register_assert_rewrite("curve_checks")  # checks shared by several files say what differs
+
+# else examples take numbers from the text of whatever modules are loaded by then: others after each change, and in
+# each order of the tests
+providers.is_local_module_file = lambda path: False
 
 settings.register_profile(
     "tests",
-    max_examples=50,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     database=None,
@@ -28,13 +39,24 @@ settings.load_profile("plain Python" if PLAIN else "tests")
 
 # `pytest -m fast`: under a minute on two cores with kernels compiled, and something of every package
 FAST = {
-    "test_batch", "test_bodies", "test_certificate", "test_checker", "test_cli_help", "test_contact",
+    "test_batch", "test_bodies", "test_certificate", "test_contact",
     "test_contact_rows", "test_conversion", "test_descent", "test_distributions", "test_documents_complete",
     "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init", "test_judging",
     "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples", "test_problem",
     "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution", "test_solver_closed_forms",
     "test_study_files", "test_study_tables", "test_table", "test_turns", "test_typing_mistakes", "test_working",
 }  # fmt: skip
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Let each worker import another share of all files first: their asserts are rewritten once, not by each worker."""
+    config, worker = session.config, getattr(session.config, "workerinput", None)
+    if worker and config.args_source is config.ArgsSource.TESTPATHS and not config.option.markexpr:
+        paths = sorted(Path(__file__).parent.glob("**/test_*.py"))
+        for path in paths[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
+            sys.path.insert(0, str(path.parent))
+            with suppress(Exception, pytest.skip.Exception):  # what is wrong is told when it is collected
+                import_module(path.stem)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -48,6 +70,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.stem in FAST:
             item.add_marker(pytest.mark.fast)
+
+
+@pytest.fixture
+def ticking(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Let a second go by at each look at the clock of a proof: it ends after as many cells on any machine."""
+    ticks = itertools.count()
+    for name in ("proof.columns", "stages.branching", "stages.turns"):
+        monkeypatch.setattr(f"fcdm_opt.{name}.perf_counter", lambda: float(next(ticks)))
+    return ticks
 
 
 @pytest.fixture

@@ -42,10 +42,18 @@ def run_of(*methods, plan=PLAN, yardstick=None, about=None):
     return measured(about or scene(), methods, plan, np.random.default_rng(0), [] if yardstick is None else yardstick)
 
 
+@pytest.fixture
+def now(monkeypatch):
+    """The time that the harness reads, in seconds; no time goes by but what is added here."""
+    now = [0.0]
+    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
+    return now
+
+
 # -------------------------------------------------------------------------------------------- planted: set-up not timed
 
 
-def test_a_rival_that_puts_its_setup_off_is_found_out():
+def test_a_rival_that_puts_its_setup_off_is_found_out(now):
     """Its preparation is empty and its first answer pays for it: the row must carry that time as set-up."""
 
     def lazy(subject, setting):
@@ -53,40 +61,38 @@ def test_a_rival_that_puts_its_setup_off_is_found_out():
 
         def ask(questions):
             if not made:
-                time.sleep(0.05)
+                now[0] += 0.05
                 made.append(True)
             return squares(subject, setting)(questions)
 
         return ask
 
     def honest(subject, setting):
-        time.sleep(0.05)
+        now[0] += 0.05
         return squares(subject, setting)
 
     late, own = run_of(method(lazy, "late"), method(honest, "honest"))
-    assert late.setup < 0.01
-    assert late.late_setup > 0.04
-    assert late.setup + late.late_setup == pytest.approx(own.setup, rel=0.8)
-    assert own.late_setup == 0.0
+    assert (late.setup, late.late_setup) == (0.0, pytest.approx(0.05))
+    assert (own.setup, own.late_setup) == (pytest.approx(0.05), 0.0)
     row = bench.row(task_of([late.method]), scene(), late)
-    assert row["setup"] + row["late_setup"] > 0.04
+    assert row["setup"] + row["late_setup"] == pytest.approx(0.05)
     assert "set-up at the first question" in row["reason"]
 
 
-def test_what_a_rival_remembers_from_the_warming_up_is_of_another_subject():
+def test_what_a_rival_remembers_from_the_warming_up_is_of_another_subject(now):
     """Set-up hidden in the untimed warm-up does not help: every subject is set up within the measurement."""
     known = {}
 
     def hiding(subject, setting):
         if subject not in known:
-            time.sleep(0.03)
+            now[0] += 0.03
             known[subject] = True
         return squares(subject, setting)
 
     rival = method(hiding)
     warmed([scene(subject="warming up")], [rival])
     (own,) = run_of(rival, about=scene(subject="measured"))
-    assert own.setup > 0.025
+    assert own.setup == pytest.approx(0.03)
 
 
 def test_no_question_is_asked_twice_of_a_method_and_all_get_the_same():
@@ -114,10 +120,10 @@ def test_methods_take_turns_in_changing_order():
     assert len(set(rounds)) > 1
 
 
-def test_a_slow_method_sits_out_when_its_time_is_spent():
+def test_a_slow_method_sits_out_when_its_time_is_spent(now):
     def slow(subject, setting):
         def ask(questions):
-            time.sleep(0.03)
+            now[0] += 0.03
             return questions
 
         return ask
@@ -127,10 +133,8 @@ def test_a_slow_method_sits_out_when_its_time_is_spent():
     assert len(other.seconds) == PLAN.rounds
 
 
-def test_what_a_call_costs_by_itself_is_shared_by_a_whole_calls_questions(monkeypatch):
+def test_what_a_call_costs_by_itself_is_shared_by_a_whole_calls_questions(now):
     """A batch that takes 300 us a call and 5 us a question seemed to take 28 us: its first calls were of few."""
-    now = [0.0]
-    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
 
     def batch(subject, setting):
         def ask(questions):
@@ -147,10 +151,9 @@ def test_what_a_call_costs_by_itself_is_shared_by_a_whole_calls_questions(monkey
 
 
 @pytest.mark.parametrize("most", [1, 2, 3, 4, 5, 7, 16, 100])
-def test_no_more_questions_are_asked_than_a_plan_says(monkeypatch, most):
+def test_no_more_questions_are_asked_than_a_plan_says(now, most):
     """Poses of unions are drawn beforehand: pacing asked for one more than there were."""
-    now, rng = [0.0], np.random.default_rng(most)
-    monkeypatch.setattr(timing, "perf_counter", lambda: now[0])
+    rng = np.random.default_rng(most)
 
     def uneven(subject, setting):
         def ask(questions):

@@ -45,6 +45,7 @@ def pairs(found: CompensationMap, count: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(found.box[:, 0], found.box[:, 1], (count, 2))
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_touching_a_slab_is_linear_on_both_sides_of_contact():
     found = slab_map("touch")
     rho = pairs(found, 1000, 1)
@@ -59,6 +60,7 @@ def test_touching_a_slab_is_linear_on_both_sides_of_contact():
     assert not boundary.jumps
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_half_of_the_box_needs_no_motion_to_be_clear():
     found = slab_map("clear")
     rho = pairs(found, 1000, 2)
@@ -69,6 +71,7 @@ def test_half_of_the_box_needs_no_motion_to_be_clear():
     assert [region.share for region in found.regions] == pytest.approx([0.5, 0.5], abs=1e-6)
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_beyond_a_limit_there_is_no_motion():
     found = compensation_map(slab(limits={"TX": (-0.05, 0.05)}), error=1e-3)
     rho = pairs(found, 1000, 3)
@@ -110,6 +113,7 @@ def test_boundaries_of_example_1_are_the_switching_point_and_the_contact_lines()
             assert len(features) == 2
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_map_survives_json_and_csv(tmp_path):
     found = slab_map("clear")
     found.to_json(tmp_path / "map.json")
@@ -127,6 +131,7 @@ def test_a_map_survives_json_and_csv(tmp_path):
             CompensationMap.read(tmp_path / "map.json")
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_no_half_written_file_is_left_and_others_may_read_it(tmp_path, monkeypatch):
     """Written files had the rights of temporary ones: nobody else could read them."""
     found, path = slab_map("clear"), tmp_path / "map.json"
@@ -194,6 +199,7 @@ def test_what_has_no_map_is_refused():
         compensation_map(slab(tolerance=0.0))
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_the_picture_names_regions_and_corners():
     from fcdm_opt.show.maps import map_figure
 
@@ -330,6 +336,7 @@ def test_time_that_is_up_is_told():
     assert (found.at(*pairs(found, 100, 9).T).region >= 0).all()
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_transforms_of_a_map_are_those_of_its_motions():
     """Of the probe before a slab: a shift by the gap that 4 - rho_1 - 3 rho_2 leaves; nan outside the box."""
     found = slab_map("touch")

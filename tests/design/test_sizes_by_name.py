@@ -54,6 +54,7 @@ def run(*arguments: Any) -> tuple[int, str, str]:
 # --------------------------------------------------------------------------------------------------------------- maps
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_map_over_two_sizes_has_the_closed_form() -> None:
     """To touch the nearer wall: min(0.05 - right, 0.1 - left)."""
     found = fo.compensation_map(peg_in_channel(), error=1e-4)
@@ -70,6 +71,7 @@ def test_a_map_over_two_sizes_has_the_closed_form() -> None:
     assert [own.body for own in share.contributions] == ["right side", "left side"]
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_map_over_scales_that_was_written_before_is_read() -> None:
     problem = peg_in_channel(sizes=(), tolerance=1e-4, requirement="A")
     data = fo.compensation_map(problem, error=1e-2).to_dict()

@@ -215,7 +215,7 @@ def _session(leader: int) -> list[str]:
     return found
 
 
-def _wait(condition: Any, seconds: float = 60.0) -> None:
+def _wait(condition: Any, seconds: float = 300.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited in vain"

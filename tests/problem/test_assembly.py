@@ -681,7 +681,7 @@ def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
     rival = loaded(Path(__file__).parents[2] / "benchmarks" / "compare_assemblies.py")
     assert rival.main(["1", "--quick"]) == 0
     summary = capsys.readouterr().out.splitlines()[-1]
-    assert "beaten 0, missed 0; equal to 1e-6 in 6" in summary
+    assert "beaten 0, missed 0; equal to 1e-6 in 4" in summary
     case = rival.scene(1, 4)
     real = rival.Rival(case)
     ours = fo.solve_assembly(case.assembly)

@@ -83,6 +83,7 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert "Measure both parts" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("coarse_maps")
 def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
     """The peg is 2 wide as drawn, the wall's face one of a place: the first is a measure, the other a deviation."""
     width = fo.Size("width", "movable", faces=("+x", "-x"), each=0.5, tolerance=0.02)

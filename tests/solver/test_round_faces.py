@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ def asked(movable: fo.Body, static: fo.Body, motion: fo.Motion, **more) -> fo.Pr
     return fo.Problem(movable, static, motion=motion, **{"target": (1.0, 1.0), "goal": "touch", **more})
 
 
+@cache
 def plate(radius: float, height: float = 20.0, wide: float = 40.0) -> fo.Body:
     box = fo.Box((wide, wide, height), centre=(0, 0, height / 2))
     return fo.cut(box, fo.Cylinder(radius, height + 2, base=(0, 0, -1)), name="plate")
 
 
+@cache
 def pin(radius: float, *, facets: int = 32, at: tuple[float, float] = (0.0, 0.0)) -> fo.Body:
     return fo.Cylinder(radius, 30, base=(*at, -5), facets=facets, name="pin")
 
@@ -110,8 +113,8 @@ def test_a_ball_meets_planes_cones_and_its_socket() -> None:
 def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     """A torus bent both ways; along the axis the ball meets the edge of the groove, a circle."""
     ring, tube, r, outer = 20.0, 5.2, 5.0, 18.0
-    race = fo.cut(fo.Cylinder(outer, 10.0, base=(0, 0, -5)), fo.Torus(ring, tube))
-    ball = fo.Sphere(r, centre=(ring, 0, 0))
+    race = fo.cut(fo.Cylinder(outer, 10.0, base=(0, 0, -5), facets=16), fo.Torus(ring, tube, facets=16))
+    ball = fo.Sphere(r, centre=(ring, 0, 0), facets=16)
     inward = usable(asked(ball, race, fo.Translation((-1.0, 0.0, 0.0))), effort="quick")
     assert inward.amount == pytest.approx(tube - r, rel=1e-8)
     rim = math.sqrt(tube**2 - (ring - outer) ** 2) - math.sqrt(r**2 - (ring - outer) ** 2)

@@ -87,7 +87,7 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     count = end - start
     G, h, v = np.empty((count, 3)), np.empty(count), np.empty(3)
     for k in range(count):
-        G[k] = rows[start + k, :3]
+        G[k, 0], G[k, 1], G[k, 2] = _at(rows, start + k)
         h[k] = _level(rows, start + k, sizes, shift) / best
     nearest(G, h, np.zeros(count, np.bool_), count, v, np.empty(count))
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -102,14 +102,13 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
 def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
     own = np.empty(3)
-    best = pair_gap(rows, first[likely], first[likely + 1], along_rows, sizes, shift, _INF, way)
-    owner = likely
+    best, owner = pair_gap(rows, first[likely], first[likely + 1], along_rows, sizes, shift, _INF, way), likely
     for p in range(len(first) - 1):
         if p != likely:
             gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes, shift, best, own)
             if gap < best:
                 best, owner = gap, p
-                way[:] = own
+                way[0], way[1], way[2] = own[0], own[1], own[2]
     return best, owner
 
 
@@ -186,6 +185,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
     return error
 
 
+@light
 @kernel
 def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_rows, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
