@@ -154,7 +154,7 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
         ("init --jsonn a b", "error: --jsonn: no such option; see"),  # dashes alone made '--version' near
         ("solve", "error: FILE: missing; allowed: Problem files (TOML); see fcdm-opt solve --help"),
         ("map x.toml --out o --jobs many", "error: --jobs: "),
-        (f"map {BOXES} --box 1,2,3 --out /proc/none", "error: --box: not four numbers; found '1,2,3'; allowed: "),
+        (f"map {BOXES} --box 1,2,3 --out /proc/none", "error: --box: not pairs of numbers; found '1,2,3'; allowed: "),
         ("stability", "error: --out: what to do is not given once; found 'neither'; allowed: "),
         (f"solve {BOXES} --case nope", "error: --case: no such case; found 'nope'; allowed: close the gap,"),
         ("solve problems", "error: problems: the file cannot be read; found 'Is a directory'; allowed: "),
