@@ -146,7 +146,7 @@ def whatif_command(
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 
-    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 def map_command(
@@ -187,7 +187,7 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures = inquiry.pictures
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -249,7 +249,7 @@ def pose_command(
         made = clearances(problem, sizes=pairs, box=within, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 def faces_command(
@@ -298,7 +298,7 @@ def stack_command(
 
     limits: Any = None if gap is None else _numbers(gap, "--gap", "LOW,HIGH as 0.1,0.3", 2)
     costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True, dark=dark)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
