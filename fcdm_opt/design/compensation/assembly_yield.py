@@ -30,6 +30,9 @@ BINS = 128
 SHARES = (0.5, 0.9, 0.99, 0.999)
 """Shares of the pairs that quantiles are told for."""
 
+MOST_HELD = 2_000_000
+"""Pairs looked up at most to tell what each size' scatter costs."""
+
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
@@ -229,7 +232,7 @@ def assembly_yield(
     drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scaled)
     scattered = looked_up(drawn)
     pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(given))
-    even = len(drawn) // 2 * 2
+    even = 2 * (len(drawn) // max(len(over), 2))
     ends = drawn[0:even:2], drawn[1:even:2]
     here, there = scattered.amount[0:even:2], scattered.amount[1:even:2]
     amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
@@ -241,7 +244,7 @@ def assembly_yield(
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
     for k, body in enumerate(BODIES if over == SCALES else over):
-        own, held = np.arange(len(over)) == k, pairs.copy()
+        own, held = np.arange(len(over)) == k, pairs[:: max(len(pairs) * len(over) // MOST_HELD, 1)].copy()
         held[:, k] = scatter[k].quantile(0.5)
         one, other = (looked_up(np.where(which, *ends[::-1])).amount for which in (own, ~own))
         indices, deviations = sobol_indices(here, one, other, there)

@@ -21,6 +21,9 @@ from fcdm_opt.tolerances import DEFAULT
 KINDS = {1: "interval", 2: "triangle", 3: "tetrahedron"}
 """What simplices of so many sizes are called."""
 
+FIRST = 3
+"""Sizes up to which what is on a facet that simplices share belongs to the first of them; of more to any."""
+
 _BUCKETS = 16  # a simplex: most points then have one simplex to look at, or two
 
 
@@ -118,7 +121,8 @@ class Table(Plain):
 
     Intervals of one size, triangles of two, tetrahedra of three. Within a simplex, with barycentric coordinates r_i (1
     at corner i), amount and parameters are the values at its corners times r_i (2 r_i - 1), and those at the midpoints
-    of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first.
+    of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first; where there are more
+    than three of them to any.
 
     Attributes
     ----------
@@ -259,7 +263,9 @@ class Locator:
         # how far below zero a coordinate may be for a point that is in the simplex but for rounding, and on a seam
         steepest = np.linalg.norm(steep, axis=-1).max(axis=-1)
         self._slack = self.rounding * steepest, self.seam * steepest
-        ends = corners.min(axis=1) - 2.0 * self.seam, corners.max(axis=1) + 2.0 * self.seam
+        # what touches a bucket only is in it, for the first of several to be found; of many sizes that were most of them
+        margin = 2.0 * self.seam * (1.0 if sizes <= FIRST else -1.0)
+        ends = corners.min(axis=1) - margin, corners.max(axis=1) + margin
         self._sides, member, bucket = np.ones(sizes, dtype=np.int64), np.arange(count), np.zeros((count, sizes), int)
         for k in range(round(math.log2(_BUCKETS * count))):  # halved along one size after the other
             self._sides[k % sizes] *= 2
@@ -268,7 +274,7 @@ class Locator:
             bucket[1::2, k % sizes] += 1
             width = (self._high - self._low) / self._sides
             middle = self._low + (bucket + 0.5) * width
-            spread = (np.abs(steep) @ (width / 2.0)).T + 2.0 * self._slack[1]
+            spread = (np.abs(steep) @ (width / 2.0)).T + margin * steepest
             meets = (self._weights(member, middle.T) >= -spread[:, member]).all(axis=0)
             meets &= ((middle + width / 2 >= ends[0][member]) & (middle - width / 2 <= ends[1][member])).all(axis=1)
             member, bucket = member[meets], bucket[meets]
