@@ -5,7 +5,8 @@ What a row's command does is the function NAME_command of one of the modules of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import import_module
 
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED
 
@@ -33,6 +34,8 @@ class CommandRow:
         Whether it takes files of assemblies.
     surplus : str
         What is said where it is given more than it takes.
+    answers : dict
+        By key of a case in its JSON document, "" for the case itself: the classes, as module:class of this package.
     lent : str
         Its help in a sentence where the package `fcdm_opt_benchmarks` brings it, see `LentCommand`.
     """
@@ -42,11 +45,18 @@ class CommandRow:
     examples: str
     assemblies: bool = False
     surplus: str = ""
+    answers: dict[str, tuple[str, ...]] = field(default_factory=dict)
     lent: str = ""
 
     def lines(self, name: str) -> str:
         """Return its examples as whole lines."""
         return "\n".join(f"fcdm-opt {name} {line}".rstrip() for line in self.examples.split("\n"))
+
+    def kinds(self) -> dict[str, list[type]]:
+        """Return the classes of its answers, by key."""
+        named = {key: [own.split(":") for own in told] for key, told in self.answers.items()}
+        return {key: [getattr(import_module(f"fcdm_opt.{module}"), name) for module, name in told]
+                for key, told in named.items()}  # fmt: skip
 
 
 ROWS = {
@@ -73,11 +83,13 @@ problems/example1.toml --out out""",
 problems/example1.toml --case B --certify --out out
 problems/peg_square.toml --case "A at the wall" --json
 problems/assemblies/loop_of_four.toml --out out""",
+        answers={"": ("problem.solution:Solution", "problem.assembled:AssemblySolution")},
     ),
     "range": CommandRow(
         question=LEAST, assemblies=True, ends={**WELL, **BAD},
         examples="""problems/example1.toml --case A
 problems/example1.toml --case B --direction TZ=1,RZ_deg=2""",
+        answers={"": ("along.coherent_range:CoherentRange", "along.coherent_range:AssemblyRange")},
     ),
     "report": CommandRow(
         question=LEAST, assemblies=True,
@@ -100,12 +112,22 @@ problems/example1.toml --case B --direction TZ=1,RZ_deg=2""",
 problems/peg_tapered.toml --case B --set tolerance=0.02
 problems/peg_tapered.toml --case A --budget 0.1 --compare
 problems/peg_square_tight.toml --conflicts""",
+        answers={
+            "whatif": ("design.whatif.whatif:WhatIf",), "budget": ("design.whatif.budget:Budgets",),
+            "solution": ("problem.solution:Solution", "problem.assembled:AssemblySolution"),
+            "conflicts": ("design.whatif.conflicts:Conflicts",), "drop": ("design.whatif.drop:Costs",),
+            "compare": ("design.whatif.compare:Comparison",),
+        },
     ),
     "map": CommandRow(
         question=OTHERWISE, assemblies=True,
         ends={**WELL, **NO_TIME, **BAD, NOT_VERIFIED: "a yield that was not confirmed"},
         examples="""problems/peg_tapered.toml --case A --out out
 problems/peg_tapered.toml --case A --budget 1 --out out""",
+        answers={
+            "map": ("design.compensation.compensation_map:CompensationMap",),
+            "yield": ("design.compensation.assembly_yield:AssemblyYield",),
+        },
     ),
     "pose": CommandRow(
         question=OTHERWISE, assemblies=True,
@@ -117,6 +139,10 @@ problems/peg_tapered.toml --case A --budget 1 --out out""",
         },
         examples="""problems/peg_tapered.toml --case A
 problems/peg_tapered.toml --case A --clearance=-inf,0.5""",
+        answers={
+            "best_pose": ("design.fixed_pose.best_pose:BestPose",),
+            **dict.fromkeys(("as_drawn", "at_the_best_pose"), ("design.fixed_pose.clearances:Clearances",)),
+        },
     ),
     "faces": CommandRow(question=OTHERWISE, ends={**WELL, **BAD}, examples="problems/slot_and_key.toml"),
     "stack": CommandRow(
@@ -125,6 +151,10 @@ problems/peg_tapered.toml --case A --clearance=-inf,0.5""",
         examples="""problems/slot_and_key.toml
 problems/slot_and_key.toml --gap 0.04,0.12 --out out
 problems/slot_and_key.toml --gap 0.04,0.12 --cost key_width=1""",
+        answers={
+            "stack": ("design.stack.stack_up:StackUp",), "yield": ("design.stack.spread:GapYield",),
+            "allocation": ("design.stack.allocation:Allocation",),
+        },
     ),
     "study": CommandRow(
         question=OTHERWISE, assemblies=True,

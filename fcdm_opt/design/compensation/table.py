@@ -121,8 +121,8 @@ class Table(Plain):
 
     Intervals of one size, triangles of two, tetrahedra of three. Within a simplex, with barycentric coordinates r_i (1
     at corner i), amount and parameters are the values at its corners times r_i (2 r_i - 1), and those at the midpoints
-    of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first; where there are more
-    than three of them to any.
+    of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first;
+    of more than three to any.
 
     Attributes
     ----------
@@ -263,7 +263,7 @@ class Locator:
         # how far below zero a coordinate may be for a point that is in the simplex but for rounding, and on a seam
         steepest = np.linalg.norm(steep, axis=-1).max(axis=-1)
         self._slack = self.rounding * steepest, self.seam * steepest
-        # what touches a bucket only is in it, for the first of several to be found; of many sizes that were most of them
+        # what only touches a bucket is in it, for the first of several to be found; of many sizes that were most
         margin = 2.0 * self.seam * (1.0 if sizes <= FIRST else -1.0)
         ends = corners.min(axis=1) - margin, corners.max(axis=1) + margin
         self._sides, member, bucket = np.ones(sizes, dtype=np.int64), np.arange(count), np.zeros((count, sizes), int)
