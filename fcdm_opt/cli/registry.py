@@ -54,9 +54,9 @@ class CommandRow:
 
     def kinds(self) -> dict[str, list[type]]:
         """Return the classes of its answers, by key."""
-        named = {key: [own.split(":") for own in told] for key, told in self.answers.items()}
-        return {key: [getattr(import_module(f"fcdm_opt.{module}"), name) for module, name in told]
-                for key, told in named.items()}  # fmt: skip
+        named = {key: [own.split(":") for own in classes] for key, classes in self.answers.items()}
+        return {key: [getattr(import_module(f"fcdm_opt.{module}"), name) for module, name in pairs]
+                for key, pairs in named.items()}  # fmt: skip
 
 
 ROWS = {

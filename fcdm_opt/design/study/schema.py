@@ -220,10 +220,10 @@ def result_schema(command: str, answers: Mapping[str, Sequence[type]]) -> dict[s
         Of which class what stands under a key of a case is; under "" what the case itself is.
     """
     known: dict[str, Any] = {}
-    told = {key: {"anyOf": [schema_of(kind, known) for kind in kinds]} for key, kinds in answers.items()}
+    under = {key: {"anyOf": [schema_of(kind, known) for kind in kinds]} for key, kinds in answers.items()}
     failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": ["name", "error"]}
-    whole = {"anyOf": [*told.pop("")["anyOf"], failed]} if "" in told else {}
-    members: dict[str, Any] = {"name": {"type": "string"}, **told}
+    whole = {"anyOf": [*under.pop("")["anyOf"], failed]} if "" in under else {}
+    members: dict[str, Any] = {"name": {"type": "string"}, **under}
     case = {"type": "object", "properties": members, **whole}
     texts = {key: {"type": "string"} for key in ("file", "title", "note", "error")}
     file = {"type": "object", "properties": {**texts, "cases": {"type": "array", "items": case}}, "required": ["file"]}
