@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import KW_ONLY, fields
 from enum import Enum
 from functools import cached_property
 from types import UnionType
@@ -21,11 +21,13 @@ DIGITS = 9
 class Plain:
     """Base of the dataclasses that can be told as plain data.
 
-    `plain_names` lists the attributes that are told, in order; a class without it tells all its fields.
+    `plain_names` lists the attributes that are told, in order; a class without it tells all its fields. `plain_kinds`
+    says of which type those are told that are another as attributes.
     """
 
     __slots__ = ()
     plain_names: ClassVar[tuple[str, ...]] = ()
+    plain_kinds: ClassVar[Mapping[str, Any]] = {}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"."""
@@ -121,8 +123,9 @@ def schema_of(kind: Any, known: dict[str, Any]) -> dict[str, Any]:
 
 def _object_schema(kind: type, known: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of what a class tells: of each attribute by its annotation, or by what its property returns."""
-    kinds = get_type_hints(kind)
-    told = getattr(kind, "plain_names", ()) or [name for name, own in kinds.items() if get_origin(own) is not ClassVar]
+    kinds = {**get_type_hints(kind), **getattr(kind, "plain_kinds", {})}
+    own_names = [name for name, own in kinds.items() if get_origin(own) is not ClassVar and own is not KW_ONLY]
+    told = getattr(kind, "plain_names", ()) or own_names
     members = {}
     for name in told:
         own = getattr(kind, name, None)

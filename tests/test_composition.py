@@ -52,7 +52,7 @@ class Asked:
         """Of assemblies with large meshes or sizes one square, far from where the amount has a tip."""
         several = isinstance(self.question, fo.Assembly) and (self.scene.sizes or "large" in self.name)
         ends, grid = ((OFF, 2.0 * OFF), (0.0, 1.0)) if several else ((0.1 * OFF, 2.0 * OFF), (0.0, 0.5091, 1.0))
-        signs = (1, 1) if self.scene.sizes else self.scene.signs
+        signs = [1] * len(self.scene.sizes) or self.scene.signs
         start = 0.0 if self.scene.sizes else 1.0
         sides = [tuple(sorted(start + sign * x for x in ends)) for sign in signs]
         over = [f"scales.{part}" for part in self.question.motions] if self.scene.of_moving else None
@@ -64,7 +64,7 @@ class Asked:
 
     @property
     def mapped(self) -> Callable[[Any, Any], Any]:
-        """The least amount for what both sizes of the map are off."""
+        """The least amount for what the sizes of the map are off."""
         return self.scene.of_moving or self.scene.amount
 
     @property
@@ -165,7 +165,7 @@ def budget(asked: Asked) -> None:
             patch.setattr(import_module("fcdm_opt.design.whatif.budget"), name, value)
         scales = "made" if isinstance(asked.question, fo.Assembly) else {(1, 1): "A", (-1, 1): "C"}[scene.signs]
         corner = "high" if scene.sizes else scales
-        least = (lambda x: scene.amount(x, x)) if scene.sizes else scene.least
+        least = (lambda x: scene.amount(*[x] * len(scene.sizes))) if scene.sizes else scene.least
         found = fo.budget(asked.question, least(2.0 * OFF), requirements=corner, accuracy=1e-4)[corner]
     largest = max(x for x in np.linspace(OFF, 3.0 * OFF, 60_001) if least(x) <= least(2.0 * OFF) + 1e-12)
     assert found.tolerance == pytest.approx(largest, rel=2e-4)
@@ -223,9 +223,9 @@ def yield_(asked: Asked) -> None:
     sizes = tuple(fo.Uniform(*ends) for ends in found.box)
     most = scene.of_moving(2.0 * OFF, 2.0 * OFF) if scene.of_moving else scene.least(2.0 * OFF)
     share = fo.assembly_yield(found, sizes=sizes, budget=0.7 * most, count=20_000).share
-    start = 0.0 if scene.sizes else 1.0
-    x, y = np.meshgrid(*(low + (high - low) * (np.arange(400) + 0.5) / 400 - start for low, high in found.box))
-    assert share == pytest.approx(np.mean(asked.mapped(x, y) <= 0.7 * most), abs=0.015), share
+    start, count = 0.0 if scene.sizes else 1.0, round(160_000 ** (1 / len(found.box)))
+    grid = np.meshgrid(*(low + (high - low) * (np.arange(count) + 0.5) / count - start for low, high in found.box))
+    assert share == pytest.approx(np.mean(asked.mapped(*grid) <= 0.7 * most), abs=0.015), share
 
 
 def pose(asked: Asked) -> None:
@@ -244,7 +244,7 @@ def pose(asked: Asked) -> None:
 
 
 def stack(asked: Asked) -> None:
-    found, most = fo.stack_up(asked.question).worst(), asked.scene.amount(WIDE, WIDE)
+    found, most = fo.stack_up(asked.question).worst(), asked.scene.amount(*[WIDE] * len(asked.scene.sizes))
     assert (found.least, found.largest) == pytest.approx((-most, most), **NEAR)
 
 

@@ -118,6 +118,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = ("direction", "features", "low", "high", "events", "proved")
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"direction": Mapping[str, float]}
 
     problem: Problem
     direction: Array

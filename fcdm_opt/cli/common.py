@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, refuse, say
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
+from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
@@ -127,10 +128,10 @@ class OpenedFile:
         return {**head, "error": self.error} if self.error else head
 
 
-def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool = False) -> list[OpenedFile]:
+def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool) -> list[OpenedFile]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
-    Files of assemblies are refused unless `assemblies` says that they are known what to do with.
+    Files of assemblies are refused unless `assemblies` are known what to do with.
 
     Raises
     ------
@@ -147,8 +148,8 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bo
             if is_assembly(path):
                 if not assemblies:
                     what = "a file of an assembly, and this command is about two parts"
-                    takers = "solve, range, whatif, map and study take assemblies, report where all files are of them"
-                    allowed = f"a problem file; {takers}"
+                    takers = ", ".join(name for name, row in ROWS.items() if row.assemblies)
+                    allowed = f"a problem file; {takers} take assemblies, report where all files are of them"
                     raise InputError(what, allowed=allowed)
                 several = AssemblyFile.read(path)
                 files.append(OpenedFile(path, several.title, several.note, several.assemblies(path)))
@@ -193,9 +194,9 @@ class Inquiry:
         as_json: bool,
         out: Path | None = None,
         dark: bool = False,
-        assemblies: bool = False,
     ) -> None:
-        self._opened = opened_files(paths, cases or (), assemblies=assemblies)
+        row = ROWS.get(manner.get().command)
+        self._opened = opened_files(paths, cases or (), assemblies=row is not None and row.assemblies)
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]

@@ -42,10 +42,12 @@ LEAST = 0.1  # seconds that a map gets in any case
 RESULTS = "Write results and pictures into this folder."
 Results = Annotated[Path, option("--out", "DIR", RESULTS, callback=written("--out"))]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
-MEASURED = "Measured pairs of parts, of [[size]] tables their deviations; default: the tolerance box."
+MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
 Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
-Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
+Nominals = Annotated[
+    str | None, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn. Default: 1.")
+]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
 SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
 SET = (
@@ -59,8 +61,8 @@ BUDGET = (
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
 OVER = (
-    "Two sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others stay as "
-    "made. Default: where there are just two."
+    "One to six sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others "
+    "stay as made. Default: all sizes."
 )
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
@@ -146,7 +148,7 @@ def whatif_command(
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 
-    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 def map_command(
@@ -161,11 +163,11 @@ def map_command(
     budget: Annotated[
         float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
     ] = None,
-    over: Annotated[str | None, option("--over", "SIZE,SIZE", OVER)] = None,
+    over: Annotated[str | None, option("--over", "SIZE,...", OVER)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
-    nominals: Nominals = "1,1",
+    nominals: Nominals = None,
     seed: Seed = 1,
     jobs: Jobs = None,
     as_json: AsJson = False,
@@ -173,8 +175,8 @@ def map_command(
 ) -> None:
     """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
 
-    The sizes are the scales of both parts, or two [[size]] tables of the file, of an assembly too, or scales of its
-    parts. The grid, one by the other, is written as CSV and as a page to print.
+    The sizes are the scales of both parts, or one to six [[size]] tables of the file, of an assembly too, or scales of
+    its parts. The grid, one across and all others down, is written as CSV and as a page to print.
     """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
@@ -187,7 +189,7 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures = inquiry.pictures
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -225,7 +227,7 @@ def pose_command(
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
-    nominals: Nominals = "1,1",
+    nominals: Nominals = None,
     time: Time = None,
     as_json: AsJson = False,
     case: Cases = None,
@@ -237,7 +239,7 @@ def pose_command(
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    ends = None if window is None else _two(window, "--clearance")
+    ends = None if window is None else _numbers(window, "--clearance", "LOW,HIGH as 0.1,0.3", 2)
     within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -249,7 +251,7 @@ def pose_command(
         made = clearances(problem, sizes=pairs, box=within, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json, assemblies=True), asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 def faces_command(
@@ -296,9 +298,9 @@ def stack_command(
     from fcdm_opt.show.printing import print_text
     from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
 
-    limits = None if gap is None else _two(gap, "--gap")
+    limits: Any = None if gap is None else _numbers(gap, "--gap", "LOW,HIGH as 0.1,0.3", 2)
     costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True, dark=dark)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -400,42 +402,37 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scen
     return question.problem(), question.changed(values).problem()
 
 
-def _numbers(text: str, key: str, count: str, allowed: str) -> list[float]:
-    """Return the numbers of a text with commas between, as many as those of the example that `allowed` ends with."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != allowed.count(",", allowed.rfind(" ")) + 1 or any(map(math.isnan, numbers)):
-        raise InputError(f"not {count} numbers", key=key, found=text, allowed=allowed)
-    return numbers
-
-
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
-def _two(text: str, key: str) -> tuple[float, float]:
-    one, two = _numbers(text, key, "two", "two numbers with a comma between, as 0.1,0.3")
-    return one, two
+def _numbers(text: str, key: str, allowed: str, count: int | None = None) -> tuple[float, ...]:
+    """Return the numbers of a text with commas between: `count` of them, or two for each of some sizes."""
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    fits = len(numbers) == count if count else bool(numbers) and len(numbers) % 2 == 0
+    if not fits or any(map(math.isnan, numbers)):
+        raise InputError(f"not {count or 'pairs of'} numbers", key=key, found=text, allowed=allowed)
+    return numbers
 
 
 def _box(text: str | None) -> Any:
+    """Return the ends of each size; those of a single one, which stand for all scales in some places, as they are."""
     if text is None:
         return None
-    if text.count(",") == 1:
-        return _two(text, "--box")
-    a, b, c, d = _numbers(text, "--box", "four", "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
-    return (a, b), (c, d)
+    numbers = _numbers(text, "--box", "two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
+    return numbers if len(numbers) == 2 else [*zip(numbers[::2], numbers[1::2], strict=True)]
 
 
-def _pairs(path: Path | None, columns: str, nominals: str, *, deviations: bool = False) -> Any:
-    """Return measured pairs of sizes, (n, 2), as shares of those drawn; None where there is no file of them."""
+def _pairs(path: Path | None, columns: str, nominals: str | None, *, deviations: bool = False) -> Any:
+    """Return measured sizes, (n, k), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
     if path is None:
         return None
-    names = [name.strip() for name in columns.split(",")]
-    if len(names) != 2:
-        raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
-    return read_columns(path, names, _two(nominals, "--nominals"), deviations=deviations)
+    names = _names(columns)
+    each = "a number for each column, as 10,20"
+    drawn = [1.0] * len(names) if nominals is None else _numbers(nominals, "--nominals", each, len(names))
+    return read_columns(path, names, drawn, deviations=deviations)

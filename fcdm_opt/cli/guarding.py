@@ -36,47 +36,6 @@ EXIT_CODES = (
 )
 SCHEMA = 1  # of the JSON documents; another one where a key changes its meaning or goes
 SCENE = "bodies", "keep_out", "size"  # of a problem: what several cases share
-_BAD, _TIME = {BAD_INPUT: "bad input"}, {NO_MOTION: "the time given was over"}
-_SOLVED = {SOLVED: "all solved and verified", NO_MOTION: "a case without a motion to use"}
-_NOT_VERIFIED = {NOT_VERIFIED: "a motion that was not verified"}
-ENDS: dict[str, dict[int, str]] = {
-    "init": {SOLVED: "the file is written", **_TIME, **_BAD},
-    "schema": {SOLVED: "all well", **_BAD},
-    "warmup": {SOLVED: "all kernels are kept"},
-    "curve": {SOLVED: "all well", **_BAD},
-    "solve": {**_SOLVED, **_BAD, **_NOT_VERIFIED},
-    "range": {SOLVED: "all well", **_BAD},
-    "report": {
-        **_SOLVED,
-        NO_MOTION: "a case without a motion to use, or left out as the time given was over",
-        **_BAD,
-        **_NOT_VERIFIED,
-    },
-    "whatif": {
-        SOLVED: "answered: that nothing can be done is an answer, too",
-        NO_MOTION: "with --set the changed question has no motion; without options the motion leaves the fit; or the "
-        "time given was over",
-        **_BAD,
-        **_NOT_VERIFIED,
-    },
-    "map": {SOLVED: "all well", **_TIME, **_BAD, NOT_VERIFIED: "a yield that was not confirmed"},
-    "pose": {
-        SOLVED: "a pose that is confirmed",
-        NO_MOTION: "no pose in the window, or none was found in time",
-        **_BAD,
-        NOT_VERIFIED: "a pose that was not confirmed",
-    },
-    "faces": {SOLVED: "all well", **_BAD},
-    "stack": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "a share of pairs that was not confirmed"},
-    "study": {
-        SOLVED: "all points are worked out; that some have no motion is a result",
-        BAD_INPUT: "bad input, of a point too",
-        NOT_VERIFIED: "a point that failed, is left, or was not verified",
-    },
-    "bench": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "an answer of ours is wrong"},
-    "stability": {SOLVED: "all well", **_BAD, NOT_VERIFIED: "an answer of ours is wrong, hung or crashed"},
-}
-"""By command: the exit codes with which it ends, besides those of defects and interrupts, and what they mean there."""
 GRACE, PATIENCE = 0.7, 10.0  # seconds after which a run ends that an interrupt does not get through to; with processes
 BEGUN_BY_OTHERS = ("importlib", "_frozen_importlib", "numba", "llvmlite", "casadi", "coal")
 """Modules in whose midst an interrupt ends the run at once: their code is not made to be left there."""

@@ -16,7 +16,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.guarding import ENDS, EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.cli.showing import shown
 from fcdm_opt.errors import InputError, closest
 
@@ -24,8 +25,6 @@ OPTIONS = "Options"  # heading of options without a group
 LENT = "fcdm_opt.commands"
 """Entry points of commands that another distribution brings: name of a command -> the function that is the command."""
 INSTALL = "needs the package fcdm_opt_benchmarks: pip install ./benchmarks, in a copy of the repository"
-MORE = {"init": "allowed: the meshes of two parts; how a file of more parts is written: docs/assemblies.md"}
-"""What is said where a command is given more than it takes, by its name."""
 
 
 class Command(TyperCommand):
@@ -55,15 +54,11 @@ class Command(TyperCommand):
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the exit codes, and the examples as they are, never folded."""
         formatter.write_paragraph()
-        formatter.write_text(f"Exit codes: {'; '.join(f'{code} {meaning}' for code, meaning in self.ends.items())}.")
+        ends = ROWS[self.name or ""].ends
+        formatter.write_text(f"Exit codes: {'; '.join(f'{code} {meaning}' for code, meaning in ends.items())}.")
         if self.epilog:
             formatter.write_paragraph()
             formatter.write("Examples:\n" + "".join(f"  {line}\n" for line in self.epilog.splitlines()))
-
-    @property
-    def ends(self) -> dict[int, str]:
-        """The exit codes with which the command ends, and what they mean."""
-        return ENDS[self.name or ""]
 
 
 class LentCommand(Command):
@@ -168,8 +163,9 @@ def _misunderstood(reason: Any) -> str:
         if kind == "MissingParameter":
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
-    if kind == "UsageError" and command is not None and command.name in MORE:
-        where = f"; {MORE[command.name]}{where}"
+    row = ROWS.get(command.name) if kind == "UsageError" and command is not None else None
+    if row is not None and row.surplus:
+        where = f"; {row.surplus}{where}"
     return f"{_lower(reason.message)}{where}"
 
 

@@ -65,7 +65,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
     from fcdm_opt.show.report.page import page
 
     plotly()  # what is missing is said before anything is solved
-    opened = opened_files(paths, cases)
+    opened = opened_files(paths, cases, assemblies=False)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]
     with pacing.sharing(GATHERED):

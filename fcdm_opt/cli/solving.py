@@ -80,7 +80,7 @@ def solve_command(
     from fcdm_opt.show.assemblies import print_answers
     from fcdm_opt.show.solved import solved_case
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     answers: list[tuple[str, Bounded]] = []
 
     def tabled(file: OpenedFile, name: str, solution: Bounded) -> None:
@@ -122,7 +122,7 @@ def range_command(
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, assemblies=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange, Any]]:
         along = _default_direction(file, problem) if asked is None else asked

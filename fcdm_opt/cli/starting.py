@@ -14,6 +14,7 @@ import typer
 from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
+from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
+KIND = (
+    '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
+)
 
 
 def init_command(
@@ -61,16 +65,18 @@ def init_command(
 
 
 def schema_command(
-    what: Annotated[str, option("--what", "KIND", '"problem", "study", "assembly" or "result".')] = "problem",
+    what: Annotated[str, option("--what", "KIND", KIND)] = "problem",
 ) -> None:
-    """Print the JSON Schema of a kind of file, or of what `solve --json` writes, by which such files are checked.
+    """Print the JSON Schema of a kind of file, or of what a command writes with --json, by which both are checked.
 
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
     """
-    from fcdm_opt.design.study.schema import json_schema
+    from fcdm_opt.design.study.schema import json_schema, result_schema
 
-    typer.echo(json.dumps(json_schema(what), indent=2, ensure_ascii=False))
+    kinds = ROWS[what].kinds() if what in ROWS else {}
+    schema = result_schema(what, kinds) if kinds else json_schema(what)
+    typer.echo(json.dumps(schema, indent=2, ensure_ascii=False))
 
 
 def warmup_command() -> None:

@@ -1,7 +1,7 @@
 """Design studies: what the answer becomes when the question changes.
 
 distributions    what sizes and other numbers are drawn from
-sizes            which size pairs are spoken of: a box, a list, what distributions give
+sizes            which sizes are spoken of: a box, a list, what distributions give
 places           a place in plain tables, as studies and files name keys of a problem
 moved_files      files that are there as a whole or not at all
 question         a problem as plain tables: any key can be changed

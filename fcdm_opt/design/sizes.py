@@ -1,6 +1,6 @@
-"""Which pairs of sizes are spoken of: a box, measured pairs, or what two distributions give.
+"""Which sizes are spoken of: a box, measured ones, or what distributions give.
 
-The scales (rho_1, rho_2) of both bodies, or two of the problem's own sizes, as deviations from drawn.
+The scales (rho_1, rho_2) of both bodies, or some of the problem's own sizes, as deviations from drawn.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Flags, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
@@ -22,6 +22,7 @@ from fcdm_opt.problem.problem import SCALES as SCALES  # as those that speak of 
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 
+MOST_OVER = 6  # sizes of a map: with each more it takes several times as many solves
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
@@ -88,25 +89,26 @@ def tolerance_box(problem: Scene) -> Array:
     return size_box(ends, "tolerance")
 
 
-def chosen_sizes(scene: Scene, over: Any) -> tuple[str, str]:
-    """Return the names of the two sizes, or scales, that a pair is of.
+def chosen_sizes(scene: Scene, over: Any) -> tuple[str, ...]:
+    """Return the names of the sizes, or scales, that a map is over.
 
     Parameters
     ----------
     scene : Problem or Assembly
-    over : (name, name) or None
-        None: the only two sizes, where there are some and no tolerance of the scales; else the only two scales.
+    over : name, sequence of names, or None
+        None: all sizes, where there are some and no tolerance of the scales; else all scales.
     """
     own, scales = tuple(size.name for size in scene.sizes), tuple(scene.nominal_scales)
-    found = tuple((own if by_name(scene) else scales) if over is None else arguments.items(over))
-    if len(found) != 2 or found[0] == found[1] or not {*found} <= {*own, *scales}:
-        allowed = f"two of {', '.join((*own, *scales))}"
-        raise InputError("not two sizes or scales", key="over", found=over, allowed=allowed)
-    return found[0], found[1]
+    asked = (own if by_name(scene) else scales) if over is None else (over,) if isinstance(over, str) else over
+    found = tuple(arguments.items(asked))
+    if not 1 <= len({*found}) == len(found) <= MOST_OVER or not {*found} <= {*own, *scales}:
+        allowed = f"one to {MOST_OVER} of {', '.join((*own, *scales))}"
+        raise InputError(f"not one to {MOST_OVER} sizes or scales", key="over", found=over, allowed=allowed)
+    return found
 
 
 def box_over(scene: Scene, names: Sequence[str], box: Any = None) -> Array:
-    """Return the box of two sizes or scales, (2, 2): the one given, or what their tolerances leave open."""
+    """Return the box of some sizes or scales, (k, 2): the one given, or what their tolerances leave open."""
     if box is not None:
         return size_box(box, "box", positive=[name in scene.nominal_scales for name in names])
     own = {size.name: size for size in scene.sizes}
@@ -128,11 +130,13 @@ def tolerance_boxes(sizes: Sequence[Size]) -> Array:
     return frozen([size.tolerance for size in sizes])
 
 
-def size_box(value: Any, key: str, *, positive: bool | Sequence[bool] = True) -> Array:
+def size_box(value: Any, key: str, *, positive: bool | Sequence[bool] | Flags = True) -> Array:
     """Return a box of sizes, > 0 unless they are deviations; a range may be a single size."""
-    ends, scales = numbers(value, key), np.broadcast_to(positive, 2)
-    allowed = f"((low_1, high_1), (low_2, high_2)) with {'0 < ' * bool(scales.any())}low <= high, finite"
-    if ends.shape != (2, 2) or not np.isfinite(ends).all():
+    ends, scales = numbers(value, key), _each(positive)
+    ends = ends[None] if ends.shape == (2,) and len(scales) == 1 else ends
+    pairs = ", ".join(f"(low_{k}, high_{k})" for k in range(1, len(scales) + 1))
+    allowed = f"({pairs}) with {'0 < ' * bool(scales.any())}low <= high, finite"
+    if ends.shape != (len(scales), 2) or not np.isfinite(ends).all():
         raise InputError("unusable box of sizes", key=key, found=value, allowed=allowed)
     if not (ends[scales] > 0).all():
         raise InputError("a size in the box is not positive", key=key, found=ends.tolist(), allowed=allowed)
@@ -141,29 +145,34 @@ def size_box(value: Any, key: str, *, positive: bool | Sequence[bool] = True) ->
     return frozen(ends)
 
 
-def sources(
-    value: Any, *, positive: bool | Sequence[bool] = True
-) -> tuple[Distribution, Distribution] | Array:
-    """Return a distribution for each of two sizes, or a list of pairs of them, (n, 2), n > 0, all finite.
+def _each(positive: bool | Sequence[bool] | Flags) -> Flags:
+    """Return which sizes are scales, > 0, of both where one flag is given."""
+    return np.broadcast_to(positive, 2) if np.ndim(positive) == 0 else np.asarray(positive, dtype=bool)
 
-    Sizes are > 0 unless they are deviations.
+
+def sources(value: Any, *, positive: bool | Sequence[bool] | Flags = True) -> tuple[Distribution, ...] | Array:
+    """Return a distribution for each of k sizes, or a list of them, (n, k), n > 0, all finite.
+
+    Sizes are > 0 unless they are deviations; there are two unless a flag is given for each.
     """
-    scales = np.broadcast_to(positive, 2)
-    pair = "(rho_1, rho_2) > 0" if scales.all() else "of deviations" if not scales.any() else "of scales > 0 and sizes"
+    scales = _each(positive)
+    count = len(scales)
+    what = "scales > 0" if scales.all() else "deviations" if not scales.any() else "scales > 0 and deviations"
     each = "body" if scales.all() else "size"
-    allowed = f"an (n, 2) array of measured pairs {pair}, or a distribution for each {each}"
+    allowed = f"an (n, {count}) array of measured {what}, or a distribution for each {each}"
     if isinstance(value, list | tuple) and any(isinstance(item, Distribution) for item in value):
-        if len(value) != 2 or not all(isinstance(item, Distribution) for item in value):
-            raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
+        if len(value) != count or not all(isinstance(item, Distribution) for item in value):
+            raise InputError(f"not {count} distributions", key="sizes", found=value, allowed=allowed)
         for source, scale in zip(value, scales.tolist(), strict=True):
             if scale and not source.range[0] > 0.0:
                 raise InputError("sizes must be > 0", key="sizes", found=source)
-        return value[0], value[1]
+        return tuple(value)
     pairs = numbers(value, "sizes")
+    pairs = pairs[:, None] if pairs.ndim == 1 == count else pairs
     if pairs.size == 0:
         raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
-    if pairs.ndim != 2 or pairs.shape[1] != 2:
-        raise InputError("sizes are not pairs", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
+    if pairs.ndim != 2 or pairs.shape[1] != count:
+        raise InputError(f"not rows of {count} sizes", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
     bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | ~scales)).all(axis=1))
     if bad.size:
         found = pairs[bad[0]].tolist()
@@ -217,15 +226,15 @@ def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...
 
 
 def drawn_pairs(
-    sizes: Any, box: Any, count: int, seed: int, *, positive: bool | Sequence[bool] = True
+    sizes: Any, box: Any, count: int, seed: int, *, positive: bool | Sequence[bool] | Flags = True
 ) -> tuple[Array, str]:
-    """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
+    """Return sizes, (n, k), and what they are: a list itself, else `count` independent draws.
 
     Parameters
     ----------
-    sizes : (n, 2) array, or a distribution for each body, or None
+    sizes : (n, k) array, or a distribution for each size, or None
         None: all sizes of the box, equally likely.
-    box : (2, 2) array, or (k, 2) of more sizes than two
+    box : (k, 2) array
     count, seed : int
     positive : bool, or one for each size
         Whether sizes are scales, > 0; else deviations.
@@ -238,7 +247,7 @@ def drawn_pairs(
     if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])
-    return drawn, f"{count} pairs drawn from {given[0]} and {given[1]}"
+    return drawn, f"{count} {'pairs ' * (len(given) == 2)}drawn from {' and '.join(map(str, given))}"
 
 
 def proportion_interval(passed: int, count: int, confidence: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.compensation.table import simplices
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, bare_pixels
@@ -402,7 +403,7 @@ def map_card(sizes: CompensationMap) -> Card:
     return Card(
         "Compensation map",
         facts=[
-            ("triangles", str(len(sizes.table)), solves),
+            ("cells", simplices(len(sizes.table), len(sizes.over)), solves),
             ("largest error", sizes.error_text, f"(asked for {number(sizes.error, 3)} {length})"),
         ],
         tables=[(("region", "of the box", "amount", "held by"), lines)],

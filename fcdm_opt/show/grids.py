@@ -1,8 +1,9 @@
-"""A compensation map as a grid for the shop floor: size of one part by size of the other, in each cell the motion."""
+"""A compensation map as a grid for the shop floor: one size across, all others down, in each cell the motion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,23 +17,24 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
 
-LINES = 11
-"""Sizes of each part that are listed."""
+LINES = {1: 21, 2: 11, 3: 5}
+"""Values of each size that are listed, of a map over so many; of more 3."""
 NOTHING = 1e-5
 """Of the largest value, what is listed as 0: less than four digits of it tell."""
 
 
 class Grid(NamedTuple):
-    """One parameter of a motion over both sizes.
+    """One parameter of a motion over the sizes.
 
     Attributes
     ----------
     name, unit : str
     rows, columns : sequence of str
-        Sizes of the movable and of the static part: lengths that can be measured, without a unit per cent off the
-        nominal ones; of sizes by name what they measure, with the deviation from drawn, or that alone.
+        All sizes but the last one, and the last one; of a single size that and nothing: lengths that can be measured,
+        without a unit per cent off the nominal ones; of sizes by name what they measure, with the deviation from
+        drawn, or that alone.
     cells : sequence of sequence of str
-        A row for each size of the movable part; a dash where there is no motion, a question mark where
+        A row for each of the rows; a dash where there is no motion, a question mark where
         that is not known.
     """
 
@@ -43,14 +45,16 @@ class Grid(NamedTuple):
     cells: Sequence[Sequence[str]]
 
 
-def grids(found: CompensationMap, scene: Scene, *, lines: int = LINES) -> list[Grid]:
+def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> list[Grid]:
     """Return a grid for each parameter of a map's motion: lengths in its unit, angles in degrees.
 
     Scales of parts whose unit is known are told as the length of a part along the axis in which it is longest.
     """
-    sizes = [np.linspace(low, high, lines) for low, high in np.asarray(found.box)]
-    points = found.at(sizes[0][:, None], sizes[1][None])
-    motion, unknown = points.parameters, points.undecided.tolist()
+    many = LINES.get(len(found.over), 3) if lines is None else lines
+    sizes = [np.linspace(low, high, many) for low, high in np.asarray(found.box)]
+    points = found.at(*np.meshgrid(*sizes, indexing="ij"))
+    shape = (-1, many) if len(sizes) > 1 else (many, 1)
+    motion, unknown = points.parameters.reshape(*shape, len(scene.coordinates)), points.undecided.reshape(shape)
     heads = [
         [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
@@ -61,6 +65,8 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int = LINES) -> list[G
             sizes, found.nominal, units_over(found), _measured(found, scene), strict=True
         )
     ]
+    *down, across = heads if len(heads) > 1 else (*heads, [""])
+    rows = [" / ".join(row) for row in product(*down)]
     made = []
     for k, own in enumerate(scene.coordinates):
         turned = own.kind == "rotation"
@@ -68,9 +74,9 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int = LINES) -> list[G
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
         cells = [
             ["?" if open_ else number(0.0 if abs(x) <= small else x) for x, open_ in zip(*row, strict=True)]
-            for row in zip(values.tolist(), unknown, strict=True)
+            for row in zip(values.tolist(), unknown.tolist(), strict=True)
         ]
-        made.append(Grid(own.name, "deg" if turned else found.unit, heads[0], heads[1], cells))
+        made.append(Grid(own.name, "deg" if turned else found.unit, rows, across, cells))
     return made
 
 
@@ -86,7 +92,7 @@ class _Length(NamedTuple):
 
 
 def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
-    """Return what is measured of both sizes that a map is over."""
+    """Return what is measured of the sizes that a map is over."""
     own, made = {size.name: size for size in scene.sizes}, list[_Length]()
     for name in found.over:
         if name in own:
@@ -118,7 +124,8 @@ def units_over(found: CompensationMap) -> list[str]:
 def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str) -> list[Path]:
     """Write the grids of a map as CSV and as a page to print, named after `base`; return both paths."""
     tables, own = grids(found, scene), _measured(found, scene)
-    names = [one.name for one in own]
+    *most, across = [one.name for one in own]
+    down, across = (" / ".join(most), across) if most else (across, "")
     off = ", ".join(sorted({one.off for one in own if one.off}))
     off = off or "in brackets how far off drawn" * (not found.scaled.all())
     moved = scene.drawn[scene.moving[0]].name or "the movable part"
@@ -126,12 +133,13 @@ def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str)
     lines: list[list[str]] = []
     for table in tables:
         told = f"{table.name}, {table.unit}" if table.unit else table.name
-        lines += [[f"{told}: {names[0]} down, {names[1]} across", *table.columns]]
+        lines += [[f"{told}: {down} down{f', {across} across' if across else ''}", *table.columns]]
         lines += [[row, *cells] for row, cells in zip(table.rows, table.cells, strict=True)]
         lines.append([])
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
-    words = {"title": title, "names": names, "moved": moved, "off": off, "reached": number(found.reached),
-             "unit": found.unit, "undecided": found.undecided, "bounded": np.isfinite(found.reached)}  # fmt: skip
+    words = {"title": title, "down": down, "across": across, "moved": moved, "off": off, "unit": found.unit,
+             "reached": number(found.reached), "undecided": found.undecided,
+             "bounded": np.isfinite(found.reached)}  # fmt: skip
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths

@@ -1,8 +1,9 @@
-"""The compensation map: how much motion each pair of sizes needs, and what holds it where; and the yield of a fit."""
+"""The compensation map: how much motion the sizes made need, and what holds it where; and the yield of a fit."""
 
 from __future__ import annotations
 
 import math
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,18 +20,27 @@ from fcdm_opt.show.verdict import labels_in_words
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
-    from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.design.compensation.compensation_map import CompensationMap, MapRegion
     from fcdm_opt.problem.scene import Scene
 
 FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
 """Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
 below which one gets no number in the picture."""
 
+MARGIN, BOTTOM, SIDE, GAP = 0.72, 0.38, 2.75, 0.18
+"""Where the axes are, in inches from the lower left, how long a side of them all is, and what panels are apart."""
+
 HIGHEST, WIDEST, NAMED = 1.18, 1.25, 22
 """How far the axes go, relative to the highest bar and to a share of 1: room for the words there; and letters beside
 bars."""
 
-INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"))
+STAR = {"marker": "*", "markersize": 9, "markerfacecolor": "white", "markeredgecolor": BLACK, "zorder": 6}
+NUMBER: dict[str, Any] = {
+    "ha": "center", "va": "center", "fontsize": NOTE, "zorder": 5,
+    "bbox": {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
+}  # fmt: skip
+
+INDICES = (("by itself", BLUE, None), ("with all others", VERMILLION, "////"))
 """Kinds of shares of the variance: name, colour and hatch."""
 
 
@@ -38,9 +48,10 @@ INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"
 def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
-    Boundaries at which the motion jumps are double lines; where there is no motion, or none is known, the plane is
-    hatched. Star: nominal pair, or as drawn; A to D: the corners of the box that the requirements of these letters
-    ask for.
+    Over one size it is a curve. Over more than two each pair of them has a panel, a slice in which all others are as
+    drawn, or nominal; in the middle of the box where that is outside it. Boundaries at which the motion jumps are
+    double lines; where there is no motion, or none is known, the plane is hatched. Star: nominal pair, or as drawn; A
+    to D: the corners of the box that the requirements of these letters ask for.
 
     Parameters
     ----------
@@ -51,37 +62,22 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
         Text above and below the picture.
     """
     sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
-    axes, bar = sheet.axes(0.72, 0.38, 2.75, 2.75), sheet.axes(3.55, 0.38, 0.09, 2.75)
-    box = np.asarray(sizes.box)
-    margin = 0.04 * np.ptp(box, axis=1)
-    plane(axes, box + np.outer(margin, [-1.0, 1.0]))
-    if sizes.over != SCALES:
-        named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
-        told = [
-            literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
-            for name, unit, scale in named
-        ]
-        axes.set(xlabel=told[0], ylabel=told[1])
-    axes.grid(visible=False)
-    _fill(sheet.figure, axes, bar, sizes)
-    for boundary in sizes.boundaries:
-        for colour, width in ((BLACK, 3.2), ("white", 1.6)) if boundary.jumps else ((BLACK, 1.0),):
-            axes.plot(*boundary.points.T, color=colour, linewidth=width, zorder=3, solid_capstyle="butt")
-    _mark(axes, sizes)
+    named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
+    labels = [
+        literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
+        for name, unit, scale in named
+    ]
+    _draw_curve(sheet, sizes, labels[0]) if len(labels) == 1 else _draw_panels(sheet, sizes, labels)
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
-        if region.share >= SHARE:
-            axes.text(
-                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
-                bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
-            )  # fmt: skip
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {measured(f'{largest:.4g}', sizes.unit)}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
         lines.append(f"     {region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
-    lines += ["", *_signs(sizes), f"{sizes.solved} pairs solved and judged", f"largest error: {sizes.error_text}"]
+    solved = f"{sizes.solved} {({1: 'sizes', 2: 'pairs'}).get(len(labels), 'sets of sizes')} solved and judged"
+    lines += ["", *_signs(sizes), solved, f"largest error: {sizes.error_text}"]
     sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
 
@@ -89,13 +85,18 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
 def _signs(sizes: CompensationMap) -> list[str]:
     """Return what stands for what in the picture, of that which is there."""
     scales, box = sizes.over == SCALES, np.asarray(sizes.box)
+    plane, several, inside = len(box) == 2, len(box) > 2, _within(sizes.nominal, box)
     signs = {
-        "thin white lines: equal amounts": any(np.isfinite(region.amounts[0]) for region in sizes.regions),
-        f"star: {'nominal sizes' if scales else 'as drawn'}": _within(sizes.nominal, box),
+        "each panel: two sizes, all others as at the star": several and inside,
+        "each panel: two sizes, all others in the middle": several and not inside,
+        "thin white lines: equal amounts": len(box) > 1 and any(np.isfinite(own.amounts[0]) for own in sizes.regions),
+        f"star: {'nominal sizes' if scales else 'as drawn'}": inside,
         "diamonds A to D: corners that these requirements ask for": scales,
-        "white line between black ones: the motion jumps there": any(boundary.jumps for boundary in sizes.boundaries),
-        "black line: another contact, or limit, holds the motion": any(not own.jumps for own in sizes.boundaries),
-        "hatched: no motion, or none known": any(np.isnan(region.amounts[0]) for region in sizes.regions),
+        "white line between black ones: the motion jumps there": plane and any(own.jumps for own in sizes.boundaries),
+        "black line: another contact, or limit, holds the motion": any(
+            not (plane and own.jumps) for own in sizes.boundaries
+        ),
+        "hatched: no motion, or none known": any(np.isnan(own.amounts[0]) for own in sizes.regions),
     }
     return [told for told, there in signs.items() if there]
 
@@ -104,30 +105,92 @@ def _within(point: Any, box: Any) -> bool:
     return bool(((box[:, 0] <= point) & (point <= box[:, 1])).all())
 
 
-def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
-    """Fill the box by amount, with contour lines."""
-    from matplotlib.patches import Rectangle
+def _draw_curve(sheet: Sheet, sizes: CompensationMap, label: str) -> None:
+    """Draw the amount over one size; a number stands above the middle of each region."""
+    axes, (low, high) = sheet.axes(MARGIN, BOTTOM, SIDE, SIDE), np.asarray(sizes.box)[0]
+    ends = np.unique([low, high, *(x for own in sizes.boundaries for x in own.points.ravel())])
+    places = np.unique([np.linspace(a, b, FINE) for a, b in pairwise(ends)])
+    amount = sizes.at(places).amount
+    top = max(float(np.nanmax(amount, initial=0.0)), np.finfo(float).tiny)
+    nothing = np.isnan(amount)
+    axes.fill_between(places, 0.0, HIGHEST * top, where=nothing, facecolor="white", edgecolor=GREY, hatch="//")
+    axes.plot(places, amount, color=BLUE)
+    for boundary in sizes.boundaries:
+        axes.axvline(float(boundary.points[0, 0]), color=BLACK, linewidth=1.0)
+    for number, region in _numbered(sizes):
+        axes.text(float(region.place[0]), 0.5 * (1.0 + HIGHEST) * top, str(number), **NUMBER)
+    if _within(sizes.nominal, np.asarray(sizes.box)):
+        axes.plot(*sizes.nominal, sizes.at(*sizes.nominal).amount, clip_on=False, **STAR)
+    axes.set(xlim=(low, high), ylim=(0.0, HIGHEST * top), xlabel=label)
+    axes.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
+
+
+def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> None:
+    """Draw the amount over two sizes, or a slice for each two of more."""
+    box, last = np.asarray(sizes.box), len(labels) - 1
+    middle = np.asarray(sizes.nominal) if _within(sizes.nominal, box) else box.mean(axis=1)
+    side = (SIDE - (last - 1) * GAP) / last
+    panels = []
+    for pair in combinations(range(last + 1), 2):
+        ends, (i, j) = box[list(pair)], pair
+        axes = sheet.axes(MARGIN + i * (side + GAP), BOTTOM + (last - j) * (side + GAP), side, side)
+        plane(axes, ends + np.outer(0.04 * np.ptp(ends, axis=1), [-1.0, 1.0]))
+        axes.grid(visible=False)
+        if sizes.over != SCALES:
+            axes.set(xlabel=labels[i] if j == last else "", ylabel=labels[j] if i == 0 else "")
+        if last > 1:
+            axes.locator_params(nbins=3)
+            axes.tick_params(labelbottom=j == last, labelleft=i == 0)
+        grid = np.meshgrid(*(np.linspace(low, high, FINE // last) for low, high in ends))
+        points = sizes.at(*(grid[pair.index(k)] if k in pair else middle[k] for k in range(last + 1)))
+        panels.append((axes, pair, grid, np.ma.masked_invalid(points.amount), points.region))
+    top = max((float(amount.max()) for *_, amount, _ in panels if amount.count()), default=0.0)
+    filled = None
+    for axes, pair, grid, amount, region in panels:
+        filled = _fill(axes, box[list(pair)], grid, amount, max(top, np.finfo(float).tiny)) or filled
+        if last > 1:
+            for number in range(len(sizes.regions)):
+                if 0 < np.count_nonzero(region == number) < region.size:
+                    axes.contour(*grid, region == number, levels=[0.5], colors=BLACK, linewidths=1.0, zorder=3)
+            _mark(axes, sizes, pair)
+    if last == 1:
+        axes = panels[0][0]
+        for boundary in sizes.boundaries:
+            for colour, width in ((BLACK, 3.2), ("white", 1.6)) if boundary.jumps else ((BLACK, 1.0),):
+                axes.plot(*boundary.points.T, color=colour, linewidth=width, zorder=3, solid_capstyle="butt")
+        _mark(axes, sizes, (0, 1))
+        for number, own in _numbered(sizes):
+            axes.text(*own.place, str(number), **NUMBER)
+    if filled is None:
+        return
     from matplotlib.ticker import MaxNLocator
 
-    box = np.asarray(sizes.box)
-    sides = [np.linspace(low, high, FINE) for low, high in box]
-    grid = np.meshgrid(*sides)
-    amount = np.ma.masked_invalid(sizes.at(*grid).amount)
-    low, high = box[:, 0], box[:, 1]
-    axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="white", edgecolor=GREY, hatch="//", zorder=0.5))
-    if amount.count() == 0:
-        bar.set_visible(False)
-        return
-    top = max(float(amount.max()), np.finfo(float).tiny)
-    filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, 4 * LEVELS + 1), cmap="cividis", zorder=1)
-    axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
-                 alpha=0.7, zorder=2)  # fmt: skip
-    figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
+    bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
+    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
-def _mark(axes: Any, sizes: CompensationMap) -> None:
-    """Mark the nominal pair and the corners that the requirements ask for."""
+def _numbered(sizes: CompensationMap) -> list[tuple[int, MapRegion]]:
+    """Return the regions that get a number in the picture, with it."""
+    return [(k, own) for k, own in enumerate(sizes.regions[:LISTED], 1) if own.share >= SHARE]
+
+
+def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float) -> Any:
+    """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any."""
+    from matplotlib.patches import Rectangle
+
+    low, high = box[:, 0], box[:, 1]
+    axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="white", edgecolor=GREY, hatch="//", zorder=0.5))
+    if amount.count() == 0:
+        return None
+    filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, 4 * LEVELS + 1), cmap="cividis", zorder=1)
+    axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
+                 alpha=0.7, zorder=2)  # fmt: skip
+    return filled
+
+
+def _mark(axes: Any, sizes: CompensationMap, pair: tuple[int, int]) -> None:
+    """Mark the nominal sizes and the corners that the requirements ask for."""
     box = np.asarray(sizes.box)
     for name, signs in SIGNS.items() if sizes.over == SCALES else ():
         corner = np.where(np.asarray(signs) > 0, box[:, 1], box[:, 0])
@@ -137,12 +200,12 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
                       color=BLACK, zorder=6, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white",
                                                    "edgecolor": "none", "alpha": 0.8})  # fmt: skip
     if _within(sizes.nominal, box):
-        axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
+        axes.plot(*np.asarray(sizes.nominal)[list(pair)], **STAR)
 
 
 @styled
 def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
-    """Draw how the amounts of all pairs are spread about the budget, and what either body's tolerance contributes.
+    """Draw how the amounts of all pairs are spread about the budget, and what each size's tolerance contributes.
 
     Parameters
     ----------
@@ -150,11 +213,12 @@ def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -
     title, caption : str
         Text above and below the picture; the default caption tells the share and what fails otherwise.
     """
-    sheet = Sheet.of(PAGE, 2.95, title=title, caption=caption or str(result))
-    amounts = sheet.axes(0.55, 0.65, 3.0, 2.2)
+    more = 0.3 * max(len(result.contributions) - 2, 0)  # room for further sizes
+    sheet = Sheet.of(PAGE, 2.95 + 2.0 * more, title=title, caption=caption or str(result))
+    amounts = sheet.axes(0.55, 0.65, 3.0, 2.2 + 2.0 * more)
     _draw_amounts(amounts, result)
-    _draw_indices(sheet.axes(4.75, 1.85, 1.8, 0.72), result)
-    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85), result)
+    _draw_indices(sheet.axes(4.75, 1.85 + more, 1.8, 0.72 + more), result)
+    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85 + more), result)
     handles, labels = amounts.get_legend_handles_labels()
     if handles:
         x, y, *_ = sheet.place(2.05, 0.0, 0.0, 0.0)
@@ -190,7 +254,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
 
 
 def _draw_indices(axes: Any, result: AssemblyYield) -> None:
-    """Draw first-order and total indices of both bodies."""
+    """Draw first-order and total indices of each size."""
     from matplotlib.patches import Patch
 
     for row, share in enumerate(result.contributions):
@@ -209,7 +273,7 @@ def _draw_indices(axes: Any, result: AssemblyYield) -> None:
 
 
 def _draw_shares(axes: Any, result: AssemblyYield) -> None:
-    """Draw the yield as it is, and with one body's size held at its median."""
+    """Draw the yield as it is, and with one size held at its median."""
     shares = [result.share, *(body.share_without for body in result.contributions)]
     low, high = result.interval
     for row, (share, end) in enumerate(zip(shares, (high, *shares[1:]), strict=True)):

@@ -289,13 +289,14 @@ def print_comparison(comparison: Comparison) -> None:
 
 
 def print_yield(result: AssemblyYield) -> None:
-    """Print the share of pairs that pass, and which body's tolerance contributes how much."""
+    """Print the share of pairs that pass, and which size's tolerance contributes how much."""
     print_text(str(result), indent="   ")
+    others = "with the others" if len(result.contributions) > 2 else "with the other"
     rows = [
         {
             "body": share.body,
             "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
-            "with the other": "-" if math.isnan(share.total) else f"{share.total:.2%}",
+            others: "-" if math.isnan(share.total) else f"{share.total:.2%}",
             "yield without its scatter": share_text(share.share_without, 3),
         }
         for share in result.contributions

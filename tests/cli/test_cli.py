@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 
 import fcdm_opt
 from fcdm_opt.cli import app
-from fcdm_opt.cli.guarding import BAD_INPUT, ENDS, NO_MOTION, SOLVED
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, SOLVED
+from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Certificate, Check, Solution, Status
 
@@ -281,7 +282,7 @@ def test_a_command_ends_with_an_exit_code_that_its_page_lists(
     places = {"CUBES": cubes, "SHORT": short, "MISSING": tmp_path / "missing.toml", "OUT": tmp_path / "out"}
     name, *rest = [places.get(word, word) for word in command.split()]
     assert run(name, *rest).exit_code == code
-    assert code in ENDS[str(name)]
+    assert code in ROWS[str(name)].ends
 
 
 # ------------------------------------------------------------------------------------------------------------- pictures

@@ -16,14 +16,14 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from fcdm_opt.cli import COMMANDS, EXAMPLES, app
+from fcdm_opt.cli import app
 from fcdm_opt.cli.guarding import BROKEN_PIPE, INTERNAL, INTERRUPTED
+from fcdm_opt.cli.registry import ROWS as COMMANDS
 from fcdm_opt.show import solved
 
 TOP = Path(__file__).parents[2]
-NAMES = [name for commands in COMMANDS.values() for name in commands]
-ROWS = {name: "\n".join(own for own in EXAMPLES.splitlines() if own.split(" ")[1] == name) for name in NAMES}
-LINES = EXAMPLES.splitlines()
+ROWS = {name: own.lines(name) for name, own in COMMANDS.items()}
+LINES = [line for lines in ROWS.values() for line in lines.splitlines()]
 QUICK = ("init", "schema", "curve", "solve", "range", "whatif", "pose")  # commands whose first example is run
 BOXES = "problems/boxes.toml"
 PATIENCE = 300.0  # seconds after which a process is taken to hang
@@ -67,10 +67,9 @@ def test_every_command_that_writes_pictures_has_them_for_dark_pages() -> None:
 
 def test_the_overview_names_every_command_and_is_what_a_bare_call_prints() -> None:
     overview = run("--help").stdout
-    for question, names in COMMANDS.items():
-        assert f"\n{question}\n" in overview
-        for name in names:
-            assert re.search(rf"^  {name} ", overview, re.MULTILINE)
+    for name, row in COMMANDS.items():
+        assert f"\n{row.question}\n" in overview
+        assert re.search(rf"^  {name} ", overview, re.MULTILINE)
     bare = run()
     assert (bare.exit_code, bare.stdout) == (0, overview)
     assert run("-h").stdout == overview
@@ -154,7 +153,7 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
         ("init --jsonn a b", "error: --jsonn: no such option; see"),  # dashes alone made '--version' near
         ("solve", "error: FILE: missing; allowed: Problem files (TOML); see fcdm-opt solve --help"),
         ("map x.toml --out o --jobs many", "error: --jobs: "),
-        (f"map {BOXES} --box 1,2,3 --out /proc/none", "error: --box: not four numbers; found '1,2,3'; allowed: "),
+        (f"map {BOXES} --box 1,2,3 --out /proc/none", "error: --box: not pairs of numbers; found '1,2,3'; allowed: "),
         ("stability", "error: --out: what to do is not given once; found 'neither'; allowed: "),
         (f"solve {BOXES} --case nope", "error: --case: no such case; found 'nope'; allowed: close the gap,"),
         ("solve problems", "error: problems: the file cannot be read; found 'Is a directory'; allowed: "),

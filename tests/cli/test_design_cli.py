@@ -119,7 +119,7 @@ def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Pa
         assert box == [[0.99, 1.0], [1.0, 1.01]]
         code, _, errors = run(*command, "--box", "0.99,1.0,1.0")
         assert code == 2
-        assert "--box: not four numbers" in errors
+        assert "--box: not pairs of numbers" in errors
     assert run("pose", path, "--box", "0.9,1,1,1.1", "--sizes", path)[0] == 2
 
 

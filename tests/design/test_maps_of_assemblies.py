@@ -122,11 +122,11 @@ def test_measured_deviations_were_refused_where_a_size_came_out_smaller(tmp_path
 @pytest.mark.parametrize(
     ("name", "how", "told"),
     [
-        ("chain", {}, "over.*two of scales.floor, scales.lower, scales.upper"),
-        ("chain", {"over": ("lower", "upper")}, "over.*two of scales.floor"),
+        ("chain", {"over": ()}, "over.*one to 6 of scales.floor, scales.lower, scales.upper"),
+        ("chain", {"over": ("lower", "upper")}, "over.*one to 6 of scales.floor"),
         ("chain", {"over": OVER}, "box"),
         ("chain, sizes", {"over": ("thick", "scales.upper")}, "box"),
-        ("chain, sizes", {"over": ("thick", "thick")}, "two of thick, deep, scales.floor"),
+        ("chain, sizes", {"over": ("thick", "thick")}, "one to 6 of thick, deep, scales.floor"),
     ],
 )
 def test_an_assembly_is_not_guessed_at(name: str, how: dict[str, Any], told: str) -> None:

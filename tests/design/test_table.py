@@ -140,7 +140,7 @@ def test_shapes_broadcast_and_one_point_answers_as_many():
     [("a", 1.0), ("1.0", 1.0), (1.0, 1j), (10**400, 1.0), ([1.0, 1.0], [1.0, 1.0, 1.0]), ([[1.0], []], 1.0), (1.0, {})],
 )
 def test_what_is_no_size_pair_is_refused(sizes):
-    with pytest.raises(InputError, match="not two arrays of sizes"):
+    with pytest.raises(InputError, match="not 2 arrays of sizes"):
         table(squares(1), *QUADRATICS).at(*sizes)
 
 

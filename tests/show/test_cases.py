@@ -80,7 +80,7 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert rows[0][0] == "TX, mm: peg, length along x down, wall, length along x across"
     assert rows[11][0] == "2.02 mm"
     assert float(rows[11][4]) == pytest.approx(-0.006)
-    assert "Measure both parts" in page.read_text(encoding="utf-8")
+    assert "Measure the parts" in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("coarse_maps")

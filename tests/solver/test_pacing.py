@@ -31,7 +31,7 @@ from fcdm_opt import (
     solve_assembly,
     verify,
 )
-from fcdm_opt.cli import COMMANDS, app, showing
+from fcdm_opt.cli import MODULES, app, showing
 from fcdm_opt.design.whatif.budget import budget
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry import matching
@@ -269,7 +269,7 @@ def test_a_report_drew_cases_when_its_time_was_over(monkeypatch: pytest.MonkeyPa
 
 
 def test_pose_range_and_stack_had_no_time_limit() -> None:
-    asked = [own for own in itertools.chain(*(each.values() for each in COMMANDS.values())) if callable(own)]
+    asked = [own for each in MODULES for name, own in vars(each).items() if name.endswith("_command")]
     without = [own.__name__ for own in asked if "time" not in inspect.signature(own).parameters]
     assert without == ["schema_command", "warmup_command"]
 

@@ -69,11 +69,11 @@ class Scene:
     ask : function
         The question, for how much the parts made are off.
     amount : function
-        The least amount, for what each of two sizes is off: the scales of both bodies, or `sizes`.
+        The least amount, for what each size is off: the scales of both bodies, or `sizes`.
     of_moving : function, optional
         Of an assembly without sizes the same for what the scales of its two parts that move are off, all others drawn.
     sizes : tuple of str
-        Names of two sizes of its own, of which the first is off; none where the scales are, both.
+        Names of sizes of its own, of which the first is off; none where the scales are, both.
     signs : (int, int)
         Of what both scales are off.
     direction : str
@@ -93,7 +93,7 @@ class Scene:
     """
 
     ask: Callable[[float], Question]
-    amount: Callable[[float, float], float]
+    amount: Callable[..., float]
     of_moving: Callable[[Any, Any], Any] | None = None
     sizes: tuple[str, ...] = ()
     signs: tuple[int, int] = (1, 1)
@@ -105,15 +105,14 @@ class Scene:
     worst: float = 0.015
     motion_by_pose: float = -1.0
 
-    def off(self, x: float) -> tuple[float, float]:
-        """What both sizes are off."""
-        return (x, 0.0) if self.sizes else (self.signs[0] * x, self.signs[1] * x)
+    def off(self, x: float) -> tuple[float, ...]:
+        """What the sizes are off."""
+        return (x, *[0.0] * (len(self.sizes) - 1)) if self.sizes else (self.signs[0] * x, self.signs[1] * x)
 
-    def slopes(self, x: float) -> tuple[float, float]:
-        """Derivatives of the least amount by both sizes."""
-        d, e = self.off(x)
-        by_first = (self.amount(d + 1e-6, e) - self.amount(d - 1e-6, e)) / 2e-6
-        return by_first, (self.amount(d, e + 1e-6) - self.amount(d, e - 1e-6)) / 2e-6
+    def slopes(self, x: float) -> tuple[float, ...]:
+        """Derivatives of the least amount by the sizes."""
+        off, steps = np.array(self.off(x)), 1e-6 * np.eye(len(self.off(x)))
+        return tuple((self.amount(*(off + step)) - self.amount(*(off - step))) / 2e-6 for step in steps)
 
     def least(self, x: float) -> float:
         """The least amount where the parts made are off by x."""
@@ -127,11 +126,9 @@ def _pair(movable: fo.Body, static: fo.Body, **given: Any) -> Callable[[float], 
     return ask
 
 
-def _sized(
-    one: fo.Size, other: fo.Size, static: fo.Body = TABLE, movable: fo.Body = PROBE
-) -> Callable[[float], fo.Problem]:
+def _sized(*sizes: fo.Size, static: fo.Body = TABLE, movable: fo.Body = PROBE) -> Callable[[float], fo.Problem]:
     def ask(x: float) -> fo.Problem:
-        return fo.Problem(movable, static, sizes=[one, other], made={one.name: x}, motion=Z, goal="touch")
+        return fo.Problem(movable, static, sizes=sizes, made={sizes[0].name: x}, motion=Z, goal="touch")
 
     return ask
 
@@ -262,6 +259,17 @@ SCENES = {
         touches=(-3.0, 0.01),
         worst=WIDE,  # from below, where the top of the table does not matter
     ),
+    "one size": Scene(
+        ask=_sized(TOP), amount=lambda d: d, sizes=("top",),
+        touches=(-3.0, 0.01),
+        worst=0.0,  # from below, where it does not matter
+    ),
+    "three sizes": Scene(  # of which the last one matters to nothing
+        ask=_sized(TOP, ALL, _size("wide", "static", scale="x")), amount=lambda d, e, _: d + e,
+        sizes=("top", "all", "wide"),
+        touches=(-3.0, 0.01),
+        worst=WIDE,
+    ),
     "size: axis": Scene(
         ask=_sized(_size("height", "static", scale="z"), ALL), amount=lambda d, e: 0.5 * d + e, sizes=("height", "all"),
         touches=(-3.005, 0.005),
@@ -276,7 +284,7 @@ SCENES = {
     ),
     "large mesh": Scene(ask=_pair(PROBE, hollow(TABLE), goal="touch"), amount=_tip),
     "large mesh, sizes": Scene(
-        ask=_sized(TOP, ALL, hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
+        ask=_sized(TOP, ALL, static=hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
         touches=(-3.0, 0.01),
         worst=2.0 * WIDE,  # of the contact as drawn: it stays above the table
     ),

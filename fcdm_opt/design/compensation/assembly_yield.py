@@ -1,4 +1,4 @@
-"""The share of part pairs whose motion stays within a budget, and which body's tolerance it hangs on."""
+"""The share of the parts made whose motion stays within a budget, and which size's tolerance it hangs on."""
 
 from __future__ import annotations
 
@@ -30,6 +30,9 @@ BINS = 128
 SHARES = (0.5, 0.9, 0.99, 0.999)
 """Shares of the pairs that quantiles are told for."""
 
+MOST_HELD = 2_000_000
+"""Pairs looked up at most to tell what each size' scatter costs."""
+
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
@@ -37,15 +40,15 @@ OTHERS = ("outside", "impossible", "undecided")
 
 @dataclass(frozen=True)
 class Contribution(Plain):
-    """How much of the amount's variance, and of the failures, is due to one body's tolerance.
+    """How much of the amount's variance, and of the failures, is due to one size' tolerance.
 
     Attributes
     ----------
     body : str
-        "movable" or "static"; of a map over two named sizes the size, of an assembly's scales "scales.PART".
+        "movable" or "static", of the scales of both; else the size, of an assembly's scales "scales.PART".
     first_order, total : float
         Sobol indices of the amount: the share of its variance that goes when this body's size is fixed, on average, and
-        the share that stays when only this size varies; they differ by what both sizes do together. Pairs without a
+        the share that stays when only this size varies; they differ by what sizes do together. Pairs without a
         motion are left out, with those they are compared with. nan where the amount does not vary.
     first_order_error, total_error : float
         Their standard errors.
@@ -89,8 +92,8 @@ class AssemblyYield(Plain, NotebookRepr):
         Of parameters: lengths, radians.
     quantiles : mapping of float to float
         Amounts that the given shares of the pairs with a motion do not exceed. nan where no pair has a motion.
-    contributions : tuple of two `Contribution`
-        Of the movable and of the static body; for measured pairs as if each size were drawn by itself.
+    contributions : tuple of `Contribution`
+        Of each size; for measured pairs as if each size were drawn by itself.
     amounts : array (n + 1,)
         Edges of the bins of a histogram of the amount.
     counts : array of int (n,)
@@ -117,7 +120,7 @@ class AssemblyYield(Plain, NotebookRepr):
     budget: float
     limits: Mapping[str, tuple[float, float]]
     quantiles: Mapping[float, float]
-    contributions: tuple[Contribution, Contribution]
+    contributions: tuple[Contribution, ...]
     amounts: Array = field(repr=False, compare=False)
     counts: Ints = field(repr=False, compare=False)
     unit: str = ""
@@ -143,7 +146,7 @@ class AssemblyYield(Plain, NotebookRepr):
         pairs, _ = drawn_pairs(self.sizes, None, LOOKED_UP, SEED, positive=self.sizes_map.scaled)
         names = self.sizes_map.table.names
         limits = {names.index(name): ends for name, ends in self.limits.items()}
-        passed = _looked_up(self.sizes_map, self.budget, limits, *pairs.T).passed
+        passed = _looked_up(self.sizes_map, self.budget, limits, pairs).passed
         places = pairs[:: max(len(pairs) // SAMPLED, 1)]
         points = self.sizes_map.at(*places.T)
         return MotionClaims(
@@ -174,7 +177,7 @@ class AssemblyYield(Plain, NotebookRepr):
 def assembly_yield(
     sizes_map: Any,
     *,
-    sizes: tuple[Distribution, Distribution] | Array,
+    sizes: tuple[Distribution, ...] | Array,
     budget: float | None = None,
     limits: Mapping[str, Any] | None = None,
     count: int = 1_000_000,
@@ -186,10 +189,10 @@ def assembly_yield(
     Parameters
     ----------
     sizes_map : Table or CompensationMap, or anything else with an `at` that answers alike
-        The motion for every size pair, with its error.
-    sizes : pair of distributions, or array (n, 2)
-        What the sizes of body 1 and body 2 are drawn from, independently of each other; or measured pairs, which are
-        looked up as they are (from a CSV file: `read_columns`). Deviations, for a map over two named sizes.
+        The motion for all sizes, with its error.
+    sizes : a distribution for each size, or array (n, k)
+        What the k sizes, such as those of body 1 and body 2, are drawn from, independently of each other; or measured
+        ones, which are looked up as they are (from a CSV file: `read_columns`). Deviations, of sizes by name.
     budget : float, optional
         Largest amount that passes, a length.
     limits : mapping of parameter name to (lower, upper), optional
@@ -208,7 +211,7 @@ def assembly_yield(
 
     Notes
     -----
-    Contributions: two successive pairs are also looked up with their movable bodies swapped. The four amounts give
+    Contributions: two successive draws are also looked up with one size swapped, each in turn. The four amounts give
     both first-order and total indices (A. Saltelli et al., Variance based sensitivity analysis of model output,
     Computer Physics Communications 181 (2010)).
     """
@@ -221,17 +224,17 @@ def assembly_yield(
     kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
     real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
     looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
-    over, scaled = getattr(sizes_map, "over", SCALES), getattr(sizes_map, "scaled", True)
+    of = len(getattr(sizes_map, "box", SCALES))
+    over = getattr(sizes_map, "over", SCALES if of == 2 else tuple(f"size {k}" for k in range(1, of + 1)))
+    scaled = getattr(sizes_map, "scaled", np.ones(of, dtype=bool))
     given = sources(sizes, positive=scaled)
-    scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
+    scatter = given if isinstance(given, tuple) else tuple(map(Measured, given.T))
     drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scaled)
-    scattered = looked_up(*drawn.T)
-    pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(*given.T))
-    even = len(drawn) // 2 * 2
-    (x, y), (x_other, y_other) = drawn[0:even:2].T, drawn[1:even:2].T
+    scattered = looked_up(drawn)
+    pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(given))
+    even = 2 * (len(drawn) // max(len(over), 2))
+    ends = drawn[0:even:2], drawn[1:even:2]
     here, there = scattered.amount[0:even:2], scattered.amount[1:even:2]
-    one, other = (looked_up(*swapped).amount for swapped in ((x_other, y), (x, y_other)))
-    indices, deviations = sobol_indices(here, one, other, there)
     amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
     quantiles = np.quantile(amounts, SHARES, method="inverted_cdf") if len(amounts) else np.full(len(SHARES), np.nan)
     low, high = (float(amounts.min()), float(amounts.max())) if len(amounts) else (0.0, 0.0)
@@ -241,10 +244,12 @@ def assembly_yield(
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
     for k, body in enumerate(BODIES if over == SCALES else over):
-        held = pairs.T.copy()
-        held[k] = scatter[k].quantile(0.5)
-        (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()
-        fixed = looked_up(*held)
+        own, held = np.arange(len(over)) == k, pairs[:: max(len(pairs) * len(over) // MOST_HELD, 1)].copy()
+        held[:, k] = scatter[k].quantile(0.5)
+        one, other = (looked_up(np.where(which, *ends[::-1])).amount for which in (own, ~own))
+        indices, deviations = sobol_indices(here, one, other, there)
+        (first, total), (first_error, total_error) = indices.tolist(), deviations.tolist()
+        fixed = looked_up(held)
         without = math.nan if fixed.unknown.any() else float(fixed.passed.mean())
         contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
@@ -259,7 +264,7 @@ def assembly_yield(
         budget=most,
         limits=kept,
         quantiles=dict(zip(SHARES, quantiles.tolist(), strict=True)),
-        contributions=(contributions[0], contributions[1]),
+        contributions=tuple(contributions),
         amounts=frozen(edges),
         counts=frozen(counts, np.int64),
         unit=getattr(sizes_map, "unit", ""),
@@ -282,11 +287,11 @@ class _LookedUp(NamedTuple):
     unknown: Flags
 
 
-def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array) -> _LookedUp:
-    """Return what a map says of size pairs, block by block; parameters that have limits are told by their number."""
+def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], made: Array) -> _LookedUp:
+    """Return what a map says of sizes, block by block; parameters that have limits are told by their number."""
     blocks = []
-    for start in range(0, max(len(x), 1), BLOCK):
-        points = sizes_map.at(x[start : start + BLOCK], y[start : start + BLOCK])
+    for start in range(0, max(len(made), 1), BLOCK):
+        points = sizes_map.at(*made[start : start + BLOCK].T)
         amount, error, kept = points.amount, points.error, np.ones(points.amount.shape, dtype=bool)
         for k, (low, high) in limits.items():
             kept &= (points.parameters[..., k] >= low) & (points.parameters[..., k] <= high)
@@ -297,7 +302,7 @@ def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, fl
 
 
 def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]:
-    """Return both sizes' Sobol indices from the amounts of pairs (x, y), (x', y), (x, y'), (x', y').
+    """Return a size' Sobol indices from the amounts of (x, y), (x', y), (x, y'), (x', y'), of that size and all others.
 
     The means of u = (f - g)^2 + (h - k)^2, v = (f - h)^2 + (g - k)^2 and w = (f - g - h + k)^2 are four times the
     variance due to x with what both do together, due to y likewise, and what both do together alone; u + v - w =
@@ -311,18 +316,17 @@ def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]
 
     Returns
     -------
-    array (2, 2), array (2, 2)
-        For either size its first-order and its total index, and their standard errors; nan where the amount does not
-        vary.
+    array (2,), array (2,)
+        The first-order and the total index of x, and their standard errors; nan where the amount does not vary.
     """
     terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
     terms = terms[:, np.isfinite(terms).all(axis=0)]
     sums, all_of_it = terms.sum(axis=1), np.array([1.0, 1.0, -1.0])
     whole, count = float(all_of_it @ sums), terms.shape[1]
     if count < 2 or not whole > 0.0:
-        return np.full((2, 2), np.nan), np.full((2, 2), np.nan)
-    taken = np.array([[[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, -1.0], [0.0, 1.0, 0.0]]])
+        return np.full(2, np.nan), np.full(2, np.nan)
+    taken = np.array([[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     indices = taken @ sums / whole
     slopes = (taken - indices[..., None] * all_of_it) / whole
-    variances = np.einsum("abi,ij,abj->ab", slopes, count * np.cov(terms, bias=True), slopes)
+    variances = np.einsum("ai,ij,aj->a", slopes, count * np.cov(terms, bias=True), slopes)
     return indices, np.sqrt(np.maximum(variances, 0.0))

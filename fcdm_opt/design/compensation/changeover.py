@@ -1,4 +1,4 @@
-"""Where, along a line in the plane of sizes, one active set gives way to another."""
+"""Where, along a line through the sizes, one active set gives way to another."""
 
 from __future__ import annotations
 

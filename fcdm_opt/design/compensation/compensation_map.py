@@ -1,4 +1,4 @@
-"""The compensation map: the smallest motion for every pair of sizes in a box, for the shop floor."""
+"""The compensation map: the smallest motion for all sizes in a box, one to six of them, for the shop floor."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from fcdm_opt import pacing
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
 from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler, covered
-from fcdm_opt.design.compensation.size_mesh import areas
-from fcdm_opt.design.compensation.table import MapPoints, Table
+from fcdm_opt.design.compensation.size_mesh import Facet
+from fcdm_opt.design.compensation.table import MapPoints, Table, box_text, simplices, volumes
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
@@ -38,14 +38,14 @@ _FORMAT = "fcdm_opt compensation map 1"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapRegion(ActiveSet, Plain):
-    """Pairs of sizes for which the motion is held by the same constraints, an active set.
+    """Sizes for which the motion is held by the same constraints, an active set.
 
     Attributes
     ----------
     share : float
-        Of the box's area.
-    place : (2,) array
-        A pair of sizes well inside.
+        Of the box's length, area or volume.
+    place : (k,) array
+        Sizes well inside.
     amounts : (float, float)
         Least and largest amount at the table's nodes, length units; nan without a motion.
     """
@@ -63,8 +63,9 @@ class Boundary(Plain):
     ----------
     regions : (int, int)
         Numbers of both, from 0.
-    points : (n, 2) array
-        Pairs of sizes on it, in order.
+    points : (n, k) array
+        Sizes on it: the one where it is a switching point of a map over one size; of two sizes those of a line, in
+        order; of more all that its surface was found at.
     jumps : bool
         Whether the motion, or its amount, jumps there.
     """
@@ -82,15 +83,15 @@ class CompensationMap(Plain, NotebookRepr):
     ----------
     problem : dict
         The problem or assembly as plain data, None where it cannot be written down (an amount of one's own).
-    over : (str, str)
-        The sizes: "rho_1" and "rho_2", the scales, of an assembly's parts "scales.PART", or names of its own sizes;
-        these are deviations from drawn.
-    box : (2, 2) array
-        Least and largest of both.
-    nominal : (2,) array
+    over : tuple of str
+        The k sizes, one to six: "rho_1" and "rho_2", the scales, of an assembly's parts "scales.PART", or names of its
+        own sizes; these are deviations from drawn.
+    box : (k, 2) array
+        Least and largest of each.
+    nominal : (k,) array
         Nominal sizes, 0 for deviations.
     table : Table
-        Triangles that interpolate amount and parameters, with bounds of their errors.
+        Intervals, triangles, tetrahedra, ... that interpolate amount and parameters, with bounds of their errors.
     regions : tuple of MapRegion
         Largest first; `table.regions` counts them from 0.
     boundaries : tuple of Boundary
@@ -100,7 +101,7 @@ class CompensationMap(Plain, NotebookRepr):
         Largest bound outside the strips and specks in which jumps lie, see `Table.errors` there; above `error` where
         the budget was spent, infinite where the time was over before all of the box was looked at.
     solved : int
-        Number of pairs of sizes that were solved and judged.
+        Number of sizes, all of them given, that were solved and judged.
     seconds : float
         Wall time of building.
     known_to : tuple of str
@@ -115,7 +116,7 @@ class CompensationMap(Plain, NotebookRepr):
     format: ClassVar[str] = _FORMAT
 
     problem: Mapping[str, Any] | None
-    over: tuple[str, str]
+    over: tuple[str, ...]
     box: Array
     nominal: Array
     table: Table
@@ -142,12 +143,12 @@ class CompensationMap(Plain, NotebookRepr):
 
     @property
     def scaled(self) -> Flags:
-        """Which of both are scales, > 0; the others are deviations from drawn."""
+        """Which of the sizes are scales, > 0; the others are deviations from drawn."""
         return frozen(np.asarray(self.nominal) > 0.0, np.bool_)
 
-    def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
-        """Return the motion for pairs of sizes, with bounds of its error, see `Table.at`."""
-        return replace(self.table.at(rho1, rho2), posed=None if self.problem is None else self._transforms)
+    def at(self, *sizes: ArrayLike) -> MapPoints:
+        """Return the motion at sizes, an argument each, with bounds of its error, see `Table.at`."""
+        return replace(self.table.at(*sizes), posed=None if self.problem is None else self._transforms)
 
     @cached_property
     def scene(self) -> Problem | Assembly:
@@ -166,11 +167,10 @@ class CompensationMap(Plain, NotebookRepr):
         return posed if isinstance(self.scene, Assembly) else posed["movable"]
 
     def __str__(self) -> str:
-        (low_1, high_1), (low_2, high_2) = self.box
-        names = "" if self.over == SCALES else f"{self.over[0]} and {self.over[1]}, "
+        names = "" if self.over == SCALES else f"{' and '.join(self.over)}, "
         return (
-            f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
-            f"{len(self.regions)} region{'s' * (len(self.regions) != 1)}, {len(self.table)} triangles, "
+            f"compensation map over {names}{box_text(self.box)}: {len(self.regions)} "
+            f"region{'s' * (len(self.regions) != 1)}, {simplices(len(self.table), len(self.over))}, "
             f"error {self.error_text} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
@@ -225,23 +225,23 @@ def compensation_map(
     seconds: float = SECONDS,
     jobs: int = 1,
 ) -> CompensationMap:
-    """Work out the smallest motion for all pairs of sizes in a box.
+    """Work out the smallest motion for all sizes in a box.
 
     Parameters
     ----------
     problem : Problem or Assembly
-        Its requirement or target is replaced by each pair of sizes. Any goal but "beyond".
-    over : (name, name), optional
-        Two of the problem's own sizes, or of the scales of parts: "rho_1" and "rho_2", of an assembly "scales.PART".
-        All others stay as they are made. Default: its sizes, of which it has two; the scales of both bodies where it
-        has a tolerance of them or no sizes of its own.
-    box : ((low_1, high_1), (low_2, high_2)), optional
+        Its requirement or target is replaced by the sizes. Any goal but "beyond".
+    over : name, or sequence of names, optional
+        One to six of the problem's own sizes, or of the scales of parts: "rho_1" and "rho_2", of an assembly
+        "scales.PART". All others stay as they are made. Default: all its sizes; the scales of both bodies where it has
+        a tolerance of them or no sizes of its own.
+    box : ((low_1, high_1), ...), optional
         Sizes to cover; default: what the problem's tolerance leaves open about its nominal pair, or the tolerances of
-        the two sizes, as deviations from drawn. Scales of an assembly's parts have no tolerance, and need one.
+        the sizes, as deviations from drawn. Scales of an assembly's parts have no tolerance, and need one.
     error : float, optional
         Length that amount, and displacements of a part that moves, may be off by; default: 1e-4 of the largest amount.
     budget : int
-        Number of pairs to be solved, about; when it is spent the map tells what error it reached.
+        Number of sizes to be solved for, about; when it is spent the map tells what error it reached.
     seconds : float
         The same of the time; what was reached by then depends on the machine. Sizes of which it is not known by then
         whether there is a motion are a region "undecided"; errors of amounts that were not looked at are nan.
@@ -270,7 +270,7 @@ def compensation_map(
         mesh = RefinedMesh(sampler, error)
         mesh.refine()
     table, sets = _table(mesh)
-    smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
+    smooth = [simplex.errors.max() for simplex in mesh.simplices if mesh.size(simplex) > 2.0 * SHORTEST]
     return CompensationMap(
         problem=_plain(problem),
         over=names,
@@ -291,13 +291,14 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
     """Return the table and the active sets of its regions, the largest first."""
     places, values, errors, held = zip(*mesh.finished(), strict=True)
     sizes: dict[ActiveSet, float] = {}
-    for size, one in zip(np.abs(areas(np.array(places))).tolist(), held, strict=True):
+    for size, one in zip(np.abs(volumes(np.array(places))).tolist(), held, strict=True):
         sizes[one] = sizes.get(one, 0.0) + size
     sets = sorted(sizes, key=lambda one: (-sizes[one], one))
     nodes = np.array(values)
-    nodes[:, :3, 0] = np.maximum(nodes[:, :3, 0], 0.0)  # rounding where motions begin
+    ends = nodes[:, : len(mesh.sampler.over) + 1, 0]
+    np.maximum(ends, 0.0, out=ends)  # rounding where motions begin
     table = Table(
-        corners=mesh.sampler.pair(places),
+        corners=mesh.sampler.made(places),
         values=nodes,
         errors=np.array(errors),
         regions=np.array([sets.index(one) for one in held]),
@@ -307,7 +308,7 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
 
 
 def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
-    sizes = np.abs(areas(table.corners))
+    sizes = np.abs(volumes(table.corners))
     regions = []
     for number, one in enumerate(sets):
         members = np.flatnonzero(table.regions == number)
@@ -326,22 +327,31 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
 
 def _boundaries(mesh: RefinedMesh, sets: Sequence[ActiveSet]) -> list[Boundary]:
     boundaries = []
-    for (one, two), edges in mesh.boundaries().items():
+    for (one, two), facets in mesh.boundaries().items():
         low, high = sorted((sets.index(one), sets.index(two)))
         for jumps in (False, True):
-            for chain in _chains([ends for ends in edges if mesh.jumps(ends) == jumps]):
-                points = mesh.sampler.pair([mesh.vertices[k].place for k in chain])
+            for piece in _pieces([facet for facet in facets if mesh.jumps(facet) == jumps], mesh.sizes):
+                points = mesh.sampler.made([mesh.vertices[k].place for k in piece])
                 boundaries.append(Boundary(regions=(low, high), points=frozen(points), jumps=jumps))
     return sorted(boundaries, key=lambda boundary: (boundary.regions, boundary.points[0].tolist()))
 
 
-def _chains(edges: Sequence[tuple[int, int]]) -> list[list[int]]:
+def _pieces(facets: Sequence[Facet], sizes: int) -> list[list[int]]:
+    """Return the vertices of a boundary by its pieces: single ones of one size, lines of two, else a surface."""
+    if sizes == 2:
+        return _chains(facets)
+    if sizes == 1:
+        return [list(facet) for facet in facets]
+    return [sorted({own for facet in facets for own in facet})] if facets else []
+
+
+def _chains(edges: Sequence[Facet]) -> list[list[int]]:
     """Join edges that share ends to chains; where three or more meet, chains end."""
     around: dict[int, list[int]] = {}
     for i, j in edges:
         around.setdefault(i, []).append(j)
         around.setdefault(j, []).append(i)
-    left, chains = {frozenset(ends) for ends in edges}, []
+    left, chains = {frozenset(ends) for ends in edges}, list[list[int]]()
     for start in sorted(around, key=lambda k: (len(around[k]) == 2, k)):  # closed chains last
         for step in around[start]:
             chain = [start, step]

@@ -6,20 +6,23 @@ it; any is halved where quadratic interpolation along it is too coarse. What the
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
-from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
+from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, Simplex, SizeMesh, Values
+from fcdm_opt.design.compensation.table import nodes_of, quadratic_basis
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
+COARSER = {1: 1, 2: 1, 3: 2}  # every which of them, for so many sizes; of more every fourth
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
-SAFETY = 2.0  # times the errors at the four points that fix a cubic's part beyond the quadratic
+SAFETY = 2.0  # times the errors at points that fix a cubic's part beyond the quadratic: on edges, and the centre
 SHORTEST = 2.0**-14  # of the box: edges are not split further
 ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
@@ -40,13 +43,15 @@ class RefinedMesh(SizeMesh):
         self._carried = [(part, scene.bodies_made[part], carrying) for part, carrying in scene.kinematics.items()]
         self._walls = np.array([own.limits for own in scene.coordinates])
         self._rounding = DEFAULT.touch * scene.size
-        places = [np.array([x, y]) for y in GRID for x in GRID]
+        grid = sorted({*GRID[:: COARSER.get(len(sampler.over), 4)], GRID[-1]})
+        places = [np.array(place[::-1]) for place in product(grid, repeat=len(sampler.over))]
         samples = sampler.samples(places)
         vertices = [
             MeshVertex(place, {} if sample is None else dict([sample]))
             for place, sample in zip(places, samples, strict=True)
         ]
-        super().__init__(vertices, len(GRID))
+        super().__init__(vertices, len(grid))
+        self._axes = list(np.eye(self.sizes))
         known = [sample for sample in samples if sample is not None]
         held = [sample.held for sample in known]
         alone = {one for one in held if held.count(one) == 1}  # may hold on a boundary only
@@ -55,22 +60,38 @@ class RefinedMesh(SizeMesh):
         self.error = max(SHARE * largest, self._rounding) if error is None else error
 
     def refine(self) -> None:
-        """Refine until every triangle is within the error, or the budget or the time is spent."""
+        """Refine until every simplex is within the error, or the budget or the time is spent."""
         for wave in range(WAVES):
-            waiting = [triangle for triangle in self.triangles if not triangle.finished]
+            waiting = [simplex for simplex in self.simplices if not simplex.finished]
             if not waiting:
                 return
             self._look(waiting)
             self._judge(waiting, last=wave == WAVES - 1)
             if self.sampler.late:
                 break
-            fresh = [one.split for one in self.triangles if one.split is not None and not one.finished]
+            fresh = [one.split for one in self.simplices if one.split is not None and not one.finished]
             self._run([self._fill(vertex) for vertex in fresh])
+            later, made = self._held_back(), self.made
+            for edge in later:
+                edge.must = False
             self.subdivide()
-        self._judge([triangle for triangle in self.triangles if not triangle.finished], last=True)
-        for triangle in self.triangles:
-            if not triangle.finished:
-                self._leave(triangle)
+            for edge in later:
+                edge.must = True
+            if self.made == made:
+                break
+        self._judge([simplex for simplex in self.simplices if not simplex.finished], last=True)
+        for simplex in self.simplices:
+            if not simplex.finished:
+                self._leave(simplex)
+
+    def _held_back(self) -> list[MeshEdge]:
+        """Return the shortest of the edges that are to be split: what would be new about them all takes too long."""
+        counts = Counter(ends for simplex in self.simplices for ends in simplex.edges)
+        cut = [ends for ends in counts if (edge := self.edges.get(ends)) and edge.must]
+        cut.sort(key=self.length, reverse=True)
+        room = self.made * (1.0 / self.sampler.effort - 1.0)
+        taken = np.cumsum([2 * counts[ends] for ends in cut])
+        return [self.edges[ends] for ends, cost in zip(cut, taken, strict=True) if cost > room]
 
     def _run(self, searches: Sequence[Asking[None]], *, last: bool = False) -> list[bool]:
         """Run searches side by side: what they ask for is solved in one go; tell which came to their end.
@@ -97,10 +118,14 @@ class RefinedMesh(SizeMesh):
                     ended[k] = True
         return ended
 
-    def _look(self, waiting: Sequence[Triangle]) -> None:
+    def _look(self, waiting: Sequence[Simplex]) -> None:
         """Look at the edges that have not been looked at, as far as the time does."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
         new = sorted([ends for ends in new if all(self.vertices[k].values for k in ends)], key=self._dear)
+        self._around: dict[Ends, set[int]] = {}
+        for simplex in self.simplices if self.sizes > 2 else ():
+            for ends in simplex.edges:
+                self._around.setdefault(ends, set()).update({*simplex.corners} - {*ends})
         self.edges.update({ends: MeshEdge() for ends in new})
         for ends, ended in zip(new, self._run([self._edge(ends) for ends in new]), strict=True):
             if not ended:
@@ -126,7 +151,7 @@ class RefinedMesh(SizeMesh):
         for place, sample in zip(places, samples, strict=True):
             beside = dict([sample])
             if sets != [sample.held]:
-                beside = yield from self._beside(place, sample, [_normal(p.place, q.place)])
+                beside = yield from self._beside(place, sample, _across(q.place - p.place))
             if not any(one in beside for one in sets):
                 edge.split, edge.must = MeshVertex(place, beside), True
                 return
@@ -162,35 +187,56 @@ class RefinedMesh(SizeMesh):
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
             if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
-                vertex.values[change.sets[side]] = change.values[side]
+                self._between(vertex, change).values[change.sets[side]] = change.values[side]
                 del self.edges[ends]  # is looked at anew
                 return
         place = p.place + change.at * (q.place - p.place)
-        edge.split, edge.must = MeshVertex(place, dict(zip(change.sets, change.values, strict=True))), True
+        values = dict(zip(change.sets, change.values, strict=True))
+        edge.split, edge.must = self._between(MeshVertex(place, values), change), True
+
+    def _between(self, vertex: MeshVertex, change: Changeover) -> MeshVertex:
+        """Note how far the motion jumps at a vertex on a boundary; return the vertex."""
+        vertex.step = self._apart(*change.values, vertex.place)
+        vertex.jumps = bool(vertex.step.max() > max(self.error / 2, self._rounding))
+        return vertex
 
     def _across_both(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[bool]:
         """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
         places: list[Array] = []
         values: Values = {}
-        for sign in (2.0, -2.0):
-            shift = sign * NARROW * _normal(p.place, q.place)
-            start, end = p.place + shift, q.place + shift
-            samples = yield [start, end]
-            if samples[0].held != samples[1].held:
-                change = yield from changeover(start, end, samples, self._walls)
-                places.append(start + change.at * (end - start) - shift)
+        for normal, sign in product(_across(q.place - p.place)[:1], (2.0, -2.0)):
+            shift = sign * NARROW * normal
+            change = yield from self._change(p.place + shift, q.place + shift)
+            if change is not None:
+                places.append(p.place + change.at * (q.place - p.place))
                 values.update(zip(change.sets, change.values, strict=True))
         if len(places) < 2 or np.linalg.norm(places[0] - places[1]) > SHORTEST:
             return False
-        edge.split, edge.must = MeshVertex((places[0] + places[1]) / 2, values), True
+        place, shift = (places[0] + places[1]) / 2, 4.0 * NARROW * normal
+        along = 4.0 * NARROW * (q.place - p.place) / float(np.linalg.norm(q.place - p.place))
+        # the boundary has a corner there, off the edge: it is followed to that
+        near = yield from self._change(place + along - shift, place + along + shift)
+        far = yield from self._change(place + 2.0 * along - shift, place + 2.0 * along + shift)
+        if near is not None and far is not None and {*near.sets} == {*far.sets}:
+            place = place + (4.0 * near.at - 2.0 * far.at - 1.0) * shift
+        edge.split, edge.must = MeshVertex(place, values), True
         return True
+
+    def _change(self, start: Array, end: Array) -> Asking[Changeover | None]:
+        """Find where the active set changes between two places; None where it is the same at both."""
+        samples = yield [start, end]
+        if samples[0].held == samples[1].held:
+            return None
+        return (yield from changeover(start, end, samples, self._walls))
 
     def _along(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Asking[bool]:
         """Look at an edge along a boundary of two regions; tell whether it is one."""
-        lines = []
+        line, lines = self._line_across(p, q, sets), []
+        if line is None:
+            return False
         for share in (0.5, 0.25):
             place = (1.0 - share) * p.place + share * q.place
-            across = yield from self._across(place, q.place - p.place, sets)
+            across = yield from self._crossing(place, line, sets)
             if across is None:
                 return False
             lines.append((place, *across))
@@ -203,19 +249,35 @@ class RefinedMesh(SizeMesh):
         edge.step = self._apart(*centre, middle)
         shift = (here.at - 0.5) * line
         edge.bend = float(np.linalg.norm(shift))
-        edge.jumps = bool(self._apart(*here.values, middle).max() > max(self.error / 2, self._rounding))
-        edge.split = MeshVertex(middle + shift, dict(zip(here.sets, here.values, strict=True)))
+        edge.split = self._between(MeshVertex(middle + shift, dict(zip(here.sets, here.values, strict=True))), here)
+        edge.jumps = edge.split.jumps
         edge.straight = MeshVertex(middle, dict(edge.middle))
         return True
 
-    def _across(
-        self, place: Array, along: Array, sets: tuple[ActiveSet, ActiveSet]
+    def _line_across(self, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Array | None:
+        """Return a vector as long as an edge, across it: from corners beside it in the first of two regions alone.
+
+        To those in the second; where there are none, any. None of one size, where nothing is beside an edge.
+        """
+        along = q.place - p.place
+        length = float(np.linalg.norm(along))
+        normals = _across(along)
+        whole = np.zeros(len(along))
+        for k in self._around.get((min(p.number, q.number), max(p.number, q.number)), ()) if len(normals) > 1 else ():
+            vertex = self.vertices[k]
+            off = sum(((vertex.place - p.place) @ normal) * normal for normal in normals)
+            away = float(np.linalg.norm(off))
+            whole += ((sets[1] in vertex.values) - (sets[0] in vertex.values)) * off / max(away, NARROW)
+        size = float(np.linalg.norm(whole))
+        return None if not normals else length * (whole / size if size > NARROW else normals[0])
+
+    def _crossing(
+        self, place: Array, line: Array, sets: tuple[ActiveSet, ActiveSet]
     ) -> Asking[tuple[Array, Changeover] | None]:
-        """Find the boundary on a line across an edge at a place; the line's middle is that place."""
-        normal = np.array([-along[1], along[0]])  # as long as the edge
-        reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(along)))
+        """Find the boundary on a line through a place, which is the middle of what is looked at of it."""
+        reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(line)))
         while reach <= FURTHEST:
-            start, end = place - reach * normal, place + reach * normal
+            start, end = place - reach * line, place + reach * line
             samples = yield [start, end]
             if {sample.held for sample in samples} == set(sets):
                 change = yield from changeover(start, end, samples, self._walls)
@@ -223,8 +285,8 @@ class RefinedMesh(SizeMesh):
             reach *= WIDER
         return None
 
-    def _judge(self, waiting: Sequence[Triangle], *, last: bool) -> None:
-        """Finish the triangles that are good enough, and mark what is to be split of the others."""
+    def _judge(self, waiting: Sequence[Simplex], *, last: bool) -> None:
+        """Finish the simplices that are good enough, and mark what is to be split of the others."""
         last = last or self.sampler.spent
         if last:  # as they are, with the errors that they have
             for edge in self.edges.values():
@@ -234,92 +296,96 @@ class RefinedMesh(SizeMesh):
         ready.sort(key=lambda one: sum(map(self._dear, one.edges)))
         self._run([self._settle(one, last) for one in ready], last=last)
 
-    def _leave(self, triangle: Triangle) -> None:
-        """Finish a triangle that was not looked at: undecided, but for a motion that its corners have in common."""
-        corners = [self.vertices[k].values for k in triangle.corners]
+    def _leave(self, simplex: Simplex) -> None:
+        """Finish a simplex that was not looked at: undecided, but for a motion that its corners have in common."""
+        corners = [self.vertices[k].values for k in simplex.corners]
         sets = [one for one in corners[0] if all(one in values for values in corners[1:])]
-        triangle.held = next((one for one in sets if np.isfinite(corners[0][one][0])), UNDECIDED)
-        triangle.values = np.full((6, 1 + len(self._walls)), np.nan)
-        if triangle.held != UNDECIDED:
-            ends = np.array([values[triangle.held] for values in corners])
-            triangle.values = np.vstack([ends, (ends + np.roll(ends, -1, axis=0)) / 2.0])
-        triangle.errors, triangle.finished = np.full(2, np.nan), True
+        simplex.held = next((one for one in sets if np.isfinite(corners[0][one][0])), UNDECIDED)
+        nothing = np.full(1 + len(self._walls), np.nan)
+        simplex.values = nodes_of(np.array([values.get(simplex.held, nothing) for values in corners]))
+        simplex.errors, simplex.finished = np.full(2, np.nan), True
 
-    def _settle(self, triangle: Triangle, last: bool) -> Asking[None]:
-        corners = [self.vertices[k].values for k in triangle.corners]
-        sets = [one for one in corners[0] if one in corners[1] and one in corners[2]]
-        centre = self.places(triangle).mean(axis=0)
+    def _settle(self, simplex: Simplex, last: bool) -> Asking[None]:
+        corners = [self.vertices[k].values for k in simplex.corners]
+        sets = [one for one in corners[0] if all(one in values for values in corners[1:])]
+        centre = self.places(simplex).mean(axis=0)
         (sample,) = yield [centre]
         if sample.held not in sets:
-            beside = yield from self._beside(centre, sample, list(np.eye(2)))
+            beside = yield from self._beside(centre, sample, self._axes)
             held = next((one for one in beside if one in sets), None) or next(iter(beside))
             sample = Sample(held, beside[held])
-        edges = [self.edges[ends] for ends in triangle.edges]
-        least = self.size(triangle) <= SHORTEST
+        edges = [self.edges[ends] for ends in simplex.edges]
+        least = self.size(simplex) <= SHORTEST
         if sample.held not in sets:
-            if not self._mixed(triangle, sample, last or least):
-                triangle.split = MeshVertex(centre, {})
+            if not self._mixed(simplex, sample, last or least):
+                simplex.split = MeshVertex(centre, {})
             return
-        held = triangle.held = sample.held
+        held = simplex.held = sample.held
+        for ends, edge in zip(simplex.edges, edges, strict=True):
+            if held not in edge.middle and self.length(ends) <= SHORTEST:  # which is not split: straight
+                p, q = (self.vertices[k].values[held] for k in ends)
+                edge.middle[held], edge.off[held] = (p + q) / 2.0, np.zeros(2)
         missing = [edge for edge in edges if held not in edge.middle]
         if missing:
             if last or least:
-                self._mixed(triangle, sample, True)
+                self._mixed(simplex, sample, True)
             for edge in missing:
                 edge.must = not last and edge.split is not None
             return
-        triangle.values = np.array([*(values[held] for values in corners), *(edge.middle[held] for edge in edges)])
-        inside = self._apart(np.array([-1, -1, -1, 4, 4, 4]) / 9 @ triangle.values, sample.values, centre)
+        simplex.values = np.array([*(values[held] for values in corners), *(edge.middle[held] for edge in edges)])
+        middle = quadratic_basis(np.full((len(corners), 1), 1.0 / len(corners)))[:, 0]
+        inside = self._apart(middle @ simplex.values, sample.values, centre)
         # jumps are in the strips of `finished`
         costs = np.array([SAFETY * edge.off[held] + STRIP * edge.step * float(not edge.jumps) for edge in edges])
         costs = np.nan_to_num(costs)
-        triangle.errors = costs.sum(axis=0) + SAFETY * inside + self._rounding
+        simplex.errors = costs.sum(axis=0) + SAFETY * inside + self._rounding
         if not last:
-            self._mark(triangle, edges, costs.max(axis=1))
-        triangle.finished = not any(edge.must for edge in edges)
+            self._mark(simplex, edges, costs.max(axis=1))
+        simplex.finished = not any(edge.must for edge in edges)
 
-    def _mark(self, triangle: Triangle, edges: list[MeshEdge], costs: Array) -> None:
-        """Mark the edges of a triangle that are to be split."""
-        places = self.places(triangle)
-        lengths = np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1)
-        coarse = triangle.errors.max() > self.error and self.sampler.effort < 0.5
-        for edge, length, cost in zip(edges, lengths, costs, strict=True):
+    def _mark(self, simplex: Simplex, edges: list[MeshEdge], costs: Array) -> None:
+        """Mark the edges of a simplex that are to be split."""
+        lengths = self.lengths(simplex)
+        coarse = simplex.errors.max() > self.error and self.sampler.effort < 0.5
+        for edge, length, cost in zip(edges, lengths.tolist(), costs.tolist(), strict=True):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))
         if coarse and not any(edge.must for edge in edges):
             k = int(np.argmax(lengths))
             edges[k].must = bool(lengths[k] > SHORTEST)
 
-    def _mixed(self, triangle: Triangle, sample: Sample, must: bool) -> bool:
-        """Finish a triangle in which regions meet if its values differ little, or if it must be.
+    def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
+        """Finish a simplex in which regions meet if its values differ little, or if it must be.
 
         One that must, and has motions in some places and none in others, is undecided, unless it is but a speck.
         """
-        around = [Sample(*one) for k in triangle.corners for one in self.vertices[k].values.items()]
+        around = [Sample(*one) for k in simplex.corners for one in self.vertices[k].values.items()]
         if must:  # what is known on its edges counts, too
-            splits = [edge.split for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.split]
+            splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
             around += [Sample(*one) for split in splits for one in split.values.items()]
         moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
-        if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in triangle.edges)):
+        if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in simplex.edges)):
             return False
-        centre = self.places(triangle).mean(axis=0)
+        centre = self.places(simplex).mean(axis=0)
         apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
         errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
         if not must and errors.max() > self.error:
             return False
-        if moving and len(moving) <= len(around) and self.size(triangle) > 2.0 * SHORTEST:
-            self._leave(triangle)
+        if moving and len(moving) <= len(around) and self.size(simplex) > 2.0 * SHORTEST:
+            self._leave(simplex)
             return True
         if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
             sample = moving[0]
-        triangle.held, triangle.errors, triangle.finished = sample.held, errors, True
-        triangle.values = np.tile(sample.values, (6, 1))
+        simplex.held, simplex.errors, simplex.finished = sample.held, errors, True
+        ends = np.array([next(iter(self.vertices[k].values.values())) for k in simplex.corners])
+        whole = np.isfinite(ends).all() and self.size(simplex) > 2.0 * SHORTEST  # cut off: better than its centre
+        simplex.values = nodes_of(ends if whole else np.tile(sample.values, (len(ends), 1)))
         return True
 
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
         """Give a vertex its values."""
         (sample,) = yield [vertex.place]
-        vertex.values = dict((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
+        vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex that moves."""
@@ -333,10 +399,9 @@ class RefinedMesh(SizeMesh):
         return np.array([abs(one[0] - two[0]), moved])
 
 
-def _normal(start: Array, end: Array) -> Array:
-    """Return the unit vector to the left of an edge."""
-    x, y = (end - start) / np.linalg.norm(end - start)
-    return np.array([-y, x])
+def _across(along: Array) -> list[Array]:
+    """Return unit vectors across an edge, normal to each other: none of one size."""
+    return list(np.linalg.svd(along[None])[2][1:])
 
 
 def _at_quarter(start: Array, middle: Array, end: Array) -> Array:

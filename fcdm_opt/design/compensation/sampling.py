@@ -1,4 +1,4 @@
-"""Least motions at single pairs of sizes, each solved and judged once, and what holds them."""
+"""Least motions at single places in the box of sizes, each solved and judged once, and what holds them."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-CHUNK = 16  # pairs that a process is handed at once
+CHUNK = 16  # places that a process is handed at once
 
-Pair = tuple[float, float]
+Made = tuple[float, ...]
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, order=True)
 class ActiveSet:
-    """What holds a motion: pairs of sizes that share it make a region of the map.
+    """What holds a motion: sizes that share it make a region of the map.
 
     Attributes
     ----------
@@ -73,14 +73,14 @@ Asking = Generator[list[Array], list[Sample], Result]
 """A search that yields places, gets the samples there, and returns its result: many such are run side by side."""
 
 
-def asked(scene: Scene, pair: Sequence[float] | Array, over: Sequence[str] = SCALES) -> Scene:
-    """Return the question for one pair of scales, or deviations of sizes, all others as they are made."""
-    return scene.with_sizes(dict(zip(over, map(float, pair), strict=True)))
+def asked(scene: Scene, made: Sequence[float] | Array, over: Sequence[str] = SCALES) -> Scene:
+    """Return the question for some scales, or deviations of sizes, all others as they are made."""
+    return scene.with_sizes(dict(zip(over, map(float, made), strict=True)))
 
 
-def sample_at(scene: Scene, pair: Pair, over: Sequence[str] = SCALES) -> Sample:
-    """Return the least motion for one pair of sizes."""
-    solution = solve(asked(scene, pair, over), effort="quick")
+def sample_at(scene: Scene, made: Made, over: Sequence[str] = SCALES) -> Sample:
+    """Return the least motion for some sizes."""
+    solution = solve(asked(scene, made, over), effort="quick")
     values = [solution.amount, *solution.coordinates.values()] if solution.usable else [math.nan]
     return Sample(active_set(solution), np.resize(values, 1 + len(scene.coordinates)))
 
@@ -90,19 +90,19 @@ def _read(text: str) -> Scene:
     return scene_of(json.loads(text))
 
 
-def sample_of(text: str, pair: Pair, over: Sequence[str], end: float) -> Sample | None:
+def sample_of(text: str, made: Made, over: Sequence[str], end: float) -> Sample | None:
     """Return the sample of a scene in plain data, None where it is not there by `end`: what a worker process does."""
     left = end - time()
     if left <= 0.0:
         return None
     with pacing.within(left if math.isfinite(left) else None, share=1.0):
-        return sample_within(_read(text), pair, over)
+        return sample_within(_read(text), made, over)
 
 
-def sample_within(scene: Scene, pair: Pair, over: Sequence[str]) -> Sample | None:
-    """Return the sample of a pair, None where the time given is over before it is there."""
+def sample_within(scene: Scene, made: Made, over: Sequence[str]) -> Sample | None:
+    """Return the sample at some sizes, None where the time given is over before it is there."""
     try:
-        return None if pacing.over() else sample_at(scene, pair, over)
+        return None if pacing.over() else sample_at(scene, made, over)
     except pacing.TimeOverError:
         return None
 
@@ -111,8 +111,8 @@ def sample_within(scene: Scene, pair: Pair, over: Sequence[str]) -> Sample | Non
 class Sampler:
     """Finds least motions, in `jobs` processes, and remembers them.
 
-    Places are relative to the box: (0, 0) is its lower, (1, 1) its upper corner. After as many samples as `budget`, or
-    when of the time given (`pacing.within`) as little is left as finishing takes, it is `spent`.
+    Places are relative to the box: (0, ..., 0) is its lower, (1, ..., 1) its upper corner. After as many samples
+    as `budget`, or when of the time given (`pacing.within`) as little is left as finishing takes, it is `spent`.
     """
 
     scene: Scene
@@ -120,7 +120,7 @@ class Sampler:
     budget: int
     jobs: int = 1
     over: Sequence[str] = SCALES
-    known: dict[Pair, Sample] = field(default_factory=dict)
+    known: dict[Made, Sample] = field(default_factory=dict)
     _given: float = field(default_factory=pacing.left)
 
     @property
@@ -144,61 +144,61 @@ class Sampler:
             return 0.0
         return (1.0 - pacing.left() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
 
-    def pair(self, place: Any) -> Array:
-        """Return the sizes at a place, or at several, (..., 2)."""
+    def made(self, place: Any) -> Array:
+        """Return the sizes at a place, or at several, (..., k)."""
         place = np.asarray(place, dtype=float)
         return np.asarray(self.box[:, 0] * (1.0 - place) + self.box[:, 1] * place)
 
     def scales(self, place: Array) -> dict[str, float]:
         """Return the scales of all parts at a place, by the names that the scene has for parts."""
-        return self.scene.scales_at(dict(zip(self.over, self.pair(place).tolist(), strict=True)))
+        return self.scene.scales_at(dict(zip(self.over, self.made(place).tolist(), strict=True)))
 
     def samples(self, places: Sequence[Array], *, last: bool = False) -> list[Sample | None]:
         """Return the samples at some places; None for those that the time is too short for that refining may take.
 
         With `last` all the time given counts.
         """
-        pairs = [(float(x), float(y)) for x, y in self.pair(np.reshape(places, (-1, 2)))]
-        missing = [pair for pair in dict.fromkeys(pairs) if pair not in self.known]
+        asked = [tuple(own) for own in self.made(np.reshape(places, (-1, len(self.over)))).tolist()]
+        missing = [own for own in dict.fromkeys(asked) if own not in self.known]
         solved = zip(missing, self._solved(missing, last), strict=True)
-        self.known.update({pair: sample for pair, sample in solved if sample is not None})
-        return [self.known.get(pair) for pair in pairs]
+        self.known.update({own: sample for own, sample in solved if sample is not None})
+        return [self.known.get(own) for own in asked]
 
-    def _solved(self, pairs: list[Pair], last: bool) -> list[Sample | None]:
+    def _solved(self, missing: list[Made], last: bool) -> list[Sample | None]:
         left = pacing.left()
         if not last and left < math.inf:
             left -= (1.0 - pacing.SEARCHED) * self._given
         if left <= 0.0:
-            return [None] * len(pairs)
-        if self.jobs == 1 or len(pairs) < 2 * self.jobs:
+            return [None] * len(missing)
+        if self.jobs == 1 or len(missing) < 2 * self.jobs:
             with pacing.within(left if left < math.inf else None, share=1.0):
-                return [self._sample(pair, len(pairs) - k) for k, pair in enumerate(pairs)]
+                return [self._sample(own, len(missing) - k) for k, own in enumerate(missing)]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
         end = time() + left  # the wall clock is that of the other processes too
-        found: list[Sample | None] = run(delayed(sample_of)(self._plain, pair, self.over, end) for pair in pairs)
+        found: list[Sample | None] = run(delayed(sample_of)(self._plain, own, self.over, end) for own in missing)
         return found
 
-    def _sample(self, pair: Pair, waiting: int) -> Sample | None:
-        """Return the sample of a pair, None where it takes all the time; of the first ones where it takes its share."""
+    def _sample(self, made: Made, waiting: int) -> Sample | None:
+        """Return the sample at some sizes, None where it takes all the time, of the first ones its share."""
         with pacing.sharing(1.0 if self.known else 1.0 / waiting):
-            return sample_within(self.scene, pair, self.over)
+            return sample_within(self.scene, made, self.over)
 
     @cached_property
     def _plain(self) -> str:
         return json.dumps(self.scene.to_dict())
 
 
-def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, str], Array]:
-    """Return which two sizes a map is over, and the box of them that it covers; raises `InputError` where none is.
+def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, ...], Array]:
+    """Return which sizes a map is over, and the box of them that it covers; raises `InputError` where none is.
 
     Parameters
     ----------
     scene : Problem or Assembly
-    box : ((low_1, high_1), (low_2, high_2)) or None
+    box : ((low_1, high_1), ...) or None
         None: what the tolerances leave open.
-    over : (name, name) or None
+    over : sequence of names or None
         See `chosen_sizes`.
     """
     expected(scene, Scene, "problem")
@@ -206,12 +206,12 @@ def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, str], 
         what = "the amount of this goal jumps wherever the deviation changes sign, so it has no map"
         raise InputError(what, key="goal", found="beyond", allowed='"touch", "clear", "at" or "seat"')
     if scene.resolution is not None and len(scene.resolution):
-        what = "a motion in whole steps jumps from pair to pair, so it has no map"
+        what = "a motion in whole steps jumps from size to size, so it has no map"
         raise InputError(what, key="resolution", found=plain(scene.resolution), allowed="a problem without resolution")
     names = chosen_sizes(scene, over)
     made = box_over(scene, names, box)
     if (np.ptp(made, axis=1) <= DEFAULT.snap * np.abs(made).max(axis=1)).any():
-        allowed = "low < high, for both sizes"
+        allowed = "low < high, for each size"
         raise InputError("a box this narrow has no map", key="box", found=made.tolist(), allowed=allowed)
     return names, made
 

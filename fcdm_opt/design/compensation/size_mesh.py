@@ -1,6 +1,6 @@
-"""Triangles over the box of sizes.
+"""Simplices over the box of sizes: intervals of one size, triangles of two, tetrahedra of three.
 
-Every triangle lies in one region, in which one active set makes the motion a smooth function. Vertices are places with
+Every simplex lies in one region, in which one active set makes the motion a smooth function. Vertices are places with
 the values of each region that they belong to: those on a boundary have several.
 """
 
@@ -8,29 +8,41 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
 from fcdm_opt.design.compensation.changeover import NARROW
 from fcdm_opt.design.compensation.sampling import NOTHING, ActiveSet
-from fcdm_opt.design.compensation.table import quadratic_basis
+from fcdm_opt.design.compensation.table import edges_of, nodes_of, quadratic_basis, slopes, volumes
 from fcdm_opt.geometry.arrays import Array
 
 STRIP = 1.5  # times what both sides differ by in the middle of the strip between a boundary and its chord
-FLAT = 1e-14  # of the box: area of triangles that are none
+FLAT = 1e-7  # of the box: simplices of less volume than a cube with such sides are none
 
 Values = dict[ActiveSet, Array]
 Ends = tuple[int, int]
+Facet = tuple[int, ...]
 
 
 @dataclass(eq=False)
 class MeshVertex:
-    """A place with the values of every region it belongs to."""
+    """A place with the values of every region it belongs to.
+
+    Attributes
+    ----------
+    step : (2,) array
+        What both sides' values differ by where it was found between two regions: of amount and motion.
+    jumps : bool
+        Whether the motion jumps there.
+    """
 
     place: Array
     values: Values
     number: int = -1
+    step: Array = field(default_factory=lambda: np.zeros(2))
+    jumps: bool = False
+    bend: float = 0.0
 
 
 @dataclass(eq=False)
@@ -52,7 +64,7 @@ class MeshEdge:
     split : MeshVertex or None
         Where it is to be split, should it be; `must` if so.
     straight : MeshVertex or None
-        The same on the edge itself, for where the boundary is off it by so much that triangles would turn over.
+        The same on the edge itself, for where the boundary is off it by so much that simplices would turn over.
     """
 
     middle: Values = field(default_factory=dict)
@@ -66,13 +78,13 @@ class MeshEdge:
 
 
 @dataclass(eq=False)
-class Triangle:
-    """Three vertices, counter-clockwise; what holds it, values at six nodes and errors once it is finished.
+class Simplex:
+    """A vertex more than there are sizes; what holds it, values at its nodes and errors once it is finished.
 
     One in which regions meet has the values of its centre.
     """
 
-    corners: tuple[int, int, int]
+    corners: tuple[int, ...]
     held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
     errors: Array = field(default_factory=lambda: np.zeros(2))
@@ -81,119 +93,140 @@ class Triangle:
 
     @property
     def edges(self) -> list[Ends]:
-        """Edges 12, 23, 31, each with the smaller vertex first."""
-        a, b, c = self.corners
-        return [(min(i, j), max(i, j)) for i, j in ((a, b), (b, c), (c, a))]
+        """Its edges in the order of `edges_of`, each with the smaller vertex first."""
+        c = self.corners
+        return [(min(c[i], c[j]), max(c[i], c[j])) for i, j in edges_of(len(c) - 1)]
+
+    @property
+    def facets(self) -> list[Facet]:
+        """The corners of the facet opposite each corner, the smaller first."""
+        return [tuple(sorted({*self.corners} - {own})) for own in self.corners]
 
 
 class SizeMesh:
-    """The triangles, how they are split, and what becomes of them in the map.
+    """The simplices, how they are split, and what becomes of them in the map.
 
-    It begins with a grid of vertices, row by row, `count` in a row. `edges` holds those that have been looked at.
+    It begins with a grid of vertices, the first size fastest, `count` along each. `edges` holds those that have been
+    looked at.
     """
 
     def __init__(self, vertices: Sequence[MeshVertex], count: int) -> None:
         self.vertices: list[MeshVertex] = []
         for vertex in vertices:
             self._numbered(vertex)
+        self.sizes = len(self.vertices[0].place)
         self.edges: dict[Ends, MeshEdge] = {}
-        self.triangles = [Triangle(corners) for corners in _grid(count)]
+        self.simplices = [Simplex(corners) for corners in _grid(count, self.sizes)]
+        for simplex in self.simplices:
+            if volumes(self.places(simplex)) < 0.0:
+                simplex.corners = (*simplex.corners[:-2], *simplex.corners[:-3:-1])
+        self.made = len(self.simplices)
 
     def finished(self) -> Iterator[tuple[Array, Array, Array, ActiveSet]]:
-        """Yield (corners, values, errors, active set) of triangles that cover the box, (3, 2), (6, 1 + k), (2,).
+        """Yield (corners, values, errors, active set) of simplices that cover the box, see `Table`.
 
-        Where the motion jumps at a boundary, the strip between it and its chord is a triangle's worth of its own: only
+        Where the motion jumps at a boundary, the strip between it and its chord is a simplex' worth of its own: only
         there the other motion may be the least.
         """
-        for triangle in self.triangles:
-            corners, values = self.places(triangle), triangle.values
-            for k, ends in enumerate(triangle.edges):
-                edge = self.edges.get(ends)
-                if edge is None or not edge.jumps:
+        for simplex in self.simplices:
+            corners, values = self.places(simplex), simplex.values
+            for k, facet in enumerate(simplex.facets):
+                if not self.jumps(facet):
                     continue
-                first, second, third = k, (k + 1) % 3, (k + 2) % 3
-                length = float(np.linalg.norm(corners[second] - corners[first]))
-                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(float(areas(corners)))))
-                inner = np.eye(3)  # barycentric coordinates of what is left
-                inner[first, [first, third]] = inner[second, [second, third]] = 1.0 - share, share
-                one, two = np.eye(3)[[first, second]]
-                for strip in ((one, two, inner[second]), (one, inner[second], inner[first])):
-                    errors = triangle.errors + STRIP * edge.step
-                    yield *_part(corners, values, np.array(strip)), errors, triangle.held
+                bend = max(own.bend for own in self._faults(facet))
+                step = np.max([own.step for own in self._faults(facet)], axis=0)
+                share = min(0.5, (2.0 * bend + NARROW) * float(np.linalg.norm(slopes(corners)[k])))
+                outer = np.eye(len(corners))  # barycentric coordinates
+                inner = (1.0 - share) * outer + share * outer[k]  # of what is left
+                others = [own for own in range(len(corners)) if own != k]
+                for place in range(len(others)):
+                    strip = np.vstack([outer[others[: place + 1]], inner[others[place:]]])
+                    yield *_part(corners, values, strip), simplex.errors + STRIP * step, simplex.held
                 corners, values = _part(corners, values, inner)
-            yield corners, values, triangle.errors, triangle.held
+            yield corners, values, simplex.errors, simplex.held
 
-    def boundaries(self) -> dict[tuple[ActiveSet, ActiveSet], list[Ends]]:
-        """Return the edges between triangles with different active sets, by those sets."""
-        sides: dict[Ends, list[ActiveSet]] = {}
-        for triangle in self.triangles:
-            for ends in triangle.edges:
-                sides.setdefault(ends, []).append(triangle.held)
-        between: dict[tuple[ActiveSet, ActiveSet], list[Ends]] = {}
-        for ends, held in sides.items():
+    def _faults(self, facet: Facet) -> list[MeshEdge | MeshVertex]:
+        """Return what tells of a facet how far the motion jumps: its edges, or the vertex that it is."""
+        known: list[MeshEdge | None] = [self.edges.get(ends) for ends in combinations(facet, 2)]
+        return [own for own in known if own is not None] if known else [self.vertices[facet[0]]]
+
+    def boundaries(self) -> dict[tuple[ActiveSet, ActiveSet], list[Facet]]:
+        """Return the facets between simplices with different active sets, by those sets."""
+        sides: dict[Facet, list[ActiveSet]] = {}
+        for simplex in self.simplices:
+            for facet in simplex.facets:
+                sides.setdefault(facet, []).append(simplex.held)
+        between: dict[tuple[ActiveSet, ActiveSet], list[Facet]] = {}
+        for facet, held in sides.items():
             if len(set(held)) == 2:
                 one, two = sorted(held)
-                between.setdefault((one, two), []).append(ends)
+                between.setdefault((one, two), []).append(facet)
         return between
 
-    def size(self, triangle: Triangle) -> float:
-        """Return the longest edge of a triangle."""
-        return max(float(np.linalg.norm(a - b)) for a, b in combinations(self.places(triangle), 2))
+    def size(self, simplex: Simplex) -> float:
+        """Return the longest edge of a simplex."""
+        return float(self.lengths(simplex).max())
 
-    def jumps(self, ends: Ends) -> bool:
-        """Tell whether the motion jumps across an edge."""
-        return ends in self.edges and self.edges[ends].jumps
+    def lengths(self, simplex: Simplex) -> Array:
+        """Return the lengths of the edges of a simplex."""
+        places = self.places(simplex)
+        one, two = np.transpose(edges_of(self.sizes))
+        return np.asarray(np.linalg.norm(places[two] - places[one], axis=1))
+
+    def jumps(self, facet: Facet) -> bool:
+        """Tell whether the motion jumps across a facet."""
+        faults = self._faults(facet)
+        return len(faults) == max(len(facet) * (len(facet) - 1) // 2, 1) and all(own.jumps for own in faults)
 
     def subdivide(self) -> None:
-        """Split the triangles whose edges are to be split, on both sides of an edge alike, and those split within."""
+        """Split the simplices whose edges are to be split, all about an edge alike, and those split within."""
         self._straighten()
-        pieces: list[Triangle] = []
-        for triangle in self.triangles:
-            cuts = self._cuts(triangle)
-            if any(cuts):
-                pieces += [Triangle(corners) for corners in self._pieces(triangle.corners, cuts)]
-            elif triangle.split is not None and not triangle.finished:
-                k = self._numbered(triangle.split)
-                a, b, c = triangle.corners
-                pieces += [Triangle((a, b, k)), Triangle((b, c, k)), Triangle((c, a, k))]
+        pieces: list[Simplex] = []
+        for simplex in self.simplices:
+            cuts = self._cuts(simplex)
+            if cuts:
+                pieces += [Simplex(corners) for corners in self._pieces(simplex.corners, cuts)]
+            elif simplex.split is not None and not simplex.finished:
+                k = self._numbered(simplex.split)
+                pieces += [Simplex(_instead(simplex.corners, own, k)) for own in simplex.corners]
             else:
-                pieces.append(triangle)
-        self.triangles = [piece for piece in pieces if piece.finished or areas(self.places(piece)) > FLAT]
+                pieces.append(simplex)
+        least, self.made = FLAT**self.sizes, self.made + len(pieces) - len(self.simplices)
+        self.simplices = [piece for piece in pieces if piece.finished or volumes(self.places(piece)) > least]
 
-    def _cuts(self, triangle: Triangle) -> list[MeshVertex | None]:
-        """Return where each edge of a triangle is to be split."""
-        edges = [self.edges.get(ends) for ends in triangle.edges]
-        return [edge.split if edge and edge.must else None for edge in edges]
+    def _cuts(self, simplex: Simplex) -> list[tuple[Ends, MeshVertex]]:
+        """Return the edges of a simplex that are to be split, the longest first, and where."""
+        known = [(ends, edge.split) for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.must]
+        return sorted([(ends, split) for ends, split in known if split], key=lambda cut: (-self.length(cut[0]), cut[0]))
+
+    def length(self, ends: Ends) -> float:
+        """Return the length of an edge."""
+        return float(np.linalg.norm(np.subtract(*(self.vertices[k].place for k in ends))))
 
     def _straighten(self) -> None:
-        """Split edges on themselves, not on the boundary beside them, where a triangle would turn over."""
+        """Split edges on themselves, not on the boundary beside them, where a simplex would turn over."""
         changed = True
         while changed:
             changed = False
-            for triangle in self.triangles:
-                edges = [edge for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.must]
+            for simplex in self.simplices:
+                edges = [edge for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.must]
                 bent = [edge for edge in edges if edge.straight is not None and edge.split is not edge.straight]
-                pieces = self._pieces(triangle.corners, self._cuts(triangle)) if bent else []
-                if any(areas(self.places(Triangle(corners))) < -FLAT for corners in pieces):
+                pieces = self._pieces(simplex.corners, self._cuts(simplex)) if bent else []
+                if any(volumes(self.places(Simplex(corners))) < -(FLAT**self.sizes) for corners in pieces):
                     changed = True
                     for edge in bent:
                         edge.split = edge.straight
 
-    def _pieces(self, corners: tuple[int, int, int], cuts: list[MeshVertex | None]) -> list[tuple[int, int, int]]:
-        """Return the triangles that one with one to three split edges is cut into."""
-        number = [None if cut is None else self._numbered(cut) for cut in cuts]
-        while number[0] is None or (number[2] is not None and number[1] is None):  # first edge is split, third last
-            corners, number = (corners[1], corners[2], corners[0]), [number[1], number[2], number[0]]
-        (a, b, c), (m, n, o) = corners, number
-        assert m is not None
-        if n is None:
-            return [(a, m, c), (m, b, c)]
-        if o is not None:
-            return [(a, m, o), (m, b, n), (n, c, o), (m, n, o)]
-        ring = [self.vertices[k].place for k in (a, m, n, c)]
-        if np.linalg.norm(ring[0] - ring[2]) <= np.linalg.norm(ring[1] - ring[3]):
-            return [(m, b, n), (a, m, n), (a, n, c)]
-        return [(m, b, n), (a, m, c), (m, n, c)]
+    def _pieces(self, corners: tuple[int, ...], cuts: list[tuple[Ends, MeshVertex]]) -> list[tuple[int, ...]]:
+        """Return the simplices that one is cut into, by one edge after the other."""
+        pieces = [corners]
+        for ends, split in cuts:
+            middle, halves = self._numbered(split), list[tuple[int, ...]]()
+            for piece in pieces:
+                cut = {*ends} <= {*piece}
+                halves += [_instead(piece, own, middle) for own in ends] if cut else [piece]
+            pieces = halves
+        return pieces
 
     def _numbered(self, vertex: MeshVertex) -> int:
         if vertex.number < 0:
@@ -201,29 +234,25 @@ class SizeMesh:
             self.vertices.append(vertex)
         return vertex.number
 
-    def places(self, triangle: Triangle) -> Array:
-        """Return the corners of a triangle, (3, 2)."""
-        return np.array([self.vertices[k].place for k in triangle.corners])
+    def places(self, simplex: Simplex) -> Array:
+        """Return the corners of a simplex, (k + 1, k)."""
+        return np.array([self.vertices[k].place for k in simplex.corners])
+
+
+def _instead(corners: tuple[int, ...], gone: int, joins: int) -> tuple[int, ...]:
+    return tuple(joins if own == gone else own for own in corners)
 
 
 def _part(corners: Array, values: Array, shares: Array) -> tuple[Array, Array]:
-    """Return corners and values of a triangle in another, given its corners' barycentric coordinates, row by row."""
-    nodes = np.vstack([shares, (shares + np.roll(shares, -1, axis=0)) / 2])
-    return shares @ corners, quadratic_basis(nodes.T).T @ values
+    """Return corners and values of a simplex in another, given its corners' barycentric coordinates, row by row."""
+    return shares @ corners, quadratic_basis(nodes_of(shares).T).T @ values
 
 
-def _grid(count: int) -> list[tuple[int, int, int]]:
-    """Return the triangles of a grid of vertices, row by row."""
-    made = []
-    for j in range(count - 1):
-        for i in range(count - 1):
-            a = j * count + i
-            b, c, d = a + 1, a + count + 1, a + count
-            made += [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
-    return made
-
-
-def areas(corners: Array) -> Array:
-    """Return the areas of triangles, (..., 3, 2): negative where corners go round clockwise."""
-    one, two = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
-    return np.asarray(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]) / 2.0
+def _grid(count: int, sizes: int) -> Iterator[tuple[int, ...]]:
+    """Yield the simplices of a grid of vertices: along each way through a cell, mirrored from one cell to the next."""
+    strides = count ** np.arange(sizes)
+    for cell in np.ndindex(*[count - 1] * sizes):
+        turned = (np.array(cell[::-1]) + np.eye(sizes, dtype=int)[0]) % 2
+        start, steps = (cell[::-1] + turned) @ strides, (1 - 2 * turned) * strides
+        for order in permutations(range(sizes)):
+            yield tuple((start + np.cumsum([0, *steps[list(order)]])).tolist())

@@ -1,11 +1,11 @@
-"""A table of motions over the sizes: triangles with quadratic interpolation, for programs on the shop floor."""
+"""A table of motions over the sizes: simplices with quadratic interpolation, for programs on the shop floor."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -18,25 +18,64 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, numbers
 from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
-NODES = 6
-"""Nodes of a triangle: its corners 1, 2, 3 and the midpoints of its edges 12, 23, 31."""
+KINDS = {1: "interval", 2: "triangle", 3: "tetrahedron"}
+"""What simplices of so many sizes are called."""
 
-_BUCKETS = 16  # a triangle: most points then have one triangle to look at, or two
+FIRST = 3
+"""Sizes up to which what is on a facet that simplices share belongs to the first of them; of more to any."""
+
+_BUCKETS = 16  # a simplex: most points then have one simplex to look at, or two
+
+
+@lru_cache
+def edges_of(sizes: int) -> tuple[tuple[int, int], ...]:
+    """Return the edges of a simplex by its corners, from 0: 01, 12, ..., then 02, 13, ..., and so on."""
+    return tuple((i, i + step) for step in range(1, sizes + 1) for i in range(sizes + 1 - step))
+
+
+def nodes_of(corners: Array) -> Array:
+    """Return the nodes of simplices, (..., n, k): their corners, then the midpoints of their edges."""
+    one, two = np.transpose(edges_of(corners.shape[-2] - 1))
+    return np.concatenate([corners, (corners[..., one, :] + corners[..., two, :]) / 2.0], axis=-2)
 
 
 def quadratic_basis(weights: Array) -> Array:
-    """Return the functions that are 1 at one node and 0 at the others, (6, n), of barycentric coordinates, (3, n)."""
-    r, s, t = weights
-    return np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
+    """Return functions that are 1 at one node and 0 at the others, (n, m), of barycentric coordinates, (k + 1, m)."""
+    corners = [own * (2 * own - 1) for own in weights]
+    return np.stack([*corners, *(4 * weights[i] * weights[j] for i, j in edges_of(len(weights) - 1))])
+
+
+def slopes(corners: Array) -> Array:
+    """Return the gradients of barycentric coordinates of simplices, (..., k + 1, k): 1 / the height over each facet."""
+    others = np.swapaxes(np.linalg.inv(corners[..., 1:, :] - corners[..., :1, :]), -1, -2)
+    return np.concatenate([-others.sum(axis=-2, keepdims=True), others], axis=-2)
+
+
+def volumes(corners: Array) -> Array:
+    """Return the signed volumes of simplices, (..., k + 1, k): lengths, areas, volumes."""
+    sizes = corners.shape[-1]
+    return np.asarray(np.linalg.det(corners[..., 1:, :] - corners[..., :1, :])) / math.factorial(sizes)
+
+
+def simplices(count: int, sizes: int) -> str:
+    """Return a number of simplices in words."""
+    kind = KINDS.get(sizes, "simplex")
+    several = {"tetrahedron": "tetrahedra", "simplex": "simplices"}.get(kind, f"{kind}s")
+    return f"{count} {kind if count == 1 else several}"
+
+
+def box_text(box: Sequence[Sequence[float]] | Array) -> str:
+    """Return a box of sizes in words."""
+    return " x ".join(f"[{low:.6g}, {high:.6g}]" for low, high in box)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPoints:
-    """What a map says at size pairs; all arrays have the shape of what was asked.
+    """What a map says at sizes; all arrays have the shape of what was asked.
 
     Attributes
     ----------
-    parameters : array (..., k)
+    parameters : array (..., p)
         The motion: lengths and radians, in the order of the map's names. nan: no motion, outside the map's box, or
         `undecided`.
     amount : array (...)
@@ -78,26 +117,26 @@ class MapPoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table(Plain):
-    """Triangles that cover a box of size pairs, with a motion at six nodes each.
+    """Simplices that cover a box of k sizes, with a motion at n = (k + 1) (k + 2) / 2 nodes each.
 
-    Within a triangle, with barycentric coordinates r, s, t of a size pair (1 at corner 1, 2, 3), amount and parameters
-    are the values at its nodes times r (2r - 1), s (2s - 1), t (2t - 1), 4rs, 4st, 4tr, added up. A pair on an edge
-    that triangles share belongs to the one that comes first.
+    Intervals of one size, triangles of two, tetrahedra of three. Within a simplex, with barycentric coordinates r_i (1
+    at corner i), amount and parameters are the values at its corners times r_i (2 r_i - 1), and those at the midpoints
+    of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first;
+    of more than three to any.
 
     Attributes
     ----------
-    corners : array (m, 3, 2)
-        Corners of the triangles: size pairs (rho_1, rho_2), or deviations of two sizes. They cover a rectangle without
-        overlap.
-    values : array (m, 6, 1 + k)
-        Amount (length units), then the parameters (lengths, radians), at corners 1, 2, 3 and the midpoints of edges 12,
-        23 and 31; nan where there is no motion.
+    corners : array (m, k + 1, k)
+        Corners of the simplices: sizes (rho_1, rho_2), or deviations of sizes. They cover a box without overlap.
+    values : array (m, n, 1 + p)
+        Amount (length units), then the parameters (lengths, radians), at the corners and the midpoints of edges 12, 23,
+        ..., then 13, 24, ...; nan where there is no motion.
     errors : array (m, 2)
         Bounds, in length units, of the error of the amount and of the motion, see `MapPoints`; nan where none is known.
     regions : array of int (m,)
-        Number of the region that each triangle is part of, from 0.
+        Number of the region that each simplex is part of, from 0.
     names : tuple of str
-        Names of the k parameters.
+        Names of the p parameters.
 
     Raises
     ------
@@ -115,20 +154,22 @@ class Table(Plain):
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        count = len(np.atleast_1d(numbers(self.corners, "corners")))
-        shapes = {"corners": (3, 2), "values": (NODES, 1 + len(self.names)), "errors": (2,), "regions": ()}
+        corners = np.atleast_1d(numbers(self.corners, "corners"))
+        count, k = len(corners), corners.shape[-1]
+        nodes = k + 1 + len(edges_of(k))
+        shapes = {"corners": (k + 1, k), "values": (nodes, 1 + len(self.names)), "errors": (2,), "regions": ()}
         for key, shape in shapes.items():
             array = numbers(getattr(self, key), key)
             if array.shape != (count, *shape) or not count:
-                allowed = f"{(count, *shape)}, at least one triangle"
+                allowed = f"{(count, *shape)}, at least one simplex"
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=allowed)
             object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
 
     @cached_property
-    def box(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The range of rho_1, and of rho_2, that the table covers."""
+    def box(self) -> tuple[tuple[float, float], ...]:
+        """The range of each size that the table covers."""
         low, high = self.corners.min(axis=(0, 1)).tolist(), self.corners.max(axis=(0, 1)).tolist()
-        return (low[0], high[0]), (low[1], high[1])
+        return tuple(zip(low, high, strict=True))
 
     @cached_property
     def _locator(self) -> Locator:
@@ -136,149 +177,147 @@ class Table(Plain):
 
     @cached_property
     def _columns(self) -> Array:
-        """The values by parameter and node, (1 + k, 6, m)."""
+        """The values by parameter and node, (1 + p, n, m)."""
         return np.ascontiguousarray(self.values.T)
 
-    def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
-        """Return the motion for size pairs, with bounds of its error.
+    def at(self, *sizes: ArrayLike) -> MapPoints:
+        """Return the motion at sizes, with bounds of its error.
 
         Parameters
         ----------
-        rho1, rho2 : float or array
-            Actual sizes of body 1 and body 2, of one shape or of shapes that broadcast.
+        *sizes : float or array
+            Actual sizes, one argument each (of body 1 and body 2, say), of one shape or of shapes that broadcast.
 
         Returns
         -------
         MapPoints
-            nan and region -1 outside the box; a pair outside by no more than rounding is inside.
+            nan and region -1 outside the box; sizes outside by no more than rounding are inside.
 
         Raises
         ------
         InputError
-            For what is no numbers, and shapes that do not broadcast.
+            For what is no numbers, another number of sizes, and shapes that do not broadcast.
         """
+        count = self.corners.shape[-1]
         try:
-            first, second = np.broadcast_arrays(numbers(rho1, "rho1"), numbers(rho2, "rho2"))
+            given = np.broadcast_arrays(*(numbers(own, f"sizes[{k}]") for k, own in enumerate(sizes, 1)))
         except ValueError as reason:  # InputError, too
-            raise InputError(f"not two arrays of sizes: {reason}", key="rho1, rho2") from reason
-        triangle, weights = self._locator.locate(first.ravel(), second.ravel())
-        basis, inside, shape = quadratic_basis(weights), triangle >= 0, first.shape
-        values = np.empty((1 + len(self.names), len(triangle)))
-        for value, columns in zip(values, self._columns, strict=True):  # each pair by itself: how many is no matter
-            value[:] = sum(share * column.take(triangle) for share, column in zip(basis, columns, strict=True))
-        errors = np.where(inside, self.errors.T.take(triangle, axis=1), np.nan)
+            raise InputError(f"not {count} arrays of sizes: {reason}", key="sizes") from reason
+        if len(given) != count:
+            raise InputError(f"not {count} arrays of sizes", key="sizes", found=len(given), allowed=str(count))
+        shape = given[0].shape
+        simplex, weights = self._locator.locate(np.array([own.ravel() for own in given]))
+        basis, inside = quadratic_basis(weights), simplex >= 0
+        values = np.empty((1 + len(self.names), len(simplex)))
+        for value, columns in zip(values, self._columns, strict=True):  # each by itself: how many is no matter
+            value[:] = sum(share * column.take(simplex) for share, column in zip(basis, columns, strict=True))
+        errors = np.where(inside, self.errors.T.take(simplex, axis=1), np.nan)
         return MapPoints(
             parameters=values[1:].T.reshape(*shape, len(self.names)),
             amount=values[0].reshape(shape),
             error=errors[0].reshape(shape),
             displacement_error=errors[1].reshape(shape),
-            region=np.where(inside, self.regions.take(triangle), -1).reshape(shape),
+            region=np.where(inside, self.regions.take(simplex), -1).reshape(shape),
         )
 
     def __len__(self) -> int:
         return len(self.corners)
 
     def __repr__(self) -> str:
-        (low_1, high_1), (low_2, high_2) = self.box
-        return f"Table({len(self)} triangles over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}])"
+        return f"Table({simplices(len(self), len(self.box))} over {box_text(self.box)})"
 
     def to_csv(self, path: str | Path, sizes: Sequence[str] = ("rho1", "rho2")) -> None:
-        """Write the table as CSV, a row a triangle: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
+        """Write the table as CSV, a row a simplex: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
         columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2))
         rows = ([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()]
                 for region, errors, corners, values in zip(*columns, strict=True))  # fmt: skip
-        to_csv(path, [_columns(self.names, sizes), *rows])
-
-
-def _columns(names: Sequence[str], sizes: Sequence[str]) -> list[str]:
-    """Return the names of a CSV file's columns."""
-    corners = [f"{size}_{corner}" for corner in (1, 2, 3) for size in sizes]
-    nodes = [f"{name}_{node}" for name in ("amount", *names) for node in range(1, NODES + 1)]
-    return ["region", "error", "displacement_error", *corners, *nodes]
+        corners = [f"{size}_{corner}" for corner in range(1, len(sizes) + 2) for size in sizes]
+        nodes = [f"{name}_{k}" for name in ("amount", *self.names) for k in range(1, self.values.shape[1] + 1)]
+        to_csv(path, [["region", "error", "displacement_error", *corners, *nodes], *rows])
 
 
 class Locator:
-    """Finds triangles by equal buckets of their box: each lists the triangles whose boxes meet it, in increasing order.
+    """Finds simplices by equal buckets of their box: each lists the simplices that meet it, in increasing order.
 
     Parameters
     ----------
-    corners : array (m, 3, 2)
-        Of triangles, none of them flat.
+    corners : array (m, k + 1, k)
+        Of simplices, none of them flat.
 
     Attributes
     ----------
     rounding : float
-        Size pairs nearer to each other than this are one.
+        Sizes nearer to each other than this are one.
     seam : float
-        Triangles may be apart, or overlap, by this.
+        Simplices may be apart, or overlap, by this.
     """
 
     def __init__(self, corners: Array) -> None:
-        self.rounding = float(DEFAULT.point * np.abs(corners).max())
+        count, _, sizes = corners.shape
+        largest = np.abs(corners).max()
+        self.rounding, self.seam = float(DEFAULT.point * largest), float(DEFAULT.line * largest)
         self._low, self._high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-        self._side = math.ceil(math.sqrt(_BUCKETS * len(corners)))
-        first, (p, q) = corners[:, 0], np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
-        twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-        longest = np.sqrt(np.max([(p**2).sum(1), (q**2).sum(1), ((q - p) ** 2).sum(1)], axis=0))
-        height = np.abs(twice) / longest
-        # first corner, and the slopes of the second and third barycentric coordinate along both sizes; by columns
-        self._frames = *first.T.copy(), *np.array([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice
-        # how far below zero a coordinate may be for a point that is in the triangle but for rounding, and on a seam
-        self.seam = float(DEFAULT.line * np.abs(corners).max())
-        self._slack = self.rounding / height, self.seam / height
-        width, near = (self._high - self._low) / self._side, 2.0 * self.seam
-        first, last = (
-            np.clip((ends - self._low) // width, 0, self._side - 1).astype(np.int64)
-            for ends in (corners.min(axis=1) - near, corners.max(axis=1) + near)
-        )
-        spans = last - first + 1
-        counts = spans.prod(axis=1)
-        triangle = np.repeat(np.arange(len(corners)), counts)
-        place = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-        row, column = first[triangle, 0] + place // spans[triangle, 1], first[triangle, 1] + place % spans[triangle, 1]
-        bucket = row * self._side + column
-        self._members = triangle[np.argsort(bucket, kind="stable")]
-        self._starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=self._side**2))])
+        # first corner, and the slopes of all barycentric coordinates but the first along all sizes; by columns
+        steep = slopes(corners)
+        self._first, self._slopes = corners[:, 0].T.copy(), np.moveaxis(steep, 0, -1)[1:].copy()
+        # how far below zero a coordinate may be for a point that is in the simplex but for rounding, and on a seam
+        steepest = np.linalg.norm(steep, axis=-1).max(axis=-1)
+        self._slack = self.rounding * steepest, self.seam * steepest
+        # what only touches a bucket is in it, for the first of several to be found; of many sizes that were most
+        margin = 2.0 * self.seam * (1.0 if sizes <= FIRST else -1.0)
+        ends = corners.min(axis=1) - margin, corners.max(axis=1) + margin
+        self._sides, member, bucket = np.ones(sizes, dtype=np.int64), np.arange(count), np.zeros((count, sizes), int)
+        for k in range(round(math.log2(_BUCKETS * count))):  # halved along one size after the other
+            self._sides[k % sizes] *= 2
+            bucket[:, k % sizes] *= 2
+            member, bucket = np.repeat(member, 2), np.repeat(bucket, 2, axis=0)
+            bucket[1::2, k % sizes] += 1
+            width = (self._high - self._low) / self._sides
+            middle = self._low + (bucket + 0.5) * width
+            spread = (np.abs(steep) @ (width / 2.0)).T + margin * steepest
+            meets = (self._weights(member, middle.T) >= -spread[:, member]).all(axis=0)
+            meets &= ((middle + width / 2 >= ends[0][member]) & (middle - width / 2 <= ends[1][member])).all(axis=1)
+            member, bucket = member[meets], bucket[meets]
+        keys = np.ravel_multi_index(tuple(bucket.T), tuple(self._sides))
+        self._members = member[np.argsort(keys, kind="stable")]
+        self._starts = np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=int(self._sides.prod())))])
 
-    def _weights(self, triangle: Ints, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return the barycentric coordinates of size pairs in triangles."""
-        first_x, first_y, second_x, second_y, third_x, third_y = (column.take(triangle) for column in self._frames)
-        x, y = x - first_x, y - first_y
-        s, t = second_x * x + second_y * y, third_x * x + third_y * y
-        return 1.0 - s - t, s, t
+    def _weights(self, simplex: Ints, points: Array) -> Array:
+        """Return the barycentric coordinates, (k + 1, n), of points, (k, n), in a simplex each."""
+        away = [x - first.take(simplex) for x, first in zip(points, self._first, strict=True)]
+        others = [sum(slope.take(simplex) * x for slope, x in zip(row, away, strict=True)) for row in self._slopes]
+        return np.array([1.0 - sum(others), *others])
 
-    def locate(self, x: Array, y: Array) -> tuple[Ints, Array]:
-        """Return the first triangle that holds each size pair, and the pair's barycentric coordinates there.
+    def locate(self, points: Array) -> tuple[Ints, Array]:
+        """Return the first simplex that holds each point, and the point's barycentric coordinates there.
 
         Parameters
         ----------
-        x, y : array (n,)
+        points : array (k, n)
 
         Returns
         -------
-        array of int (n,), array (3, n)
-            -1 and nan for what is in no triangle.
+        array of int (n,), array (k + 1, n)
+            -1 and nan for what is in no simplex.
         """
-        low, high = self._low - self.rounding, self._high + self.rounding
-        inside = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))  # nan is not
-        triangles, weights = np.full(len(x), -1), np.full((3, len(x)), np.nan)
-        x, y = np.clip([x[inside], y[inside]], self._low[:, None], self._high[:, None])
-        scale = self._side / (self._high - self._low)
-        row, column = ((x - self._low[0]) * scale[0]).astype(np.int64), ((y - self._low[1]) * scale[1]).astype(np.int64)
-        bucket = np.minimum(row, self._side - 1) * self._side + np.minimum(column, self._side - 1)
+        (sizes, count), low, high = points.shape, self._low[:, None], self._high[:, None]
+        within = (points >= low - self.rounding) & (points <= high + self.rounding)  # nan is not
+        inside = np.flatnonzero(within.all(axis=0))
+        found, weights = np.full(count, -1), np.full((sizes + 1, count), np.nan)
+        points, sides = np.clip(points[:, inside], low, high), self._sides[:, None]
+        bucket = np.minimum(((points - low) * (sides / (high - low))).astype(np.int64), sides - 1)
+        bucket = np.ravel_multi_index(tuple(bucket), tuple(self._sides))
         for slack in self._slack:
-            left = np.arange(len(x)) if slack is self._slack[0] else np.flatnonzero(triangles[inside] < 0)
+            left = np.arange(len(inside)) if slack is self._slack[0] else np.flatnonzero(found[inside] < 0)
             place, end = self._starts[bucket[left]], self._starts[bucket[left] + 1]
             while len(left):
                 full = place < end
                 if not full.all():
                     left, place, end = left[full], place[full], end[full]
                 member = self._members[place]
-                there = self._weights(member, x[left], y[left])
-                hit = np.minimum(np.minimum(*there[:2]), there[2]) >= -slack[member]
+                there = self._weights(member, points[:, left])
+                hit = there.min(axis=0) >= -slack[member]
                 where = inside[left[hit]]
-                triangles[where] = member[hit]
-                for coordinate, weight in zip(weights, there, strict=True):
-                    coordinate[where] = weight[hit]
+                found[where], weights[:, where] = member[hit], there[:, hit]
                 left, place, end = left[~hit], place[~hit] + 1, end[~hit]
-        return triangles, weights
+        return found, weights

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, create_model, model_validator
@@ -201,7 +202,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
     if kind == "result":
-        return _of_results()
+        return result_schema("solve", {"": (Solution, AssemblySolution)})
     model = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind]
     document = model.model_json_schema()
     document.pop("title", None)
@@ -209,21 +210,30 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     return {**head, **document}
 
 
-def _of_results() -> dict[str, Any]:
-    """Return the schema of a document of `solve`: files, their cases, and for each what its solution tells."""
+def result_schema(command: str, answers: Mapping[str, Sequence[type]]) -> dict[str, Any]:
+    """Return the schema of a document of a command: files, their cases, and for each what its answers tell.
+
+    Parameters
+    ----------
+    command : str
+    answers : mapping of str to classes
+        Of which class what stands under a key of a case is; under "" what the case itself is.
+    """
     known: dict[str, Any] = {}
-    kinds = [schema_of(kind, known) for kind in (Solution, AssemblySolution)]
+    under = {key: {"anyOf": [schema_of(kind, known) for kind in kinds]} for key, kinds in answers.items()}
     failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": ["name", "error"]}
-    case = {"type": "object", "properties": {"name": {"type": "string"}}, "anyOf": [*kinds, failed]}
+    whole = {"anyOf": [*under.pop("")["anyOf"], failed]} if "" in under else {}
+    members: dict[str, Any] = {"name": {"type": "string"}, **under}
+    case = {"type": "object", "properties": members, **whole}
     texts = {key: {"type": "string"} for key in ("file", "title", "note", "error")}
     file = {"type": "object", "properties": {**texts, "cases": {"type": "array", "items": case}}, "required": ["file"]}
     return {
         "$schema": DIALECT,
-        "$id": "urn:fcdm-opt:result",
-        "title": "Result of fcdm-opt solve --json",
+        "$id": f"urn:fcdm-opt:{'result' if command == 'solve' else command}",
+        "title": f"Result of fcdm-opt {command} --json",
         "type": "object",
         "properties": {
-            "schema": {"const": "fcdm_opt solve 1"},
+            "schema": {"const": f"fcdm_opt {command} 1"},
             "version": {"type": "string"},
             "error": {"type": "string"},
             "scenes": {"type": "array", "items": {"type": "object"}, "description": "bodies, by their number"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
@@ -44,6 +45,7 @@ class Conflicts(Plain):
     plain_names: ClassVar[tuple[str, ...]] = (
         "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
     )  # fmt: skip
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"constraints": tuple[str, ...]}
 
     problem: Scene = field(repr=False)
     constraints: tuple[Constraint, ...]
