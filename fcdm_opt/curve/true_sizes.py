@@ -83,7 +83,7 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
     return dict(zip(names, values, strict=True))
 
 
-class _Contact(NamedTuple):
+class _TrueContact(NamedTuple):
     """Points of the true faces that come nearest, where both are at some sizes, and the faces that meet there."""
 
     gap: float
@@ -210,16 +210,16 @@ class TrueSizes:
         self.bodies = self._exact()
         return any(len(a.parts) < len(b.parts) for a, b in zip(before, self.bodies, strict=True))
 
-    def _nearest(self, pose: Array, place: Array, gap: float) -> list[_Contact]:
+    def _nearest(self, pose: Array, place: Array, gap: float) -> list[_TrueContact]:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
         made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
         band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
-        found = list[_Contact]()
+        found = list[_TrueContact]()
         for own in nearest_on_faces(made, scales, pose, band):
             if own.gap >= gap:
                 break
             patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
-            contact = _Contact(own.gap, own.points, own.normal, patches)
+            contact = _TrueContact(own.gap, own.points, own.normal, patches)
             pairs = {(i, j) for i in patches[0] for j in patches[1]}
             if pairs <= self.permanent:
                 continue
@@ -229,7 +229,7 @@ class TrueSizes:
                 found.append(contact)
         return found
 
-    def _stands(self, made: Sequence[TrueFaces], own: _Contact, pose: Array, place: Array) -> bool:
+    def _stands(self, made: Sequence[TrueFaces], own: _TrueContact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""
         rates = np.zeros(len(self.sizes))
         for role, side in ((0, -1.0), (1, 1.0)):
@@ -242,7 +242,7 @@ class TrueSizes:
         ends = np.sort(rates[:, None] * box, axis=1).sum(axis=0)
         return bool(np.abs(start + ends).max() <= DEFAULT.tie * self.size)
 
-    def _drawn(self, role: int, own: _Contact) -> Array:
+    def _drawn(self, role: int, own: _TrueContact) -> Array:
         """Return the point as drawn that a contact's point at sizes is of."""
         patches = true_faces(self.facets[role]).patches
         return onto(own.points[role][None], [patches[k] for k in own.patches[role]])[0]

@@ -180,7 +180,7 @@ class ConvexPart(_Sealed):
         return replace(self, vertices=frozen(vertices), seed=frozen(seed))
 
 
-class ExactPiece(NamedTuple):
+class PointPiece(NamedTuple):
     """A small convex piece of the true solid at a point of its round faces: there the body is exact.
 
     Attributes
@@ -206,12 +206,12 @@ class ExactPoints(NamedTuple):
     ----------
     facets : Body
         The body of facets that it stands for.
-    pieces : tuple of ExactPiece
+    pieces : tuple of PointPiece
         Of the last parts of the body, one each.
     """
 
     facets: Body
-    pieces: tuple[ExactPiece, ...]
+    pieces: tuple[PointPiece, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -575,7 +575,7 @@ class Body(_Sealed, NotebookRepr):
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
 
-    def piece_of(self, element: Element) -> ExactPiece | None:
+    def piece_of(self, element: Element) -> PointPiece | None:
         """Return the piece at a point of a round face that an element is of; None of others."""
         first, pieces = min(element.vertices), self.exact.pieces if self.exact is not None else ()
         return next((own for own in pieces if own.first <= first <= own.last), None)

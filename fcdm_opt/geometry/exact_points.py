@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPiece, ExactPoints
+from fcdm_opt.geometry.bodies import Body, ConvexPart, PointPiece, ExactPoints
 from fcdm_opt.geometry.elements import Element, Elements
 from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
 from fcdm_opt.geometry.hull import convex_hull
@@ -53,7 +53,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
             corners = np.concatenate([corners, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
-    made = list[ExactPiece]()
+    made = list[PointPiece]()
     for corners, of, normals in pieces:
         hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
         used, pair = hull.used + count + 1, np.sort(hull.used[hull.edges[:, :2]], axis=1) + count + 1
@@ -64,7 +64,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
         )
         edges = frozen(hull.edges, np.int64)
         parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, edges, named))
-        made.append(ExactPiece(count + 1, count + len(corners), of, frozen(normals)))
+        made.append(PointPiece(count + 1, count + len(corners), of, frozen(normals)))
         count += len(corners)
         rows.append(corners)
     points, every = frozen(np.concatenate(rows)), (*inner.parts, *parts)
@@ -72,7 +72,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
 
 
 def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Array] | None:
-    """Return corners of a convex piece of the true solid at a point, those on the faces first; see `ExactPiece`."""
+    """Return corners of a convex piece of the true solid at a point, those on the faces first; see `PointPiece`."""
     size = faces.body.size
     near = faces.at(point)
     if not near or not faces.is_round[near[0]]:

@@ -23,8 +23,8 @@ MOST = 400_000  # pairs of pieces at a time
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
 
-class Pieces(NamedTuple):
-    """Pieces of the faces of a body, each known by a triangle with its corners on the surface.
+class FacePieces(NamedTuple):
+    """FacePieces of the faces of a body, each known by a triangle with its corners on the surface.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Pieces(NamedTuple):
     errors: Array
 
     @classmethod
-    def of(cls, faces: TrueFaces) -> Pieces:
+    def of(cls, faces: TrueFaces) -> FacePieces:
         """Return the pieces that the triangles of a body stand for."""
         others = np.full((len(faces.corners), 3), -1)
         _, same = distinct_rows(np.concatenate([faces.corners.reshape(-1, 3), faces.every_edge.reshape(-1, 3)]))
@@ -57,7 +57,7 @@ class Pieces(NamedTuple):
                 others[k, side] = known.get((min(a, b), max(a, b), patch), -1)
         return cls(faces.corners, faces.owners, others, np.zeros(0)).measured(faces.patches)
 
-    def measured(self, patches: Sequence[Patch]) -> Pieces:
+    def measured(self, patches: Sequence[Patch]) -> FacePieces:
         """Return them with their errors."""
         errors = np.zeros(len(self.corners))
         for k in np.unique(self.patches).tolist():
@@ -80,9 +80,9 @@ class Pieces(NamedTuple):
             flat[own] = onto(flat[own], [patches[one], *([patches[two]] if two >= 0 else [])])
         return flat.reshape(-1, 3, 3)
 
-    def cut(self, rows: Flags, patches: Sequence[Patch]) -> tuple[Pieces, Ints]:
+    def cut(self, rows: Flags, patches: Sequence[Patch]) -> tuple[FacePieces, Ints]:
         """Return pieces of which some are cut in two at the side that leaves its surface most, and what each is of."""
-        own = Pieces(self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows])
+        own = FacePieces(self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows])
         middles, k = own.middles(patches), np.arange(len(own.corners))
         bulge = norms(middles - (own.corners + np.roll(own.corners, -1, axis=1)) / 2.0)
         long = norms(own.corners - np.roll(own.corners, -1, axis=1))
@@ -92,10 +92,10 @@ class Pieces(NamedTuple):
         m, within = middles[k, side], np.full(len(k), -1)
         corners = np.concatenate([np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)])
         others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
-        halves = Pieces(corners, np.tile(own.patches, 2), others, np.zeros(0)).measured(patches)
+        halves = FacePieces(corners, np.tile(own.patches, 2), others, np.zeros(0)).measured(patches)
         kept = ~rows
         of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)])
-        return Pieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
+        return FacePieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
 class FacesApart:
@@ -108,7 +108,7 @@ class FacesApart:
 
     def __init__(self, faces: Sequence[TrueFaces]) -> None:
         self._patches = [own.patches for own in faces]
-        self._pieces = [Pieces.of(own) for own in faces]
+        self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
