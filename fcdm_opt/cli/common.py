@@ -88,8 +88,16 @@ Out = Annotated[
     Path | None,
     option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, callback=written("--out")),
 ]
-TABLE_ROWS = "Write one row a case into this file, for Excel and the like."
-TableOut = Annotated[Path | None, option("--table", "CSV", TABLE_ROWS, OUTPUT, callback=written("--table", ".csv", ".txt"))]
+TableOut = Annotated[
+    Path | None,
+    option(
+        "--table",
+        "CSV",
+        "Write one row a case into this file, for Excel and the like.",
+        OUTPUT,
+        callback=written("--table", ".csv", ".txt"),
+    ),
+]
 Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Time = Annotated[

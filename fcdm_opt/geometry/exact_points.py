@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import Body, ConvexPart, PointPiece, ExactPoints
+from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, PointPiece
 from fcdm_opt.geometry.elements import Element, Elements
 from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
 from fcdm_opt.geometry.hull import convex_hull

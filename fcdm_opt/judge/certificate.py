@@ -754,10 +754,11 @@ class _Judge:
         found = [_at_least("true faces", gap, need - self.limit, note)]
         if "touch" in (problem.goal, problem.pair):
             found.append(_at_most("true faces touching", gap, self.limit, note))
-        for own in problem.keep_out:
-            faces, scales = [true_faces(problem.movable), true_faces(own.body)], (problem.target[0], own.ends[0])
-            gap = gap_of_true_faces(faces, scales, self.transform, own.clearance + self.limit + 2.0 * off)
-            found.append(_at_least(f"true faces, keep-out '{own.name}'", gap, own.clearance - self.limit, note))
+        for keep_out in problem.keep_out:
+            faces, need = [true_faces(problem.movable), true_faces(keep_out.body)], keep_out.clearance
+            scales = problem.target[0], keep_out.ends[0]
+            gap = gap_of_true_faces(faces, scales, self.transform, need + self.limit + 2.0 * off)
+            found.append(_at_least(f"true faces, keep-out '{keep_out.name}'", gap, need - self.limit, note))
         return found
 
     def pair(self) -> list[Check]:
