@@ -53,7 +53,7 @@ def _texts(node: ast.expr) -> list[str]:
     )
     if text == "proof: <Reason(code).name>":
         return [f"proof: {reason.name}" for reason in Reason]
-    return [text.replace("<k>", "k").replace("<code>", "n")]
+    return [text.replace("<k>", "k").replace("<code>", "n").replace("<keep_out.name>", "name")]
 
 
 def _emitted(module: ModuleType) -> set[str]:
