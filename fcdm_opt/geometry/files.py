@@ -197,9 +197,8 @@ def drawn_mesh(
     vertices, faces, off, surfaces, _ = drawn
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
     joined = suffix == ".stl" and _few_digits(vertices)
-    exact = surfaces is not None and surfaces.straight  # its vertices are on the surfaces that the file names
     vertices, remarks, moved, rounding = _plane(
-        vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data, exact=exact
+        vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data
     )
     coarse = rounding if rounding > DEFAULT.drawn * float(norms(np.ptp(vertices, axis=0))) else 0.0
     if coarse:
@@ -241,12 +240,11 @@ def _has_rows(drawn: Drawn) -> bool:
 
 
 def _plane(
-    vertices: Array, faces: list[Polygon], *, single: bool, joined: bool, binary: bool, exact: bool
+    vertices: Array, faces: list[Polygon], *, single: bool, joined: bool, binary: bool
 ) -> tuple[Array, tuple[str, ...], float, float]:
     """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far.
 
-    And how far the digits leave each vertex open; 0 of a text in which nothing tells that they do. With `exact`
-    vertices stay where they are.
+    And how far the digits leave each vertex open; 0 of a text in which nothing tells that they do.
     """
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
@@ -254,7 +252,7 @@ def _plane(
     with np.errstate(over="ignore"):
         exactly = bool((vertices == vertices.astype(np.float32)).all())
     digits = float(np.finfo(np.float32).eps) if single or exactly else DEFAULT.drawn
-    moved = vertices if exact else flattened(vertices, faces, digits * size, joined=single or exactly or joined)
+    moved = flattened(vertices, faces, digits * size, joined=single or exactly or joined)
     step = float(norms(moved - vertices).max())
     rounded = step > 0.0 or single or (binary and exactly) or (joined and not exactly)
     rounding = max(step, digits * size * ROUNDED) if rounded else 0.0

@@ -186,11 +186,6 @@ class Surfaces(NamedTuple):
     other: float
     within: float
 
-    @property
-    def straight(self) -> bool:
-        """Whether all faces are known and have straight lines, so that strips of triangles on them are plane."""
-        return self.other == 0.0 and all(own.line is not None for own in self.known)
-
 
 RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]
 """Round surfaces, and the rows of the faces that stand for each."""
