@@ -130,7 +130,7 @@ def _answered(problem: Problem, how: _How) -> Solution:
         facets_known(problem)
     solution = _solved_all(problem, how)
     at_once = partial(_solved_all, how=_at_once(how))
-    exact = solution.usable or not too_wide(problem)
+    exact = solution.usable or not pacing.in_time(too_wide, problem, late=True)
     points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if exact else None
     if points is not None:
         found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)

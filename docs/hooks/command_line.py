@@ -48,6 +48,8 @@ def commands() -> str:
 
 def _section(command: Any, context: Any) -> Iterator[str]:
     """Yield usage, meaning, arguments, options by group, and examples of a command."""
+    from fcdm_opt.cli.registry import ROWS
+
     usage = " ".join([PROGRAM, context.info_name, *command.collect_usage_pieces(context)])
     yield from ("```text", usage, "```", "")
     yield from (_plain(line.strip()) for line in (command.help or "").strip().splitlines())
@@ -58,7 +60,7 @@ def _section(command: Any, context: Any) -> Iterator[str]:
     for kind in sorted(groups, key=lambda kind: (kind != "argument", kind == "Output")):
         head = "option" if kind == OPTIONS else kind[0].lower() + kind[1:]
         yield from ("", *_table(head, _records(groups[kind], context)))
-    ends = "; ".join(f"{code} {meaning}" for code, meaning in command.ends.items())
+    ends = "; ".join(f"{code} {meaning}" for code, meaning in ROWS[command.name or ""].ends.items())
     yield from ("", f"Exit codes: {_plain(ends)}.")
     if command.epilog:
         yield from ("", "```console", *(f"$ {line}" for line in command.epilog.strip().splitlines()), "```")
