@@ -51,11 +51,12 @@ def touching_true_faces(
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
 
 
-def widened(touching: TouchingSizes, sizes: Sequence[Size], **how: Any) -> TouchingSizes:
-    """Return the same with other tolerances, see `TouchingSizes.of`."""
+def widened(touching: TouchingSizes, sizes: Sequence[Size], *, least: bool = True) -> TouchingSizes:
+    """Return the same with other tolerances, without contacts that are closed at all of them."""
     if touching.as_drawn:
         return replace(touching, sizes=tuple(sizes))
-    return touching_true_faces(*touching.bodies, sizes, transform=touching.transform, **how)
+    one, two = touching.bodies
+    return touching_true_faces(one, two, sizes, transform=touching.transform, least=least, standing=False)
 
 
 def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:

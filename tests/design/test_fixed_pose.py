@@ -14,6 +14,7 @@ from strategies import random_pose
 
 import fcdm_opt as fo
 from fcdm_opt.curve.games import game
+from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
@@ -473,3 +474,21 @@ def test_questions_without_an_answer_are_refused():
         with pytest.raises(InputError) as caught:
             bad()
         assert caught.value.key == key
+
+
+def test_a_key_on_both_sides_of_its_slot_was_said_to_have_no_pose():
+    """Its head lies on the base left and right: of poses beyond the slot's walls one of these contacts is open."""
+    key = fo.Prism([(-4, -4), (4, -4), (4, 0), (7, 0), (7, 4), (-7, 4), (-7, 0), (-4, 0)], 20.0, name="key")
+    base = [(-15, -10), (15, -10), (15, 0), (4.1, 0), (4.1, -6), (-4.1, -6), (-4.1, 0), (-15, 0)]
+    walls = [{"through": (-4.1, -3, 10)}, {"through": (4.1, -3, 10)}]
+    size = fo.Size("slot position", "static", faces=walls, along="x", tolerance=0.03)
+    held = fo.Problem(key, fo.Prism(base, 20.0), motion=fo.Translation("x"), target=(1, 1), goal="clear", sizes=[size])
+    inside = fo.best_pose(held, clearance=(0.03, 0.2))
+    assert (inside.status, inside.amount) == ("inside the window", 0.0)
+    assert (inside.least.gap, len(inside.standing)) == (pytest.approx(0.07), 2)
+    best = fo.best_pose(held)  # at either wall, its play of .1 used up
+    assert best.worst_gap == pytest.approx(0.03)
+    assert abs(best.parameters["TX"]) == pytest.approx(0.1)
+    stack = fo.stack_up(held)
+    wider = [fo.Size("slot position", "static", faces=walls, along="x", tolerance=0.05)]
+    assert widened(stack.touching, wider).gap([0.04]) == pytest.approx(0.06)  # as slices show it

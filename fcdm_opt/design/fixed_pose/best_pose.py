@@ -297,14 +297,17 @@ def best_pose(
     else:
         assert isinstance(problem, Problem)
         scales = None if own else worst_sizes(problem, sizes, box)
-        true = true_sizes(problem, scales)
-        for turn in range(ROUNDS + 1):
+        true, further = true_sizes(problem, scales), list[Array]()
+        for turn in range(2 * ROUNDS):
             true = true if turn < ROUNDS else None  # it comes to no end: then of facets
             worst = Worst.of(problem, scales, low, high, true)
-            worst.leave_out_standing()
+            worst.leave_out_standing(further)
             proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere
             best = _best(worst, accuracy, effort * proves, fitted=False, windowed=clearance is not None)
             extremes = best.found.off.extremes
+            if own and turn < ROUNDS and worst.opened(best.found.q):
+                further.append(best.found.q)
+                continue
             if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], extremes, own=own):
                 break
         if true is not None and not proves:

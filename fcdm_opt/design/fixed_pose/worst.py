@@ -26,6 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
 POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
+BESIDE_REST = 1e-4  # of the size: how far these are from rest, less than parts have of play
 DIFFERENCE = 1e-6  # finite differences, in sizes of the bodies
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
@@ -120,12 +121,20 @@ class Worst:
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
 
-    def leave_out_standing(self) -> None:
-        """Do not count contacts that are closed at all sizes wherever the motion leads: at rest, and anywhere else."""
+    def leave_out_standing(self, also: Sequence[Array] = ()) -> None:
+        """Do not count contacts that are closed at all sizes at rest, wherever the motion leads near by, and elsewhere.
+
+        `also` are parameters of poses further away, at which they are closed, too.
+        """
         count = len(self.limits)
-        near = NEAR * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
+        near = BESIDE_REST * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
         q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
-        self.scene.leave_out(map(self.pose, np.clip(np.vstack([np.zeros((1, count)), q]), *self.limits.T)))
+        q = np.vstack([np.zeros((1, count)), q, *(own[None] for own in also)])
+        self.scene.leave_out(map(self.pose, np.clip(q, *self.limits.T)))
+
+    def opened(self, q: Array) -> bool:
+        """Tell whether a contact that was left out is open at parameters q, at some sizes."""
+        return bool(self.scene.standing) and not self.scene.standing.keys() <= self.scene.closed(self.pose(q)).keys()
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""

@@ -147,7 +147,7 @@ def drawn_from(touching: TouchingSizes) -> TouchingSizes:
         wider.append(replace(size, tolerance=ends, distribution=source) if ends != (low, high) else size)
     if all(one is other for one, other in zip(wider, touching.sizes, strict=True)):
         return touching
-    return widened(touching, wider, standing=False)
+    return widened(touching, wider)
 
 
 def moments(sources: Sequence[Distribution | float]) -> tuple[Array, Array]:

@@ -236,7 +236,7 @@ class StackUp:
         if not ((each >= low) & (each <= high)).all():
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
             wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
-            return widened(self.touching, wider, least=False, standing=False).gap(values)
+            return widened(self.touching, wider, least=False).gap(values)
         return self.touching.gap(values)
 
     @cached_property
