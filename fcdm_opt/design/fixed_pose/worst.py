@@ -26,7 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
 POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
-BESIDE_REST = 1e-4  # of the size: how far these are from rest, less than parts have of play
+NEAR_REST = 1e-4  # of the size: how far these are from rest, less than parts have of play
 DIFFERENCE = 1e-6  # finite differences, in sizes of the bodies
 MOST_ACTIVE = 12  # sizes at which cells are looked at: the latest extremes
 
@@ -127,7 +127,7 @@ class Worst:
         `also` are parameters of poses further away, at which they are closed, too.
         """
         count = len(self.limits)
-        near = BESIDE_REST * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
+        near = NEAR_REST * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
         q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
         q = np.vstack([np.zeros((1, count)), q, *(own[None] for own in also)])
         self.scene.leave_out(map(self.pose, np.clip(q, *self.limits.T)))
