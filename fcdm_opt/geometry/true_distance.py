@@ -19,7 +19,7 @@ from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
-MOST = 400_000  # pairs of pieces at a time
+MOST = 1_000_000  # pairs of pieces that are looked at, over all questions about two bodies
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
 
@@ -104,12 +104,18 @@ class FacesApart:
     Parameters
     ----------
     faces : (TrueFaces, TrueFaces)
+
+    Attributes
+    ----------
+    left : int
+        Pairs of pieces that may still be looked at; below 0 nothing is shown any more.
     """
 
     def __init__(self, faces: Sequence[TrueFaces]) -> None:
         self._patches = [own.patches for own in faces]
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
+        self.left = MOST
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.
@@ -127,7 +133,8 @@ class FacesApart:
             if not level:
                 self._nearest = _near(one, two, errors, self._nearest)
             i, j = self._nearest.T
-            if len(i) > MOST:
+            self.left -= len(i)
+            if self.left < 0:
                 break
             lows = _separations(one[i], two[j]) - errors[0][i] - errors[1][j]
             upper, low = _no_more(one[i], two[j], errors[0][i], errors[1][j]), float(lows.min())

@@ -25,7 +25,7 @@ MARGIN = 1e-6
 def apart_until(problem: Problem, amount: float) -> float | None:
     """Return an amount below which no motion makes parts touch; None where motions have several parameters.
 
-    Or are no translation, rotation or screw.
+    Or are no translation, rotation or screw; or where it would take long, as of faces that are near all over.
 
     Parameters
     ----------
@@ -60,4 +60,6 @@ def apart_until(problem: Problem, amount: float) -> float | None:
             x += free / speed
             pacing.check()
         found = min(found, x)
+        if apart.left < 0:
+            return None
     return min(found * float(problem.weights[0]), amount)

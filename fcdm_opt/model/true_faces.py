@@ -100,7 +100,7 @@ class Exchange:
 
     def new(self, found: Sequence[NearestPoints]) -> list[NearestPoints]:
         """Return those at which the parts are not exact, or that overlap by more than rounding."""
-        return [own for own in found if own.gap < -self._slack or not self._has(own)]
+        return [own for own in found if own.gap < -self._slack or not self.has(own)]
 
     def refine(self, transform: Array, *, at_least: bool = False) -> bool:
         """Make the parts exact where true faces overlap after a motion; tell whether they were not.
@@ -108,11 +108,11 @@ class Exchange:
         With `at_least` also where they are nearest.
         """
         near = self.nearest(transform, self._slack if at_least else -TIGHT * self._slack)
-        new = [own for own in near if (own.gap < -TIGHT * self._slack or at_least) and not self._has(own)]
+        new = [own for own in near if (own.gap < -TIGHT * self._slack or at_least) and not self.has(own)]
         self.add(new)
         return bool(new)
 
-    def _has(self, own: NearestPoints) -> bool:
+    def has(self, own: NearestPoints) -> bool:
         """Tell whether parts are exact there."""
         near = DEFAULT.nominal * self.facets.size
         return all(
@@ -151,6 +151,8 @@ def points_of_true_faces(
             return points if problem.goal == "clear" else None
         new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
         worst = [own for own in new if own.gap < -TIGHT * slack]
+        if worst and all(map(asked.has, worst)):  # no piece of the true solid is known there
+            break
         asked.add(worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
