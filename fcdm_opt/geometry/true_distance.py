@@ -107,7 +107,7 @@ class FacesApart:
 
     Attributes
     ----------
-    left : int
+    remaining : int
         Pairs of pieces that may still be looked at; below 0 nothing is shown any more.
     """
 
@@ -115,7 +115,7 @@ class FacesApart:
         self._patches = [own.patches for own in faces]
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
-        self.left = MOST
+        self.remaining = MOST
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.
@@ -133,8 +133,8 @@ class FacesApart:
             if not level:
                 self._nearest = _near(one, two, errors, self._nearest)
             i, j = self._nearest.T
-            self.left -= len(i)
-            if self.left < 0:
+            self.remaining -= len(i)
+            if self.remaining < 0:
                 break
             lows = _separations(one[i], two[j]) - errors[0][i] - errors[1][j]
             upper, low = _no_more(one[i], two[j], errors[0][i], errors[1][j]), float(lows.min())

@@ -60,6 +60,6 @@ def apart_until(problem: Problem, amount: float) -> float | None:
             x += free / speed
             pacing.check()
         found = min(found, x)
-        if apart.left < 0:
+        if apart.remaining < 0:
             return None
     return min(found * float(problem.weights[0]), amount)
