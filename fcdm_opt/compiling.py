@@ -10,7 +10,8 @@
 - what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
   once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). That lasts until
-  plain Python has taken as long as compiling would; what it took in all runs is noted beside the code.
+  plain Python has taken as long as compiling would, in this process and its copies together; what it took in all
+  runs is noted beside the code.
 - of processes that want the same kernel one compiles it; the others wait, and take what it keeps.
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
@@ -30,6 +31,7 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import count
+from mmap import mmap
 from pathlib import Path
 from threading import local
 from time import perf_counter, thread_time
@@ -74,7 +76,10 @@ IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling 
 SHORTEST = 1e-4  # seconds that a call counts at least
 LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
 LITTLE = 400000  # entries of all its arrays up to which it is light
-_left = [IN_ALL]  # seconds
+PLACES = 1 << 16  # of kernels in what processes share
+_left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
+_left[0] = IN_ALL
+_spent = np.frombuffer(mmap(-1, 8 * PLACES))  # seconds of each kernel, in all these processes
 _taken = [0.0]  # seconds that are to be noted
 NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
 
@@ -130,6 +135,7 @@ class _Compiled(_Dispatcher):
         self._cache: Any = NullCache()
         self.keeps = False  # its code on disk
         self.patience = 0.0
+        self.place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__name__}".encode())
         self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
         self._served: set[tuple[Any, ...]] = set()
 
@@ -174,7 +180,7 @@ class _Compiled(_Dispatcher):
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
         self._compilation_chain_init_hook()
-        if self.patience > 0.0 and not keywords and self._is_little(args):
+        if self._lasting() > 0.0 and not keywords and self._is_little(args):
             return self._interpreted
         given: tuple[Any, ...] = tuple(map(self.typeof_pyval, args))
         wanted = tuple(map(_plain, given))
@@ -184,6 +190,10 @@ class _Compiled(_Dispatcher):
             self._insert([type_._code for type_ in given], entry, False)
         return entry
 
+    def _lasting(self) -> float:
+        """Return for how many seconds it may still run as plain Python, here and in copies of this process."""
+        return self.patience - float(_spent[self.place % PLACES])
+
     def _is_little(self, args: tuple[Any, ...]) -> bool:
         _count_runs()
         if self.patience == math.inf:  # the first call
@@ -192,7 +202,7 @@ class _Compiled(_Dispatcher):
             there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
             called = () if there else _with_called(self, set())
             self.patience = COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
-        lasting = min(self.patience, _left[0]) > 0.0 and not self.overloads
+        lasting = min(self._lasting(), _left[0]) > 0.0 and not self.overloads
         return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
@@ -201,7 +211,7 @@ class _Compiled(_Dispatcher):
         What it takes is not counted against time limits: compiled, it would take next to none.
         """
         start, clock, given = perf_counter(), thread_time(), [(each, each.copy()) for each in _arrays(args)]
-        _until.clock = clock + self.patience
+        _until.clock = clock + self._lasting()
         try:
             with np.errstate(all="ignore"):
                 return _unboxed(_written(self)(*args))
@@ -212,7 +222,7 @@ class _Compiled(_Dispatcher):
             self.patience = 0.0
         finally:
             took = thread_time() - clock
-            self.patience -= max(took, SHORTEST)
+            _spent[self.place % PLACES] += max(took, SHORTEST)
             _note(took)
             pacing.exclude_time(perf_counter() - start)
         return self(*args)
@@ -247,16 +257,16 @@ def _locked(made: _Compiled) -> Iterator[None]:
     if locks is None:
         yield
         return
-    place, start = zlib.crc32(f"{made.py_func.__module__}.{made.py_func.__name__}".encode()), perf_counter()
+    start = perf_counter()
     with suppress(OSError):  # a file system without locks
-        fcntl.lockf(locks, fcntl.LOCK_EX, 1, place)
+        fcntl.lockf(locks, fcntl.LOCK_EX, 1, made.place)
     if not _NEEDED:
         pacing.exclude_time(perf_counter() - start)
     try:
         yield
     finally:
         with suppress(OSError):
-            fcntl.lockf(locks, fcntl.LOCK_UN, 1, place)
+            fcntl.lockf(locks, fcntl.LOCK_UN, 1, made.place)
 
 
 @cache

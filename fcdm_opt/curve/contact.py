@@ -438,8 +438,8 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
 def _distinct(points: Array) -> Array:
     """Drop points that repeat the one before them, the first after the last."""
     near = DEFAULT.nominal * np.abs(points).max()
-    kept = [k for k in range(len(points)) if np.abs(points[k] - points[k - 1]).max() > near]
-    return points[kept] if kept else points[:1]
+    kept = (np.abs(points - points[np.arange(len(points)) - 1]) > near).any(axis=1)
+    return points[kept] if kept.any() else points[:1]
 
 
 def _nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:

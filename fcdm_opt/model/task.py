@@ -647,7 +647,7 @@ class Task:
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
         exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
         """
-        key = q.tobytes()
+        key = (np.ascontiguousarray(q).view(np.int64) >> 10).tobytes()  # alike but for roundings
         if key in self._faultless:
             return []
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
@@ -698,23 +698,26 @@ class Task:
         (before, start, _), (rho, pose, tracked) = self.tracked_contact(q, 0.0), self.tracked_contact(q)
         if not (np.isfinite(rho).all() and min(rho.min(), before.min()) > 0):
             return None
-        touching = {feature.parts for feature in tracked}
+        touching, ends = {feature.parts for feature in tracked}, ((start, before), (pose, rho))
         if len(self.movable.parts) == len(self.static.parts) == 1:
             overlaps: list[float] | None = []
         else:
-            ends = (start, before), (pose, rho)
             overlaps = overlaps_between(self.movable, self.static, ends, touching, DEFAULT.cut * self.size)
-        alike = all(len(seat.carriers) == 1 or seat.holds_between((start, before), (pose, rho)) for seat in self.seats)
-        return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked)]
+        alike = all(len(seat.carriers) == 1 or seat.holds_between(*ends) for seat in self.seats)
+        return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked, *ends)]
 
-    def _renamed(self, q: Array, tracked: Sequence[Tracked]) -> list[float]:
-        """Return the first path position, from the end back, at which a flush contact of a shift has another name."""
-        found = []
+    def _renamed(
+        self, q: Array, tracked: Sequence[Tracked], start: tuple[Array, Array], end: tuple[Array, Array]
+    ) -> list[float]:
+        """Return the first path position, from the end back, at which a flush contact of a shift has another name.
+
+        `start` and `end` of the shift as (pose, scale pair), between which both change in proportion.
+        """
+        found, places = [], self.path_positions(q)
+        ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None and (one.elements.spans or two.elements.spans):
-                places = self.path_positions(q)
-                ways = [self.tracked_contact(q, s)[1::-1] for s in places]
                 contact = supporting_contact(one, two, feature.normal, ways[0][0])
                 names = features_along(one, two, contact, ways)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]

@@ -120,8 +120,12 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     """Return which part pairs may come as near as they need on a stretch of a steady way, (k, 2).
 
     By the extents of what they sweep: along the way's line, and across it in several directions or, where body 1
-    turns, from the nearest to the farthest from the line. `way`: see `steady`.
+    turns, from the nearest to the farthest from the line. `way`: see `steady`. The one pair of two convex bodies is
+    always returned: that it stays apart takes no longer to see on the way.
     """
+    asked = task.needs > -np.inf
+    if len(task.movable.parts) == asked.size == 1:
+        return np.zeros((int(asked.all()), 2), np.int64)
     n, centre, (turn, shift, _) = way
     first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
     angles = np.arange(ACROSS) * np.pi / ACROSS
@@ -141,7 +145,7 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     if shift != 0.0:
         low[0][0] += min(start * shift, end * shift)
         high[0][0] += max(start * shift, end * shift)
-    asked, room = task.needs > -np.inf, np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
+    room = np.maximum(task.needs, 0.0) + DEFAULT.cut * task.size
     near = (low[0][0][:, None] <= high[1][0] + room) & (low[1][0] - room <= high[0][0][:, None])
     one, two = np.nonzero(near & asked)
     for least, most, low_2, high_2 in zip(low[0][1:], high[0][1:], low[1][1:], high[1][1:], strict=True):
