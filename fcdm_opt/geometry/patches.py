@@ -30,6 +30,7 @@ FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
+TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
 
 
 class Patch(NamedTuple):
@@ -385,7 +386,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
         moving, here, own, tangents, slope, pulled = (x[steep] for x in (moving, here, own, tangents, slope, pulled))
         if not len(moving):
             break
-        pull = np.linalg.solve(own @ own.transpose(0, 2, 1), own @ pulled[:, :, None])
+        pull = _inverse(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
         bends = against.bends(here) - sum(pull[:, k, :, None] * each.bends(here) for k, each in enumerate(on))
         values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
         share = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
@@ -412,8 +413,15 @@ def onto(points: Array, on: Sequence[Patch]) -> Array:
     for _ in range(8 if on else 0):
         off, normals = zip(*(each.gaps(points) for each in on), strict=True)
         rows, gap = np.stack(normals, axis=1), np.stack(off, axis=1)
-        step = rows.transpose(0, 2, 1) @ np.linalg.solve(rows @ rows.transpose(0, 2, 1), gap[:, :, None])
+        step = rows.transpose(0, 2, 1) @ _inverse(rows @ rows.transpose(0, 2, 1)) @ gap[:, :, None]
         points = points - step[..., 0]
         if np.abs(gap).max(initial=0.0) < 1e-14 * np.abs(points).max(initial=0.0):
             break
     return points
+
+
+def _inverse(products: Array) -> Array:
+    """Return the inverses of the products of one or two normals; of surfaces that touch along an edge as if of one."""
+    if products.shape[-1] == 1:
+        return 1.0 / products
+    return np.asarray(np.linalg.pinv(products, rcond=TANGENT, hermitian=True))

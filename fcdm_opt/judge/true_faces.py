@@ -12,12 +12,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.patches import TrueFaces
 from fcdm_opt.geometry.tessellation import Swept
 
 GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
 FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
-BLOCK = 2_000  # points at a time
 ROUNDING = 1e-12  # of areas
 SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
 FEWEST = 6  # times at least; then until it tells no more
@@ -179,14 +179,13 @@ def _over(feet: Array, directions: Array, triangles: Array) -> Flags:
     triangles = triangles[area > SLIVER * longest.max(axis=1)]  # of others their neighbours tell as much
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     room = 0.25 * (high - low).max(axis=1, keepdims=True)  # a surface leaves its triangle by less
-    for start in range(0, len(feet), BLOCK):
-        own, direction = feet[start : start + BLOCK], directions[start : start + BLOCK]
-        near = ((own[:, None] >= low - room) & (own[:, None] <= high + room)).all(axis=2)
-        i, t = np.nonzero(near)
-        arms = triangles[t] - own[i, None]
-        turns = np.cross(arms, np.roll(arms, -1, axis=1))
-        sides = np.einsum("nki,ni->nk", turns, direction[i])
-        sides[np.abs(sides) <= ROUNDING * np.einsum("nki,nki->nk", arms, arms).max(axis=1, keepdims=True)] = 0.0
-        met = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
-        found[start + i[met]] = True
+    if not len(feet):
+        return found
+    i, t = overlapping_between(feet, feet, low - room, high + room).T
+    arms = triangles[t] - feet[i, None]
+    turns = np.cross(arms, np.roll(arms, -1, axis=1))
+    sides = np.einsum("nki,ni->nk", turns, directions[i])
+    sides[np.abs(sides) <= ROUNDING * np.einsum("nki,nki->nk", arms, arms).max(axis=1, keepdims=True)] = 0.0
+    met = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
+    found[i[met]] = True
     return found

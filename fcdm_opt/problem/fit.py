@@ -44,22 +44,27 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     """Return how part pairs keep apart as drawn: normals, (k, 3), and which they are, (k, 2).
 
     Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there by more
-    than a hair, none, nor of those that bounds tell to be further apart than `most`.
+    than a hair, none, nor of those that bounds tell to be further apart than twice `most`.
     """
-    made = problem.movable, problem.static
-    movable, static = drawn = drawn_bodies(problem)
+    drawn, made = drawn_bodies(problem), (problem.movable, problem.static)
     if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
         return np.empty((0, 3)), np.empty((0, 2), np.int64)
-    slack = DEFAULT.snap * problem.size
-    kept = _near_parts(drawn, problem.nominal_pair, most + slack)
+    alike = 2.0 ** np.ceil(np.log2(most)) if 0.0 < most < np.inf else most  # so that like questions share the answer
+    return _walls_of(drawn, tuple(problem.nominal_pair.tolist()), float(alike), DEFAULT.snap * problem.size)
+
+
+@lru_cache(maxsize=4)
+def _walls_of(drawn: tuple[Body, Body], nominal: tuple[float, float], most: float, slack: float) -> tuple[Array, Ints]:
+    movable, static = drawn
+    kept = _near_parts(drawn, np.array(nominal), most + slack)
     if not all(map(len, kept)):
         return np.empty((0, 3)), np.empty((0, 2), np.int64)
     near = [body.subset(own.tolist()).packed for body, own in zip(drawn, kept, strict=True)]
-    both, placed = (*near[0], *near[1]), (relative_pose(movable, static, REST), problem.nominal_pair)
+    both, placed = (*near[0], *near[1]), (relative_pose(movable, static, REST), np.array(nominal))
     pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
     rows = kernels.widest_rows(*both, *placed, pairs)
     pairs = np.column_stack([own[pairs[:, k]] for k, own in enumerate(kept)])
-    gaps = rows[:, 5] - rows[:, 3:5] @ problem.nominal_pair
+    gaps = rows[:, 5] - rows[:, 3:5] @ nominal
     walls = gaps >= -slack
     hair = np.flatnonzero(~walls & (gaps >= -HAIR * min(movable.size, static.size)))
     walls[hair] = True
@@ -184,8 +189,10 @@ def misfit(problem: Problem) -> Misfit | None:
         ways, (own, rows) = side * normals, np.unique(places[:, k], return_inverse=True)
         heights = kernels.heights(*body.subset(own.tolist()).packed, rows.reshape(-1), ways)
         reaches[:, k] = ways @ body.seed + rho * heights
-    keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
     gaps = -reaches.sum(axis=1)
+    told = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
+    normals, places, reaches, gaps = normals[told], places[told], reaches[told], gaps[told]
+    keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
     order = np.argsort(gaps, kind="stable")
     first = order[np.unique(keys[order], axis=0, return_index=True)[1]]
     tightest = {tuple(keys[k].tolist()): k for k in first.tolist()}
