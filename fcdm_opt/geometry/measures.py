@@ -30,8 +30,9 @@ def following(corners: Array) -> Array:
 
 
 def norms(vectors: Array) -> Array:
-    """Return the lengths of vectors, (..., 3)."""
-    lengths: Array = np.sqrt((vectors**2).sum(axis=-1))
+    """Return the lengths of vectors, (..., 3); quicker than a sum along so short an axis."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    lengths: Array = np.sqrt(x * x + y * y + z * z)
     return lengths
 
 

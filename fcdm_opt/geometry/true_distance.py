@@ -8,6 +8,7 @@ branch and bound over pieces of faces.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
 MOST = 1_000_000  # pairs of pieces that are looked at, over all questions about two bodies
+SOME = 200  # pairs whose corners tell what the distance is at most
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
 
@@ -137,7 +139,8 @@ class FacesApart:
             if self.remaining < 0:
                 break
             lows = _separations(one[i], two[j]) - errors[0][i] - errors[1][j]
-            upper, low = _no_more(one[i], two[j], errors[0][i], errors[1][j]), float(lows.min())
+            some = np.argsort(lows, kind="stable")[:SOME]  # the nearest are among them
+            upper, low = _no_more(one, two, errors, self._nearest[some]), float(lows.min())
             near = (lows < (1.0 - SHARE) * upper) & (lows < upper - small)
             if not near.any():
                 return max(low, 0.0)
@@ -160,8 +163,7 @@ def _near(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> Ints:
     room = [own[:, None] for own in errors]
     (low, high), (under, over) = ((x.min(axis=1) - e, x.max(axis=1) + e) for x, e in zip((one, two), room, strict=True))
     if len(last):
-        i, j = last.T
-        most = _no_more(one[i], two[j], errors[0][i], errors[1][j])
+        most = _no_more(one, two, errors, last[:: max(1, len(last) // SOME)])
     else:
         most = float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
     pairs = overlapping_between(low - most, high + most, under, over)
@@ -177,15 +179,15 @@ def _near(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> Ints:
     return pairs
 
 
-def _no_more(one: Array, two: Array, own: Array, other: Array) -> float:
-    """Return what the distance is at most: of corners, which are on their face, from pieces of the other, (m, 3, 3)."""
+def _no_more(one: Array, two: Array, errors: Sequence[Array], pairs: Ints) -> float:
+    """Return what the distance is at most, by some pairs: of corners, which are on their face, from the other piece."""
     from trimesh.triangles import closest_point
 
     found = np.inf
-    for points, triangles, errors in ((one, two, other), (two, one, own)):
-        flat = points.reshape(-1, 3)
-        off = norms(flat - closest_point(np.repeat(triangles, 3, axis=0), flat)).reshape(-1, 3).min(axis=1)
-        found = min(found, float((off + errors).min()))
+    for points, triangles, errors_there, k in ((one, two, errors[1], 0), (two, one, errors[0], 1)):
+        flat, there = points[pairs[:, k]].reshape(-1, 3), pairs[:, 1 - k]
+        off = norms(flat - closest_point(np.repeat(triangles[there], 3, axis=0), flat)).reshape(-1, 3).min(axis=1)
+        found = min(found, float((off + errors_there[there]).min()))
     return found
 
 
@@ -211,6 +213,7 @@ def _separations(one: Array, two: Array) -> Array:
     every = np.concatenate(directions, axis=1)
     length = norms(every)
     every = every / np.maximum(length, SMALLEST)[..., None]
-    a, b = (np.einsum("mdx,mcx->mdc", every, own) for own in (one, two))
-    apart = np.maximum(b.min(axis=2) - a.max(axis=2), a.min(axis=2) - b.max(axis=2))
+    heights = ([np.einsum("mdx,mx->md", every, own[:, k]) for k in range(3)] for own in (one, two))
+    (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
+    apart = np.maximum(under - high, low - over)
     return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))
