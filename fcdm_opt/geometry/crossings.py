@@ -9,6 +9,7 @@ crossing: around it the surface stays on one side.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import reduce
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, equal_pairs
-from fcdm_opt.geometry.measures import cross, following, norms
+from fcdm_opt.geometry.measures import cross, dots, following, norms
 from fcdm_opt.geometry.polygons import Sides, clipped
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
@@ -91,7 +92,7 @@ def _crossing_cones(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
                     normal *= np.sign((normal * a).sum(axis=1))[:, None]
                 else:
                     normal = four[:, chosen].sum(axis=1)
-                least = (four * normal[:, None]).sum(axis=2).min(axis=1)
+                least = dots(four, normal[:, None]).min(axis=1)
                 open_[rows[least > ROUNDING * norms(normal)]] = False
         yield one[open_] // 3, two[open_] // 3
 
@@ -119,15 +120,16 @@ def not_separated(one: Array, two: Array) -> Ints:
     Across a triangle, along a side of both, or through a side and across its triangle.
     """
     one, two = one - one[:, :1], two - one[:, :1]
-    reach = np.sqrt(np.maximum((one**2).sum(axis=2).max(axis=1), (two**2).sum(axis=2).max(axis=1)))
+    reach = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
     ways = np.concatenate([following(own) - own for own in (one, two)], axis=1)
     normals = np.stack([cross(ways[:, 0], ways[:, 1]), cross(ways[:, 3], ways[:, 4])], axis=1)
     ways, left = np.concatenate([ways, normals], axis=1), np.arange(len(one))
     sides = product(range(3), range(3, 6))
     for i, j in ((0, 1), (3, 4), *sides, (6, 0), (6, 1), (6, 2), (7, 3), (7, 4), (7, 5)):
         axis = cross(ways[left, i], ways[left, j])
-        here, there = ((own[left] * axis[:, None]).sum(axis=2) for own in (one, two))
-        gap = np.maximum(there.min(axis=1) - here.max(axis=1), here.min(axis=1) - there.max(axis=1))
+        heights = ([dots(own[left, k], axis) for k in range(3)] for own in (one, two))
+        (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
+        gap = np.maximum(under - high, low - over)
         left = left[~(gap > ROUNDING * reach[left] * norms(axis))]
     return left
 

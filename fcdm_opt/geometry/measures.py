@@ -30,10 +30,15 @@ def following(corners: Array) -> Array:
 
 
 def norms(vectors: Array) -> Array:
-    """Return the lengths of vectors, (..., 3); quicker than a sum along so short an axis."""
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    lengths: Array = np.sqrt(x * x + y * y + z * z)
+    """Return the lengths of vectors, (..., 3)."""
+    lengths: Array = np.sqrt(dots(vectors, vectors))
     return lengths
+
+
+def dots(u: Array, v: Array) -> Array:
+    """Return dot products of vectors, (..., 3); quicker than a sum along so short an axis."""
+    products: Array = u[..., 0] * v[..., 0] + u[..., 1] * v[..., 1] + u[..., 2] * v[..., 2]
+    return products
 
 
 def units(vectors: Array) -> Array:
@@ -118,7 +123,7 @@ def winding_numbers(points: Array, corners: Array) -> Array:
             lengths = norms(spokes)
             a, b, c = spokes[:, :, 0], spokes[:, :, 1], spokes[:, :, 2]
             la, lb, lc = lengths[:, :, 0], lengths[:, :, 1], lengths[:, :, 2]
-            top = (a * cross(b, c)).sum(axis=2)
-            bottom = la * lb * lc + (a * b).sum(axis=2) * lc + (b * c).sum(axis=2) * la + (c * a).sum(axis=2) * lb
+            top = dots(a, cross(b, c))
+            bottom = la * lb * lc + dots(a, b) * lc + dots(b, c) * la + dots(c, a) * lb
             total[own] += np.arctan2(top, bottom).sum(axis=1)
     return total / (2 * np.pi)

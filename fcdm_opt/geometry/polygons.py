@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.geometry.measures import cross, following, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals, units
 from fcdm_opt.tolerances import DEFAULT
 
 Polygon = tuple[int, ...]
@@ -99,14 +99,14 @@ def distances(points: Array, polygons: Array) -> Array:
     corners = polygons[..., None, :, :]
     along = following(corners) - corners
     spokes = points[..., None, :] - corners
-    share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
+    share = dots(spokes, along) / np.maximum(dots(along, along), np.finfo(float).tiny)
     rim = norms(spokes - np.clip(share, 0, 1)[..., None] * along).min(axis=-1)
     normal = cross(along[..., 0, :], along[..., 1, :])
     length = norms(normal)
-    broad = length > DEFAULT.nominal * (along**2).sum(axis=-1).max(axis=-1)  # of slivers the rim tells as much
+    broad = length > DEFAULT.nominal * dots(along, along).max(axis=-1)  # of slivers the rim tells as much
     length = np.where(broad, length, 1.0)
-    above = broad & ((cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0)
-    height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
+    above = broad & (dots(cross(normal[..., None, :], along), spokes).min(axis=-1) >= 0)
+    height = np.abs(dots(spokes[..., 0, :], normal)) / length
     return np.asarray(np.where(above, height, rim))
 
 
@@ -192,9 +192,9 @@ def triangulated(
             allowed = f"at most {slack:.3g}; give its triangles instead"
             raise InputError(what, key=f"{key}: face {numbers[places[first]] + 1}", found=found, allowed=allowed)
         turns = (np.cross(np.roll(ahead, 1, axis=1), ahead) * normals[:, None]).sum(axis=2)
-        dots = (np.roll(ahead, 1, axis=1) * ahead).sum(axis=2)
+        cosines = (np.roll(ahead, 1, axis=1) * ahead).sum(axis=2)
         chords = np.sqrt(((ahead + np.roll(ahead, 1, axis=1)) ** 2).sum(axis=2))
-        once = np.arctan2(turns, dots).sum(axis=1) < 3 * np.pi  # a star turns left everywhere, but twice round
+        once = np.arctan2(turns, cosines).sum(axis=1) < 3 * np.pi  # a star turns left everywhere, but twice round
         convex = (turns > slack * chords).all(axis=1) & once & (lengths > 0)
         size = corners.shape[1]
         fan = np.array([(0, k, k + 1) for k in range(1, size - 1)])

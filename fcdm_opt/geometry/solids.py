@@ -20,7 +20,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
-from fcdm_opt.geometry.measures import cross, following, norms, unit_normals
+from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
 from fcdm_opt.geometry.polygons import components, fans
 from fcdm_opt.tolerances import DEFAULT
 
@@ -485,11 +485,12 @@ def _slopes(point: Array, corners: Array, far: Array) -> Array:
 def _nearest(point: Array, corners: Array) -> Array:
     """Return the nearest point of each triangle, (k, 3)."""
     along, spokes = following(corners) - corners, point - corners
-    share = (spokes * along).sum(axis=2) / np.maximum((along**2).sum(axis=2), np.finfo(float).tiny)
+    share = dots(spokes, along) / np.maximum(dots(along, along), np.finfo(float).tiny)
     rim = corners + np.clip(share, 0.0, 1.0)[:, :, None] * along
-    best = rim[np.arange(len(rim)), ((rim - point) ** 2).sum(axis=2).argmin(axis=1)]
+    off = rim - point
+    best = rim[np.arange(len(rim)), dots(off, off).argmin(axis=1)]
     normal = cross(along[:, 0], along[:, 1])
-    square = (normal**2).sum(axis=1)
-    above = (square > 0) & ((cross(normal[:, None], along) * spokes).sum(axis=2).min(axis=1) >= 0)
-    height = (spokes[:, 0] * normal).sum(axis=1) / np.where(above, square, 1.0)
+    square = dots(normal, normal)
+    above = (square > 0) & (dots(cross(normal[:, None], along), spokes).min(axis=1) >= 0)
+    height = dots(spokes[:, 0], normal) / np.where(above, square, 1.0)
     return np.where(above[:, None], point - height[:, None] * normal, best)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
-from fcdm_opt.geometry.measures import cross, norms, unit_normals
+from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
 from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
@@ -213,7 +213,7 @@ def _separations(one: Array, two: Array) -> Array:
     every = np.concatenate(directions, axis=1)
     length = norms(every)
     every = every / np.maximum(length, SMALLEST)[..., None]
-    heights = ([np.einsum("mdx,mx->md", every, own[:, k]) for k in range(3)] for own in (one, two))
+    heights = ([dots(every, own[:, None, k]) for k in range(3)] for own in (one, two))
     (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
     apart = np.maximum(under - high, low - over)
     return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))
