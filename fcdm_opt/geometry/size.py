@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.plain import Plain, plain
@@ -133,20 +134,7 @@ class Size(Plain):
         InputError
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
-        normals, points = body.face_planes
-        moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
-        each = self.each if self.along is None else [None] * len(self.faces)
-        for k, selector in enumerate(self.faces):
-            rows = self._selected(selector, body, normals, points, f"faces[{k + 1}]")
-            if taken[rows].any():
-                names = ", ".join(f"F{row + 1}" for row in rows[taken[rows]].tolist())
-                raise self._refused(f"face {names} is meant twice", f"faces[{k + 1}]", selector, "each face once")
-            taken[rows] = True
-            moved[rows] = each[k] if self.along is None else normals[rows] @ np.array(self.along)
-        if self.faces and not moved.any():
-            key, allowed = ("each", "not all 0") if self.along is None else ("along", "a direction across a face")
-            raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
-        return moved
+        return _offsets(self, body)
 
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
@@ -303,6 +291,25 @@ class Size(Plain):
             several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
             raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
         return rows
+
+
+@lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
+def _offsets(size: Size, body: Body) -> Array:
+    """Return what `Size.offsets` does."""
+    normals, points = body.face_planes
+    moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
+    each = size.each if size.along is None else [None] * len(size.faces)
+    for k, selector in enumerate(size.faces):
+        rows = size._selected(selector, body, normals, points, f"faces[{k + 1}]")
+        if taken[rows].any():
+            names = ", ".join(f"F{row + 1}" for row in rows[taken[rows]].tolist())
+            raise size._refused(f"face {names} is meant twice", f"faces[{k + 1}]", selector, "each face once")
+        taken[rows] = True
+        moved[rows] = each[k] if size.along is None else normals[rows] @ np.array(size.along)
+    if size.faces and not moved.any():
+        key, allowed = ("each", "not all 0") if size.along is None else ("along", "a direction across a face")
+        raise size._refused("no face is moved by this size", key, getattr(size, key), allowed)
+    return frozen(moved)
 
 
 def _listed(name: str) -> str:
