@@ -241,7 +241,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
             wide = np.diff(edges)[chosen]
             axes.bar(edges[:-1][chosen], heights[chosen], wide, align="edge", color=colour, label=name)
     highest = max(float(heights.max()), 1.0 / result.count)
-    axes.set(ylim=(0.0, HIGHEST * highest), xlim=(max(axes.get_xlim()[0], 0.0), None))
+    axes.set_ylim(0.0, HIGHEST * highest)
     if math.isfinite(result.budget):
         budget = measured(f"{result.budget:.6g}", result.unit)
         axes.axvline(result.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
@@ -251,7 +251,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
             axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
                           textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
                           color=DARK)  # fmt: skip
-    axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
+    axes.set(xlim=(max(axes.get_xlim()[0], 0.0), None), xlabel=f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
         axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)
