@@ -296,7 +296,14 @@ def stack_command(
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.plain import plain
     from fcdm_opt.show.printing import print_text
-    from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
+    from fcdm_opt.show.stacks import (
+        commented_out_sizes,
+        print_allocation,
+        print_stack,
+        slice_figure,
+        stack_figure,
+        write_stack,
+    )
 
     limits: Any = None if gap is None else _numbers(gap, "--gap", "LOW,HIGH as 0.1,0.3", 2)
     costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
@@ -305,7 +312,8 @@ def stack_command(
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if not problem.sizes:
-            allowed = f"one [[size]] table or more{_commented_out_sizes(file)}"
+            there = commented_out_sizes(file.path)
+            allowed = f"one [[size]] table or more{': ' * bool(there)}{there}"
             raise InputError("there are no sizes", key="size", allowed=allowed)
         found = stack_up(problem, limits=limits, of=parts)
         drawn = found.yield_(draws, seed=seed)
@@ -326,12 +334,6 @@ def stack_command(
                 pictures.add(f"{stem}-slice", slice_figure(found, names, title=title))
 
     _each_case(inquiry, asked)
-
-
-def _commented_out_sizes(file: OpenedFile) -> str:
-    """Return in words how many tables of sizes a file has as comments, as `init` writes them."""
-    count = len(re.findall(r"^\s*#\s*\[\[size\]\]", file.path.read_text(encoding="utf-8-sig"), re.MULTILINE))
-    return f": {count} are there, commented out; take the # away before the lines of those that count" if count else ""
 
 
 def _each_case(

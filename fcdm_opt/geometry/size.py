@@ -139,7 +139,8 @@ class Size(Plain):
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
 
-        nan where nothing that can be measured on the part grows by as much as the size: where a single face moves.
+        nan where nothing that can be measured on the part grows by as much as the size: where a slot moves as a whole,
+        or a single face, unless there is just one plane across from it, or else beside it as of a step.
         """
         if self.scale is not None:
             extents = np.ptp(body.vertices @ self.directions(), axis=0)
@@ -151,11 +152,16 @@ class Size(Plain):
             if labels == set(own.faces) and "cone" not in own.name and "countersink" not in own.name:
                 side = 1.0 if own.name.startswith(ROUND_KINDS[::2]) else -1.0
                 measured = {side * k * float(moved[rows[0]]): k * own.surface.radius for k in (1.0, 2.0)}
-        towards = normals[rows] @ normals[rows[-1]]
-        ends = [rows[np.abs(towards - side) <= DEFAULT.nominal] for side in (1.0, -1.0)]
-        if len(ends[0]) and len(ends[1]) and len(ends[0]) + len(ends[1]) == len(rows):
-            width = (points[ends[0][0]] - points[ends[1][0]]) @ normals[rows[-1]]
-            measured = {float(np.sign(width) * (moved[ends[0][0]] + moved[ends[1][0]])): abs(float(width))}
+        way = normals[rows[-1]]
+        towards, levels = normals @ way, points @ way
+        ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
+        own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
+        for others in (also,) if len(also) else (np.setdiff1d(ahead, rows), across):  # these stay: a step, or a width
+            one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
+            if one_plane and len(own) + len(also) == len(rows):
+                width = levels[own[0]] - levels[others[0]]
+                rate = np.sign(width) * (moved[own[0]] + moved[others[0]])
+                measured[float(rate)] = abs(float(width))
         return next((length for rate, length in measured.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 
     def _keep(self, **values: Any) -> None:

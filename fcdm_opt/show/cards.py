@@ -252,7 +252,7 @@ def assembly_card(solution: AssemblySolution) -> Card:
         f"Solution: {assembly.name}" if assembly.name else "Solution",
         said=f"{told[:1].upper()}{told[1:]}",
         facts=facts,
-        tables=[(("part", "relative to", "scale", "motion", "amount"), part_texts(solution))],
+        tables=[(("part", "relative to", "made", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
         state=solution.status.name,
         mood=mood_of(solution),

@@ -251,7 +251,8 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
             axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
                           textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
                           color=DARK)  # fmt: skip
-    axes.set(xlim=(max(axes.get_xlim()[0], 0.0), None), xlabel=f"amount of the motion ({result.unit or 'length units'})")
+    axes.set_xlim(max(axes.get_xlim()[0], 0.0))
+    axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
         axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import redirect_stdout
@@ -143,15 +144,8 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for own in stack.contributions
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    for told in not_counted(stack.standing):
+    for told in stack_notes(stack):
         print_text(told)
-        print_text()
-    factor, face, where = stack.touching.vanishing
-    if factor < 1.0:
-        end = _sizes(where)
-        print_text(
-            f"{factor:.2%} of the way to {end} {face} vanishes: parts made beyond are refused, rows go on without it"
-        )
         print_text()
     noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
@@ -166,6 +160,26 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def stack_notes(stack: StackUp) -> list[str]:
+    """Return what a stack-up leaves out, a sentence each: contacts always closed, sizes at which a face vanishes."""
+    told, (factor, face, where) = not_counted(stack.standing), stack.touching.vanishing
+    if factor < 1.0:
+        end = _sizes(where)
+        what = f"{factor:.2%} of the way to {end} {face} vanishes"
+        told.append(f"{what}: parts made beyond are refused, rows go on without it")
+    return told
+
+
+def commented_out_sizes(path: Path) -> str:
+    """Return in words how many tables of sizes a file has as comments, as `init` writes them; "" where it has none."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return ""
+    count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
+    return f"{count} are there, commented out; take the # away before the lines of those that count" if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:

@@ -110,7 +110,7 @@ function showNumbers() {
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
   write("now-motion", frame.motion);
   write("now-amount", inUnit(digits(frame.amount, 4), currentCase().amount_unit));
-  write("now-target", pair(frame.target));
+  write("now-target", madeAt(frame.target));
   write("now-rho", pair(frame.rho));
   write("now-gap", inUnit(digits(frame.pair_gap, 4), currentCase().unit));
   write("now-state", frame.pair_state);
@@ -119,6 +119,11 @@ function showNumbers() {
   const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
   write("now-features", frame.contact?.length || !features ? features : `nothing here; intended contact: ${features}`);
 }
+
+/** Scales of the parts made where one is scaled, and sizes by name that are off drawn. */
+const madeAt = (scales = []) => [
+  scales.some(x => x !== 1) ? pair(scales) : "", currentCase().off_drawn,
+].filter(Boolean).join("; ") || "as drawn";
 
 /** A number with its unit, alone where there is none. */
 const inUnit = (text, unit) => (unit && text !== "\u2013" ? `${text} ${unit}` : text);
