@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.polygons import fans
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped
@@ -31,6 +33,9 @@ ALONG_AXIS = 1.0 - 1e-6
 
 SLIVER = 0.15
 """Share of a body's extent that a cut leaves at least."""
+
+BESIDE = 1e-6
+"""Share of the size by which bodies are cut before a contact: faces in the plane itself are neither cut nor left."""
 
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
@@ -133,7 +138,8 @@ class Cut(NamedTuple):
             ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
             levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
             met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
-            point = first.middle + (levels[met.argmax()] - first.middle @ facing) * facing
+            level = levels[met.argmax()] + BESIDE * max(body.size for body in bodies)
+            point = first.middle + (level - first.middle @ facing) * facing
             depths = [-(body.vertices - point) @ facing for body in bodies]
             if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):
                 found.append((float(met.max()), cls(point, facing, plane)))
@@ -288,16 +294,13 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
 def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
     """Return the polygons in which a plane cuts a body, (k, 2) each, in coordinates of the plane.
 
-    Of a solid with a surface of its own its outlines, those of holes the other way round; else what is cut of parts.
+    Outlines, those of holes the other way round; of what is no solid what is cut of its parts.
     """
-    from manifold3d import Error, Manifold, Mesh64
-
-    if body.triangles:
-        rows = np.array([triangle for face in body.triangles for triangle in face])
-        points = (body.vertices - point) @ np.column_stack([plane, normal])
-        solid = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(rows, np.uint64)))
-        if solid.status() == Error.NoError:
-            return [np.asarray(outline) for outline in solid.slice(0.0).to_polygons()]
+    if (solid := solid_of(body)) is not None:
+        frame = np.column_stack([plane, normal]).T
+        placed = solid.transform(np.column_stack([frame, frame @ (body.seed - point)]))
+        outlines = placed.slice(0.0).simplify(DEFAULT.planarity * body.size).to_polygons()
+        return list(map(np.asarray, outlines))
     found = []
     for part in body.parts:
         heights = (part.vertices - point) @ normal
@@ -312,3 +315,30 @@ def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array
             off = flat - flat.mean(axis=0)
             found.append(flat[np.argsort(np.arctan2(off[:, 1], off[:, 0]))])
     return found
+
+
+@lru_cache(maxsize=64)
+def solid_of(body: Body) -> Any:
+    """Return a body as one solid about its seed, without walls between its parts; None where it is none."""
+    from manifold3d import Error, Manifold, Mesh64, OpType
+
+    if body.triangles:
+        rows = np.array([triangle for face in body.triangles for triangle in face], np.uint64)
+        solid = Manifold(Mesh64(np.ascontiguousarray(body.vertices - body.seed), rows))
+    else:
+        parts = [Manifold.hull_points(part.vertices - body.seed) for part in body.parts]
+        solid = Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.planarity * body.size)
+    return solid if solid.status() == Error.NoError and not solid.is_empty() else None
+
+
+def surface_of(body: Body) -> tuple[Array, Ints]:
+    """Return the surface of a body without what its parts turn to each other: points (n, 3), and triangles of these."""
+    if body.triangles:
+        return body.vertices, np.array([triangle for face in body.triangles for triangle in face])
+    solid = solid_of(body) if len(body.parts) > 1 else None
+    if solid is not None:
+        mesh = solid.to_mesh64()
+        return np.asarray(mesh.vert_properties)[:, :3] + body.seed, np.asarray(mesh.tri_verts, np.int64)
+    starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)])
+    rows = [start + fans(part.loops) for start, part in zip(starts[:-1], body.parts, strict=True)]
+    return np.concatenate([part.vertices for part in body.parts]), np.concatenate(rows)

@@ -9,7 +9,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
@@ -25,7 +24,7 @@ from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.report.sizes import size_rows, stack_told
-from fcdm_opt.show.scene import view_of
+from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
@@ -71,14 +70,13 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
-    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    pieces = solution_pieces(solution, view=view)
+    pieces = solution_pieces(solution)
     parts = [inline_svg(figure, f"{name}-{k}") for k, figure in enumerate((pieces.scene, *pieces.insets))]
     high = round(pieces.scene.get_figheight(), 2)
     keys = {"key": list(pieces.key), "numbered": pieces.numbered}
     picture = {"scene": parts[0], "insets": parts[1:], **keys, "high": high}
     told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_told(problem)}
-    return {**told, **grounds, **_pictures(problem, solution, frames, pieces.facing)}
+    return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:
@@ -217,7 +215,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
 
 
-def _pictures(problem: Problem, solution: Solution, share: float, facing: Array) -> dict[str, Any]:
+def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
     """Return the bodies and all frames."""
     problem = problem if solution.problem.exact_at is None else solution.problem
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
@@ -229,7 +227,7 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
     tolerance = tolerance_family(frames, taken, solution, share)
     low, high = tolerance_box(problem)
     return {
-        "scene": scene(problem, facing),
+        "scene": scene(problem, pieces),
         "axes": {"box": drawn(problem.box), "window": drawn(seen)},
         "nominal": drawn(problem.nominal_pair),
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,
