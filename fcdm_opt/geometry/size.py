@@ -148,10 +148,10 @@ class Size(Plain):
         moved, (normals, points) = self.offsets(body), body.face_planes
         rows, measured = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
         labels = {tuple(sorted(body.faces[k])) for k in rows.tolist()}
-        for own in round_faces(body):
-            if labels == set(own.faces) and "cone" not in own.name and "countersink" not in own.name:
-                side = 1.0 if own.name.startswith(ROUND_KINDS[::2]) else -1.0
-                measured = {side * k * float(moved[rows[0]]): k * own.surface.radius for k in (1.0, 2.0)}
+        for face in round_faces(body):
+            if labels == set(face.faces) and "cone" not in face.name and "countersink" not in face.name:
+                side = 1.0 if face.name.startswith(ROUND_KINDS[::2]) else -1.0
+                measured = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
         way = normals[rows[-1]]
         towards, levels = normals @ way, points @ way
         ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))

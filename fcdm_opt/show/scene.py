@@ -165,7 +165,7 @@ def scene_pieces(
     sheet = Sheet.of(WIDE, height + LOW)
     axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
-    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
+    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
     for contact in reversed(_magnified(contacts)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)

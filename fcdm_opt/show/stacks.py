@@ -34,7 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.design.stack.allocation import Allocation
     from fcdm_opt.design.stack.spread import GapYield
-    from fcdm_opt.design.stack.stack_up import StackUp
+    from fcdm_opt.design.stack.stack_up import SizeShare, StackUp
 
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
 DRAWN, DRAWN_ZERO = "as drawn", 2e-3
@@ -135,14 +135,12 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ], numbers=("gap",))  # fmt: skip
     if share is not None:
         _print_yield(stack, share)
-    steepest = max(abs(own.coefficient) for own in stack.contributions)
     print_rows([
         {
-            "size": own.size, "half tolerance": f"{own.half:.4g}",
-            "mean gap per unit": f"{own.coefficient if abs(own.coefficient) > DRAWN_ZERO * steepest else 0.0:+.3g}",
+            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": f"{own.coefficient:+.3g}",
             "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.1%}",
         }
-        for own in stack.contributions
+        for own in contributions_of(stack)
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
     for told in stack_notes(stack):
         print_text(told)
@@ -160,6 +158,12 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def contributions_of(stack: StackUp) -> list[SizeShare]:
+    """Return what each size contributes, a mean over pairs drawn as 0 where it is nothing but what drawing leaves."""
+    least = DRAWN_ZERO * max(abs(own.coefficient) for own in stack.contributions)
+    return [own if abs(own.coefficient) > least else replace(own, coefficient=0.0) for own in stack.contributions]
 
 
 def stack_notes(stack: StackUp) -> list[str]:

@@ -56,7 +56,7 @@ def _moved(size: Size) -> str:
 def stack_told(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
-    from fcdm_opt.show.stacks import stack_notes
+    from fcdm_opt.show.stacks import contributions_of, stack_notes
 
     if not scene.sizes:
         return None
@@ -64,13 +64,12 @@ def stack_told(scene: Scene) -> dict[str, Any] | None:
         with pacing.within(STACKED, share=1.0):
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
-            shares, notes = found.contributions, [*stack_notes(found), *known_gaps(scene)]
+            shares, notes = contributions_of(found), [*stack_notes(found), *known_gaps(scene)]
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
         return {"notes": [f"no stack-up: {'left out for time, `fcdm-opt stack` has it' if late else reason}"]}
-    unit = scene.unit
     if found.known_to:
-        low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", unit)
+        low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
         notes.append(f"the mesh leaves open gaps from {low} to {high} in the worst cases")
     return {
         "worst": [

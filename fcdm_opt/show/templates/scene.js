@@ -1,6 +1,6 @@
 // The bodies in space, their features in contact, and from where they are seen.
 
-const VIEW_SIZE = 1.75; // of the scene: the bodies' diagonal in units of the view
+const VIEW_SIZE = 2.1; // of the scene: the bodies' diagonal in units of the view
 const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
 const FAR = 8; // of the camera, in units of the view
 const NEAR = 3; // how much "to the contact" enlarges
