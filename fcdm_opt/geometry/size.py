@@ -152,8 +152,7 @@ class Size(Plain):
             if labels == set(face.faces) and "cone" not in face.name and "countersink" not in face.name:
                 side = 1.0 if face.name.startswith(ROUND_KINDS[::2]) else -1.0
                 measured = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
-        way = normals[rows[-1]]
-        towards, levels = normals @ way, points @ way
+        towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
         ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
         for others in (also,) if len(also) else (np.setdiff1d(ahead, rows), across):  # these stay: a step, or a width

@@ -72,8 +72,7 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 def made_text(assembly: Assembly, part: str) -> str:
     """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
     scale = assembly.scales[part]
-    told = [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)]
-    return ", ".join(filter(None, told)) or "as drawn"
+    return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:

@@ -431,9 +431,12 @@ def _draw_solids(
 
 def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
     """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
-    polygons, edges = own_polygons(body), list(sharp_edges(body))
-    rest, (opened, rim) = cut.behind(polygons), cut.across(body)
-    return (rest, cut.behind(edges) + rim, opened) if rest else (polygons, edges, [])
+    points, triangles = surface_of(body, cut)
+    if not len(triangles):
+        return own_polygons(body), list(sharp_edges(body)), []
+    opened = (np.abs(cut.heights(points)[triangles]) == 0.0).all(axis=1)
+    edges = _sharp(points, triangles, unit_normals(points[triangles]))
+    return list(points[triangles[~opened]]), list(edges), list(points[triangles[opened]])
 
 
 def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
@@ -562,6 +565,11 @@ def sharp_edges(body: Body) -> Array:
     """
     points, triangles = surface_of(body)
     looks = body.face_planes[0][body.face_triangles[1]] if body.triangles else unit_normals(points[triangles])
+    return _sharp(points, triangles, looks)
+
+
+def _sharp(points: Array, triangles: Ints, looks: Array) -> Array:
+    """Return the edges, (m, 2, 3), at which triangles with these normals do not nearly go on in one another."""
     ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     sides = np.argsort(own.reshape(-1), kind="stable") // 3

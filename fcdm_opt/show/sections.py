@@ -150,7 +150,7 @@ class Cut(NamedTuple):
         """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""
         found = []
         for shape in shapes:
-            heights, corners = side * self._heights(shape), list[Array]()
+            heights, corners = side * self.heights(shape), list[Array]()
             for k in range(len(shape) if (heights < 0.0).any() and (heights > 0.0).any() else 0):
                 here, there = heights[k], heights[k - 1]
                 if here * there < 0.0 and (k or len(shape) > 2):
@@ -159,21 +159,12 @@ class Cut(NamedTuple):
             found += [np.array(corners)] if corners else [shape] if (heights <= 0.0).all() else []
         return found
 
-    def across(self, body: Body) -> tuple[list[Array], list[Array]]:
-        """Return the section of a body: triangles that make it up (3, 3), and the edges round it (2, 3)."""
-        from manifold3d import CrossSection, FillRule, triangulate
-
-        loops = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
-        corners = [self.point + own @ self.plane.T for own in loops]
-        edges = [np.array(ends) for own in corners for ends in zip(own, np.roll(own, -1, axis=0), strict=True)]
-        return list(np.concatenate(corners)[np.array(triangulate(loops))]) if loops else [], edges
-
     def met(self, shapes: Sequence[Array]) -> list[Array]:
         """Return where the plane meets convex polygons, straight lines and points: lines (2, 3), points (1, 3)."""
-        ends = [(shape[self._heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
+        ends = [(shape[self.heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
         return [own for own, is_area in ends if len(own) > is_area]
 
-    def _heights(self, shape: Array) -> Array:
+    def heights(self, shape: Array) -> Array:
         """Return how far corners stand before the plane, 0 for rounding."""
         arms = shape - self.point
         heights = arms @ self.facing
@@ -292,53 +283,37 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
 
 
 def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
-    """Return the polygons in which a plane cuts a body, (k, 2) each, in coordinates of the plane.
-
-    Outlines, those of holes the other way round; of what is no solid what is cut of its parts.
-    """
-    if (solid := solid_of(body)) is not None:
-        frame = np.column_stack([plane, normal]).T
-        placed = solid.transform(np.column_stack([frame, frame @ (body.seed - point)]))
-        outlines = placed.slice(0.0).simplify(DEFAULT.planarity * body.size).to_polygons()
-        return list(map(np.asarray, outlines))
-    found = []
-    for part in body.parts:
-        heights = (part.vertices - point) @ normal
-        slack = 1e-12 * body.size
-        spots: list[Any] = [part.vertices[k] for k in np.flatnonzero(np.abs(heights) <= slack)]
-        for a, b in part.edges[:, :2].tolist():
-            if min(heights[a], heights[b]) < -slack and max(heights[a], heights[b]) > slack:
-                share = heights[a] / (heights[a] - heights[b])
-                spots.append(part.vertices[a] + share * (part.vertices[b] - part.vertices[a]))
-        if len(spots) > 2:
-            flat = (np.array(spots) - point) @ plane
-            off = flat - flat.mean(axis=0)
-            found.append(flat[np.argsort(np.arctan2(off[:, 1], off[:, 0]))])
-    return found
+    """Return the outlines of what a plane cuts of a body, (k, 2) each, along it; of holes clockwise."""
+    frame = np.column_stack([plane, normal]).T
+    placed = solid_of(body).transform(np.column_stack([frame, frame @ (body.seed - point)]))
+    return list(map(np.asarray, placed.slice(0.0).simplify(DEFAULT.planarity * body.size).to_polygons()))
 
 
 @lru_cache(maxsize=64)
 def solid_of(body: Body) -> Any:
-    """Return a body as one solid about its seed, without walls between its parts; None where it is none."""
+    """Return a body as one solid about its seed, without walls between its parts."""
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     if body.triangles:
         rows = np.array([triangle for face in body.triangles for triangle in face], np.uint64)
         solid = Manifold(Mesh64(np.ascontiguousarray(body.vertices - body.seed), rows))
-    else:
-        parts = [Manifold.hull_points(part.vertices - body.seed) for part in body.parts]
-        solid = Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.planarity * body.size)
-    return solid if solid.status() == Error.NoError and not solid.is_empty() else None
+        if solid.status() == Error.NoError:
+            return solid
+    parts = [Manifold.hull_points(part.vertices - body.seed) for part in body.parts]
+    return Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.planarity * body.size)
 
 
-def surface_of(body: Body) -> tuple[Array, Ints]:
-    """Return the surface of a body without what its parts turn to each other: points (n, 3), and triangles of these."""
-    if body.triangles:
+def surface_of(body: Body, cut: Cut | None = None) -> tuple[Array, Ints]:
+    """Return the surface of a body without what its parts turn to each other: points (n, 3), and triangles of these.
+
+    With a `cut` that of what is behind it, closed by the section; without points where that is nothing.
+    """
+    if cut is None and body.triangles:
         return body.vertices, np.array([triangle for face in body.triangles for triangle in face])
-    solid = solid_of(body) if len(body.parts) > 1 else None
-    if solid is not None:
-        mesh = solid.to_mesh64()
-        return np.asarray(mesh.vert_properties)[:, :3] + body.seed, np.asarray(mesh.tri_verts, np.int64)
-    starts = np.cumsum([0, *(len(part.vertices) for part in body.parts)])
-    rows = [start + fans(part.loops) for start, part in zip(starts[:-1], body.parts, strict=True)]
-    return np.concatenate([part.vertices for part in body.parts]), np.concatenate(rows)
+    if cut is None and len(body.parts) == 1:
+        return body.parts[0].vertices, fans(body.parts[0].loops)
+    solid = solid_of(body)
+    if cut is not None:
+        solid = solid.trim_by_plane(-cut.facing, cut.facing @ (body.seed - cut.point))
+    mesh = solid.to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3] + body.seed, np.asarray(mesh.tri_verts, np.int64)

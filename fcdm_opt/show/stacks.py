@@ -168,12 +168,10 @@ def contributions_of(stack: StackUp) -> list[SizeShare]:
 
 def stack_notes(stack: StackUp) -> list[str]:
     """Return what a stack-up leaves out, a sentence each: contacts always closed, sizes at which a face vanishes."""
-    told, (factor, face, where) = not_counted(stack.standing), stack.touching.vanishing
-    if factor < 1.0:
-        end = _sizes(where)
-        what = f"{factor:.2%} of the way to {end} {face} vanishes"
-        told.append(f"{what}: parts made beyond are refused, rows go on without it")
-    return told
+    factor, face, where = stack.touching.vanishing
+    end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
+    beyond = f"{end}: parts made beyond are refused, rows go on without it"
+    return [*not_counted(stack.standing), *([beyond] if factor < 1.0 else [])]
 
 
 def commented_out_sizes(path: Path) -> str:

@@ -123,11 +123,10 @@ def off_drawn(size: Size, off: float, unit: str) -> str:
 
 def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
-    own = [size for size in scene.sizes if of in (None, size.body)]
-    off = [(size, x) for size in own if (x := (scene.made or {}).get(size.name, 0.0))]
-    told = [f"{size.name} {off_drawn(size, x, scene.unit)}" for size, x in off]
-    more = f"{counted(len(told) - MOST_SIZES, 'more size')}"
-    return ", ".join(told if len(told) <= MOST_SIZES + 1 else [*told[:MOST_SIZES], more])
+    made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
+    texts = [f"{size.name} {off_drawn(size, x, scene.unit)}" for size, x in made if x]
+    more = [counted(len(texts) - MOST_SIZES, "more size")] if len(texts) > MOST_SIZES + 1 else []
+    return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
 
 
 def tolerance_text(problem: Problem) -> str:

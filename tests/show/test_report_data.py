@@ -20,7 +20,7 @@ from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
 from fcdm_opt.show.report.gather import gather, head
-from fcdm_opt.show.report.sizes import stack_told
+from fcdm_opt.show.report.sizes import stack_report
 from fcdm_opt.show.stacks import stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -600,12 +600,12 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     block = fo.Body.convex([*product((-4, 3.9), (-4, 4), (0, 4))])
     place = fo.Size("place", "static", faces={"through": (4, 0, 2)}, tolerance=0.03)
     asked = fo.Problem(block, floor, sizes=[place], goal="clear", motion=fo.Translation("x"))
-    (told,) = stack_told(asked)["notes"]
+    (told,) = stack_report(asked)["notes"]
     assert told == stack_notes(fo.stack_up(asked))[0]
     assert "closed at all these sizes, and not counted" in told
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    (told,) = stack_told(fo.Problem(tilted, floor, sizes=[turned], motion=fo.Translation("x")))["notes"]
+    (told,) = stack_report(fo.Problem(tilted, floor, sizes=[turned], motion=fo.Translation("x")))["notes"]
     assert told.startswith("no stack-up: ")
 
 

@@ -23,7 +23,7 @@ from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
-from fcdm_opt.show.report.sizes import size_rows, stack_told
+from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
@@ -75,7 +75,7 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     high = round(pieces.scene.get_figheight(), 2)
     keys = {"key": list(pieces.key), "numbered": pieces.numbered}
     picture = {"scene": parts[0], "insets": parts[1:], **keys, "high": high}
-    told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_told(problem)}
+    told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_report(problem)}
     return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
 
 

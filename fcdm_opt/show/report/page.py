@@ -16,7 +16,7 @@ from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, part_tex
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import size_rows, stack_told
+from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.studies import study_figure
 from fcdm_opt.show.texts import amount_text, asked_text, bound_line, shown, study_facts
 
@@ -124,7 +124,7 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
         "told": told,
         "asked": asked_text(assembly),
         "sizes": size_rows(assembly),
-        "stack": stack_told(assembly),
+        "stack": stack_report(assembly),
         "motions": part_texts(solution),
         "contacts": [
             (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")

@@ -53,7 +53,7 @@ def _moved(size: Size) -> str:
     return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
 
 
-def stack_told(scene: Scene) -> dict[str, Any] | None:
+def stack_report(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.show.stacks import contributions_of, stack_notes
