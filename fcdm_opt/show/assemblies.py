@@ -12,23 +12,13 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts, parts_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import (
-    CLOSED,
-    NOTHING,
-    amount_text,
-    bound_line,
-    bound_text,
-    described,
-    sizes_text,
-    values_by_part,
-)
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, made_as, values_by_part
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
@@ -63,16 +53,10 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
     assembly, moved = solution.assembly, values_by_part(solution).items()
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
-        (part, assembly.follows.get(part, "-"), made_text(assembly, part), motion,
+        (part, assembly.follows.get(part, "-"), made_as(assembly, part), motion,
          amount_text(solution.amounts.get(part)))
         for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
     ]  # fmt: skip
-
-
-def made_text(assembly: Assembly, part: str) -> str:
-    """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
-    scale = assembly.scales[part]
-    return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
 
 
 def assembly_verdict(solution: AssemblySolution) -> str:

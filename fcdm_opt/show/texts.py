@@ -129,6 +129,12 @@ def sizes_text(scene: Scene, of: str | None = None) -> str:
     return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
 
 
+def made_as(assembly: Assembly, part: str) -> str:
+    """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
+    scale = assembly.scales[part]
+    return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
+
+
 def tolerance_text(problem: Problem) -> str:
     """Return the tolerances: "2 %", or both bodies' downward and upward ones where they differ."""
     rows = [] if problem.tolerance is None else (100.0 * problem.tolerance).tolist()

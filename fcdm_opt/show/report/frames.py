@@ -28,15 +28,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.assemblies import touching
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import (
-    COLOURS,
-    VIEW,
-    ScenePieces,
-    face_polygons,
-    own_polygons,
-    page_directions,
-    sharp_edges,
-)
+from fcdm_opt.show.scene import COLOURS, VIEW, ScenePieces, face_polygons, own_polygons, page_directions, sharp_edges
 from fcdm_opt.show.sections import section_plane
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
