@@ -183,21 +183,8 @@ def draw_section(
 ) -> Array:
     """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
 
-    Returns the direction from the section to the reader.
-
-    Parameters
-    ----------
-    sheet, corner
-    bodies : (movable, static)
-        As they are shown.
-    contact : Touching
-    moved : (4, 4) array, optional
-        The motion that brought body 1 here.
-    page : (3, 2) array
-        Directions of the scene's page, right and up.
-    inch : float
-        Inches a length in the scene beside it.
-    unit : str
+    Bodies are as they are shown; `moved`, (4, 4), is the motion that brought body 1 here. `page`, (3, 2), has the
+    directions of the scene's page, right and up, and a length is `inch` there. Returns the direction to the reader.
     """
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -286,7 +273,7 @@ def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array
     """Return the outlines of what a plane cuts of a body, (k, 2) each, along it; of holes clockwise."""
     frame = np.column_stack([plane, normal]).T
     placed = solid_of(body).transform(np.column_stack([frame, frame @ (body.seed - point)]))
-    return list(map(np.asarray, placed.slice(0.0).simplify(DEFAULT.planarity * body.size).to_polygons()))
+    return list(map(np.asarray, placed.slice(0.0).simplify(DEFAULT.nominal * body.size).to_polygons()))
 
 
 @lru_cache(maxsize=64)
@@ -300,7 +287,9 @@ def solid_of(body: Body) -> Any:
         if solid.status() == Error.NoError:
             return solid
     parts = [Manifold.hull_points(part.vertices - body.seed) for part in body.parts]
-    return Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.planarity * body.size)
+    if body.triangles:  # an open surface over so many pyramids
+        return Manifold.compose(parts)
+    return Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.nominal * body.size)
 
 
 def surface_of(body: Body, cut: Cut | None = None) -> tuple[Array, Ints]:
@@ -315,5 +304,6 @@ def surface_of(body: Body, cut: Cut | None = None) -> tuple[Array, Ints]:
     solid = solid_of(body)
     if cut is not None:
         solid = solid.trim_by_plane(-cut.facing, cut.facing @ (body.seed - cut.point))
+        solid = solid.as_original().simplify(DEFAULT.nominal * body.size)  # no slivers, whose normals are noise
     mesh = solid.to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3] + body.seed, np.asarray(mesh.tri_verts, np.int64)
