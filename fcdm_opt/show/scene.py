@@ -152,8 +152,8 @@ class ScenePieces(NamedTuple):
 
     @property
     def cut(self) -> bool:
-        """Whether bodies are cut open, as they would hide what touches."""
-        return any(text.startswith(CUT) for text in self.key)
+        """Whether bodies are cut open, as they would hide what touches; an overlap shows through them."""
+        return any(text.startswith(CUT) and OVERLAP not in text for text in self.key)
 
 
 @styled
