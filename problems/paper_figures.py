@@ -37,7 +37,7 @@ from fcdm_opt.show.scene import (
     draw_scene,
     own_polygons,
     page_directions,
-    true_edges,
+    sharp_edges,
 )
 from fcdm_opt.show.texts import motion_text
 
@@ -140,7 +140,7 @@ def number_corners(axes: Any, shown: ShownPair) -> None:
     for k, (body, colour) in enumerate(bodies):
         raster.fill(own_polygons(body), colour, k)
     labels = [np.array(body.corners) for body, _ in bodies]
-    edges = [np.array(list(true_edges(body).values())) for body, _ in bodies]
+    edges = [sharp_edges(body) for body, _ in bodies]
     seen = np.concatenate([np.reshape(raster.visible(own), (-1, 2)) for own in edges])
     corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
     reach = 0.01 * np.ptp(np.concatenate(corners), axis=0).max()

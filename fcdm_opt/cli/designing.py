@@ -295,8 +295,8 @@ def stack_command(
     """
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.plain import plain
+    from fcdm_opt.show import stacks
     from fcdm_opt.show.printing import print_text
-    from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
 
     limits: Any = None if gap is None else _numbers(gap, "--gap", "LOW,HIGH as 0.1,0.3", 2)
     costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
@@ -305,33 +305,29 @@ def stack_command(
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if not problem.sizes:
-            allowed = f"one [[size]] table or more{_commented_out_sizes(file)}"
+            there = stacks.commented_out_sizes(file.path)
+            allowed = f"one [[size]] table or more{': ' * bool(there)}{there}"
             raise InputError("there are no sizes", key="size", allowed=allowed)
         found = stack_up(problem, limits=limits, of=parts)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
-        yield "stack", found, lambda stack: print_text(f"as case {first}") if alike else print_stack(stack, drawn)
+        printed = partial(stacks.print_stack, share=drawn)
+        yield "stack", found, (lambda _: print_text(f"as case {first}")) if alike else printed
         yield "yield", drawn, lambda _: None
         if costs:
-            yield "allocation", found.allocate(costs, share=share), print_allocation
+            yield "allocation", found.allocate(costs, share=share), stacks.print_allocation
         if pictures is not None and out is not None and not alike:
-            title = f"{file.name}: case {problem.name}"
-            stem = pictures.add(f"{file.path.stem}-{problem.name}-stack", stack_figure(found, drawn, title=title))
-            write_stack(found, out / f"{stem}.csv")
+            title, stem = f"{file.name}: case {problem.name}", f"{file.path.stem}-{problem.name}-stack"
+            stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title))
+            stacks.write_stack(found, out / f"{stem}.csv")
             inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
             names = most if cut is None else _names(cut)
             if len(names) == 2:
-                pictures.add(f"{stem}-slice", slice_figure(found, names, title=title))
+                pictures.add(f"{stem}-slice", stacks.slice_figure(found, names, title=title))
 
     _each_case(inquiry, asked)
-
-
-def _commented_out_sizes(file: OpenedFile) -> str:
-    """Return in words how many tables of sizes a file has as comments, as `init` writes them."""
-    count = len(re.findall(r"^\s*#\s*\[\[size\]\]", file.path.read_text(encoding="utf-8-sig"), re.MULTILINE))
-    return f": {count} are there, commented out; take the # away before the lines of those that count" if count else ""
 
 
 def _each_case(

@@ -202,6 +202,7 @@ def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
 
 
 _by_features = lru_cache(maxsize=16)(Body.by_features)
+_resizing = lru_cache(maxsize=16)(Resizing.of)
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -220,6 +221,13 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     InputError
         Where a face vanishes or a part does, with the face.
     """
+    return _resized(body, tuple(made.items()))
+
+
+@lru_cache(maxsize=32)  # points of a map that differ in sizes of the other body have this one in common
+def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
+    """Return what `resized` does."""
+    made = dict(deviations)
     scaled = _scaled(body, made)
     lengths = {size: value for size, value in made.items() if size.is_length and value}
     if not lengths:
@@ -230,7 +238,7 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
     else:
-        found = _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
+        found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
     return _with_faces_moved(scaled, found, offsets)
 
 

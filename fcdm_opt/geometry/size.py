@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.plain import Plain, plain
@@ -133,25 +134,13 @@ class Size(Plain):
         InputError
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
-        normals, points = body.face_planes
-        moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
-        each = self.each if self.along is None else [None] * len(self.faces)
-        for k, selector in enumerate(self.faces):
-            rows = self._selected(selector, body, normals, points, f"faces[{k + 1}]")
-            if taken[rows].any():
-                names = ", ".join(f"F{row + 1}" for row in rows[taken[rows]].tolist())
-                raise self._refused(f"face {names} is meant twice", f"faces[{k + 1}]", selector, "each face once")
-            taken[rows] = True
-            moved[rows] = each[k] if self.along is None else normals[rows] @ np.array(self.along)
-        if self.faces and not moved.any():
-            key, allowed = ("each", "not all 0") if self.along is None else ("along", "a direction across a face")
-            raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
-        return moved
+        return _offsets(self, body)
 
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
 
-        nan where nothing that can be measured on the part grows by as much as the size: where a single face moves.
+        nan where nothing that can be measured on the part grows by as much as the size: where a slot moves as a whole,
+        or a single face, unless there is just one plane across from it, or else beside it as of a step.
         """
         if self.scale is not None:
             extents = np.ptp(body.vertices @ self.directions(), axis=0)
@@ -159,15 +148,19 @@ class Size(Plain):
         moved, (normals, points) = self.offsets(body), body.face_planes
         rows, measured = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
         labels = {tuple(sorted(body.faces[k])) for k in rows.tolist()}
-        for own in round_faces(body):
-            if labels == set(own.faces) and "cone" not in own.name and "countersink" not in own.name:
-                side = 1.0 if own.name.startswith(ROUND_KINDS[::2]) else -1.0
-                measured = {side * k * float(moved[rows[0]]): k * own.surface.radius for k in (1.0, 2.0)}
-        towards = normals[rows] @ normals[rows[-1]]
-        ends = [rows[np.abs(towards - side) <= DEFAULT.nominal] for side in (1.0, -1.0)]
-        if len(ends[0]) and len(ends[1]) and len(ends[0]) + len(ends[1]) == len(rows):
-            width = (points[ends[0][0]] - points[ends[1][0]]) @ normals[rows[-1]]
-            measured = {float(np.sign(width) * (moved[ends[0][0]] + moved[ends[1][0]])): abs(float(width))}
+        for face in round_faces(body):
+            if labels == set(face.faces) and "cone" not in face.name and "countersink" not in face.name:
+                side = 1.0 if face.name.startswith(ROUND_KINDS[::2]) else -1.0
+                measured = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
+        towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
+        ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
+        own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
+        for others in (also,) if len(also) else (np.setdiff1d(ahead, rows), across):  # these stay: a step, or a width
+            one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
+            if one_plane and len(own) + len(also) == len(rows):
+                width = levels[own[0]] - levels[others[0]]
+                rate = np.sign(width) * (moved[own[0]] + moved[others[0]])
+                measured[float(rate)] = abs(float(width))
         return next((length for rate, length in measured.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 
     def _keep(self, **values: Any) -> None:
@@ -303,6 +296,25 @@ class Size(Plain):
             several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
             raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
         return rows
+
+
+@lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
+def _offsets(size: Size, body: Body) -> Array:
+    """Return what `Size.offsets` does."""
+    normals, points = body.face_planes
+    moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
+    each = size.each if size.along is None else [None] * len(size.faces)
+    for k, selector in enumerate(size.faces):
+        rows = size._selected(selector, body, normals, points, f"faces[{k + 1}]")
+        if taken[rows].any():
+            names = ", ".join(f"F{row + 1}" for row in rows[taken[rows]].tolist())
+            raise size._refused(f"face {names} is meant twice", f"faces[{k + 1}]", selector, "each face once")
+        taken[rows] = True
+        moved[rows] = each[k] if size.along is None else normals[rows] @ np.array(size.along)
+    if size.faces and not moved.any():
+        key, allowed = ("each", "not all 0") if size.along is None else ("along", "a direction across a face")
+        raise size._refused("no face is moved by this size", key, getattr(size, key), allowed)
+    return frozen(moved)
 
 
 def _listed(name: str) -> str:

@@ -320,10 +320,10 @@ def _share(claim: ShareClaim) -> Check:
     from scipy.stats import binomtest
 
     count, passed = len(claim.passed), int(np.count_nonzero(claim.passed))
-    low, high = binomtest(passed, count).proportion_ci(1.0 - SURE, method="exact")
+    low, high = binomtest(passed, count).proportion_ci(1.0 - SURE, method="exact") if count else (0.0, 1.0)
     ends = claim.interval
-    beyond = max(low - ends[1], ends[0] - high, claim.share - ends[1], ends[0] - claim.share)
-    note = f"told {ends[0]:.4%} to {ends[1]:.4%}; of {count} others {passed / count:.4%}"
+    beyond = max(low - ends[1], ends[0] - high, claim.share - ends[1], ends[0] - claim.share) if count else 0.0
+    note = f"told {ends[0]:.4%} to {ends[1]:.4%}; of {count} others {passed} pass"
     return _at_most("share", beyond, 0.0, note)
 
 

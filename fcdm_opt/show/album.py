@@ -166,7 +166,10 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
             rho, transform = solution.pair, None
     moved = problem.curve_after(transform, rho)
     keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
-    view = view or view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    if view is None:  # with sizes by name there may be no nominal contact
+        rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
+        curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
+        view = view_of(curve, tuple(at.tolist()))
     shown = ShownPair.of(
         problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
     )

@@ -18,10 +18,10 @@ from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts,
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, values_by_part
+from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, made_as, values_by_part
 from fcdm_opt.show.verdict import instruction_text
 
-NUMBERS = ("scale", "amount", "total", "proved\nat least")
+NUMBERS = ("amount", "total", "proved\nat least")
 
 
 def print_answers(rows: Sequence[SolvedCase]) -> None:
@@ -46,14 +46,14 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 
 
 def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str]]:
-    """Return part, what its motion is relative to, scale, motion and amount; first of those that move, then of others.
+    """Return part, what its motion is relative to, how it is made, motion and amount; first of parts that move.
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
     assembly, moved = solution.assembly, values_by_part(solution).items()
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
-        (part, assembly.follows.get(part, "-"), f"{assembly.scales[part]:g}", motion,
+        (part, assembly.follows.get(part, "-"), made_as(assembly, part), motion,
          amount_text(solution.amounts.get(part)))
         for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
     ]  # fmt: skip
@@ -102,12 +102,12 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
         "verified": verdict,
     }
     rows = list[dict[str, str]]()
-    for part, carrier, scale, motion, amount in part_texts(solution):
+    for part, carrier, made, motion, amount in part_texts(solution):
         weight = assembly.weights.get(part, 1.0)
         own = {
             "part": wrapped(part, CELL_WIDTH),
             "relative to": wrapped(carrier, CELL_WIDTH),
-            "scale": scale,
+            "made": wrapped(made, CELL_WIDTH),
             "weight": f"{weight:g}" if weight != 1.0 else "",
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
             "amount": amount,

@@ -252,7 +252,7 @@ def assembly_card(solution: AssemblySolution) -> Card:
         f"Solution: {assembly.name}" if assembly.name else "Solution",
         said=f"{told[:1].upper()}{told[1:]}",
         facts=facts,
-        tables=[(("part", "relative to", "scale", "motion", "amount"), part_texts(solution))],
+        tables=[(("part", "relative to", "made", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
         state=solution.status.name,
         mood=mood_of(solution),
@@ -378,8 +378,8 @@ def yield_card(result: AssemblyYield) -> Card:
 
     (low, high), sure = result.interval, f"{100.0 * result.confidence:.6g} % sure"
     facts = [
-        ("pairs that pass", f"{result.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
-        ("pairs looked at", str(result.count)),
+        ("pairs that pass", share_text(result.share, 4), f"{sure}: {low:.4%} to {high:.4%}"),
+        ("pairs within the map's ends", f"{1.0 - result.outside:.4%}", f"of {result.count}, which count"),
         ("budget", number(result.budget) if math.isfinite(result.budget) else "", result.unit or "length"),
         *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(result, what))),
     ]
@@ -388,7 +388,7 @@ def yield_card(result: AssemblyYield) -> Card:
         (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
         (("body", "share of the variance", "would pass at its median size"), bodies),
     ]
-    return Card("Assembly yield", facts=facts, tables=tables, state=f"{result.share:.2%} pass")
+    return Card("Assembly yield", facts=facts, tables=tables, state=f"{share_text(result.share)} pass")
 
 
 def map_card(sizes: CompensationMap) -> Card:

@@ -15,7 +15,7 @@ from fcdm_opt.show.grids import units_over
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
 from fcdm_opt.show.printing import wrapped
-from fcdm_opt.show.texts import share_text
+from fcdm_opt.show.texts import NOTHING, share_text
 from fcdm_opt.show.verdict import labels_in_words
 
 if TYPE_CHECKING:
@@ -111,8 +111,7 @@ def _draw_curve(sheet: Sheet, sizes: CompensationMap, label: str) -> None:
     ends = np.unique([low, high, *(x for own in sizes.boundaries for x in own.points.ravel())])
     places = np.unique([np.linspace(a, b, FINE) for a, b in pairwise(ends)])
     amount = sizes.at(places).amount
-    top = max(float(np.nanmax(amount, initial=0.0)), np.finfo(float).tiny)
-    nothing = np.isnan(amount)
+    top, nothing = _top(np.nanmax(amount, initial=0.0)), np.isnan(amount)
     axes.fill_between(places, 0.0, HIGHEST * top, where=nothing, facecolor="white", edgecolor=GREY, hatch="//")
     axes.plot(places, amount, color=BLUE)
     for boundary in sizes.boundaries:
@@ -144,10 +143,10 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
         grid = np.meshgrid(*(np.linspace(low, high, FINE // last) for low, high in ends))
         points = sizes.at(*(grid[pair.index(k)] if k in pair else middle[k] for k in range(last + 1)))
         panels.append((axes, pair, grid, np.ma.masked_invalid(points.amount), points.region))
-    top = max((float(amount.max()) for *_, amount, _ in panels if amount.count()), default=0.0)
+    top = _top(max((float(amount.max()) for *_, amount, _ in panels if amount.count()), default=0.0))
     filled = None
     for axes, pair, grid, amount, region in panels:
-        filled = _fill(axes, box[list(pair)], grid, amount, max(top, np.finfo(float).tiny)) or filled
+        filled = _fill(axes, box[list(pair)], grid, amount, top) or filled
         if last > 1:
             for number in range(len(sizes.regions)):
                 if 0 < np.count_nonzero(region == number) < region.size:
@@ -168,6 +167,11 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
     sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
+
+
+def _top(largest: float) -> float:
+    """Return up to where amounts have an axis: the largest, and 1 where all are 0, as no axis ends where it begins."""
+    return float(largest) if largest > NOTHING else 1.0
 
 
 def _numbered(sizes: CompensationMap) -> list[tuple[int, MapRegion]]:
@@ -247,6 +251,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
             axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
                           textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
                           color=DARK)  # fmt: skip
+    axes.set_xlim(max(axes.get_xlim()[0], 0.0))
     axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():

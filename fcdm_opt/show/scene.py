@@ -18,11 +18,10 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import unit_normals
-from fcdm_opt.geometry.naming import normals_of_faces
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of
 from fcdm_opt.show.texts import shortened
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
@@ -64,8 +63,8 @@ MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
-OVERLAP = "where they overlap"
-"""What the key calls it."""
+OVERLAP, CUT = "where they overlap", "cut open"
+"""What the key calls it, and how it begins to tell where bodies are cut."""
 
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
@@ -139,7 +138,9 @@ class ScenePieces(NamedTuple):
     key : tuple of str
         What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
     facing : (3,) array
-        Direction from the first contact's section to the reader.
+        Direction to the reader from where the bodies are cut open, or would be.
+    view : (elevation, azimuth)
+        Degrees that it is seen from.
     """
 
     scene: Figure
@@ -147,6 +148,12 @@ class ScenePieces(NamedTuple):
     numbered: list[str]
     key: tuple[str, ...]
     facing: Array
+    view: tuple[float, float]
+
+    @property
+    def cut(self) -> bool:
+        """Whether bodies are cut open, as they would hide what touches; an overlap shows through them."""
+        return any(text.startswith(CUT) and OVERLAP not in text for text in self.key)
 
 
 @styled
@@ -158,15 +165,15 @@ def scene_pieces(
     sheet = Sheet.of(WIDE, height + LOW)
     axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
-    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), []
-    facings = []
-    for contact in _magnified(contacts):
+    inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
+    facing = np.cross(page[:, 0], page[:, 1])
+    for contact in reversed(_magnified(contacts)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
-        facings.append(draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit))
-        insets.append(part.figure)
-    facing = facings[0] if facings else np.cross(page[:, 0], page[:, 1])
-    key = tuple(axes.get_legend_handles_labels()[1])
-    return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing)
+        facing = draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit)
+        insets.insert(0, part.figure)
+    cut = Cut.through(contacts, shown.bodies, page)[0] if contacts else None
+    facing, key = facing if cut is None else cut.facing, tuple(axes.get_legend_handles_labels()[1])
+    return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing, shown.view)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
@@ -418,15 +425,18 @@ def _draw_solids(
             axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
     if cut is not None:
         where = "at the contact" if contacts[0].across is None else OVERLAP
-        axes.plot([], [], color=GREY, linewidth=0.6, label=f"cut open {where}; thin lines: what is cut away")
+        axes.plot([], [], color=GREY, linewidth=0.6, label=f"{CUT} {where}; thin lines: what is cut away")
     return raster, cut
 
 
 def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
     """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
-    polygons, edges = own_polygons(body), list(sharp_edges(body))
-    rest, (opened, rim) = cut.behind(polygons), cut.across(body)
-    return (rest, cut.behind(edges) + rim, opened) if rest else (polygons, edges, [])
+    points, triangles = surface_of(body, cut)
+    if not len(triangles):
+        return own_polygons(body), list(sharp_edges(body)), []
+    opened = (np.abs(cut.heights(points)[triangles]) == 0.0).all(axis=1)
+    edges = _sharp(points, triangles, unit_normals(points[triangles]))
+    return list(points[triangles[~opened]]), list(edges), list(points[triangles[opened]])
 
 
 def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
@@ -553,51 +563,27 @@ def sharp_edges(body: Body) -> Array:
 
     Nor those that lie within the body, where it was cut into parts.
     """
-    normals = normals_of_faces(body)
-    if body.triangles:
-        looks, sides = np.array(list(normals.values())), np.array([own for face in body.triangles for own in face])
-        ends = np.sort(sides[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-        faces = np.repeat(body.face_triangles[1], 3)[np.argsort(own.reshape(-1), kind="stable")]
-        last = np.cumsum(counts) - 1
-        both = looks[faces[last - counts + 1]], looks[faces[last]]
-        return body.vertices[edges[(counts != 2) | ((both[0] * both[1]).sum(axis=1) < TANGENT)]]
-    around: dict[int, set[tuple[int, ...]]] = {}
-    for face in body.faces:
-        for corner in face:
-            around.setdefault(corner, set()).add(face)
-    kept = []
-    for (one, two), ends in true_edges(body).items():
-        met = around.get(one, set()) & around.get(two, set())
-        beside = [normals[face] for face in met if face in normals]
-        if not met:
-            continue
-        if len(beside) != 2 or float(beside[0] @ beside[1]) < TANGENT:
-            kept.append(ends)
-    return np.array(kept).reshape(-1, 2, 3)
+    points, triangles = surface_of(body)
+    looks = body.face_planes[0][body.face_triangles[1]] if body.triangles else unit_normals(points[triangles])
+    return _sharp(points, triangles, looks)
 
 
-def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
-    """Return the body's own edges: vertex labels -> end points (2, 3); what a cut made on a face is left out."""
-    return {
-        element.vertices: body.vertices[[label - 1 for label in element.vertices]]
-        for part in body.parts
-        for element in part.elements["E"]
-        if element.kind == "E"
-    }
+def _sharp(points: Array, triangles: Ints, looks: Array) -> Array:
+    """Return the edges, (m, 2, 3), at which triangles with these normals do not nearly go on in one another."""
+    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    sides = np.argsort(own.reshape(-1), kind="stable") // 3
+    last = np.cumsum(counts) - 1
+    both = looks[sides[last - counts + 1]], looks[sides[last]]
+    return points[edges[(counts != 2) | ((both[0] * both[1]).sum(axis=1) < TANGENT)]]
 
 
 def own_polygons(body: Body) -> list[Array]:
     """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
-    if body.triangles:
-        return [body.vertices[list(triangle)] for face in body.triangles for triangle in face]
-    faces = set(body.faces)
-    return [
-        part.vertices[list(loop)]
-        for part in body.parts
-        for loop, element in zip(part.loops, part.elements["F"], strict=True)
-        if element.vertices in faces
-    ]
+    if len(body.parts) == 1 and not body.triangles:
+        return [body.parts[0].vertices[list(loop)] for loop in body.parts[0].loops]
+    points, triangles = surface_of(body)
+    return list(points[triangles])
 
 
 def face_polygons(body: Body, face: Element) -> list[Array]:
@@ -731,7 +717,7 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
     """
     from scipy.spatial import ConvexHull
 
-    one, two = curve.movable.scaled(nominal[0]), curve.static.scaled(nominal[1])
+    one, two = curve.movable.scaled(nominal[0]).moved(curve.transform), curve.static.scaled(nominal[1])
     sets = curve.contact_sets(nominal)
     points = np.vstack([one.vertices, two.vertices])
     if not sets:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.polygons import fans
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped
@@ -31,6 +33,9 @@ ALONG_AXIS = 1.0 - 1e-6
 
 SLIVER = 0.15
 """Share of a body's extent that a cut leaves at least."""
+
+BESIDE = 1e-6
+"""Share of the size by which bodies are cut before a contact: faces in the plane itself are neither cut nor left."""
 
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
 """From where a section is seen that faces along x, y and z, down and up."""
@@ -133,7 +138,8 @@ class Cut(NamedTuple):
             ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
             levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
             met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
-            point = first.middle + (levels[met.argmax()] - first.middle @ facing) * facing
+            level = levels[met.argmax()] + BESIDE * max(body.size for body in bodies)
+            point = first.middle + (level - first.middle @ facing) * facing
             depths = [-(body.vertices - point) @ facing for body in bodies]
             if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):
                 found.append((float(met.max()), cls(point, facing, plane)))
@@ -144,7 +150,7 @@ class Cut(NamedTuple):
         """Return what of convex polygons, lines and points, (k, 3) each, is behind the plane; `side` -1: before it."""
         found = []
         for shape in shapes:
-            heights, corners = side * self._heights(shape), list[Array]()
+            heights, corners = side * self.heights(shape), list[Array]()
             for k in range(len(shape) if (heights < 0.0).any() and (heights > 0.0).any() else 0):
                 here, there = heights[k], heights[k - 1]
                 if here * there < 0.0 and (k or len(shape) > 2):
@@ -153,21 +159,12 @@ class Cut(NamedTuple):
             found += [np.array(corners)] if corners else [shape] if (heights <= 0.0).all() else []
         return found
 
-    def across(self, body: Body) -> tuple[list[Array], list[Array]]:
-        """Return the section of a body: triangles that make it up (3, 3), and the edges round it (2, 3)."""
-        from manifold3d import CrossSection, FillRule, triangulate
-
-        loops = CrossSection(section(body, self.point, self.facing, self.plane), FillRule.NonZero).to_polygons()
-        corners = [self.point + own @ self.plane.T for own in loops]
-        edges = [np.array(ends) for own in corners for ends in zip(own, np.roll(own, -1, axis=0), strict=True)]
-        return list(np.concatenate(corners)[np.array(triangulate(loops))]) if loops else [], edges
-
     def met(self, shapes: Sequence[Array]) -> list[Array]:
         """Return where the plane meets convex polygons, straight lines and points: lines (2, 3), points (1, 3)."""
-        ends = [(shape[self._heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
+        ends = [(shape[self.heights(shape) == 0.0][:2], len(shape) > 2) for shape in self.behind(shapes)]
         return [own for own, is_area in ends if len(own) > is_area]
 
-    def _heights(self, shape: Array) -> Array:
+    def heights(self, shape: Array) -> Array:
         """Return how far corners stand before the plane, 0 for rounding."""
         arms = shape - self.point
         heights = arms @ self.facing
@@ -186,21 +183,8 @@ def draw_section(
 ) -> Array:
     """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
 
-    Returns the direction from the section to the reader.
-
-    Parameters
-    ----------
-    sheet, corner
-    bodies : (movable, static)
-        As they are shown.
-    contact : Touching
-    moved : (4, 4) array, optional
-        The motion that brought body 1 here.
-    page : (3, 2) array
-        Directions of the scene's page, right and up.
-    inch : float
-        Inches a length in the scene beside it.
-    unit : str
+    Bodies are as they are shown; `moved`, (4, 4), is the motion that brought body 1 here. `page`, (3, 2), has the
+    directions of the scene's page, right and up, and a length is `inch` there. Returns the direction to the reader.
     """
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -286,29 +270,40 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
 
 
 def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
-    """Return the polygons in which a plane cuts a body, (k, 2) each, in coordinates of the plane.
+    """Return the outlines of what a plane cuts of a body, (k, 2) each, along it; of holes clockwise."""
+    frame = np.column_stack([plane, normal]).T
+    placed = solid_of(body).transform(np.column_stack([frame, frame @ (body.seed - point)]))
+    return list(map(np.asarray, placed.slice(0.0).simplify(DEFAULT.nominal * body.size).to_polygons()))
 
-    Of a solid with a surface of its own its outlines, those of holes the other way round; else what is cut of parts.
-    """
-    from manifold3d import Error, Manifold, Mesh64
+
+@lru_cache(maxsize=64)
+def solid_of(body: Body) -> Any:
+    """Return a body as one solid about its seed, without walls between its parts."""
+    from manifold3d import Error, Manifold, Mesh64, OpType
 
     if body.triangles:
-        rows = np.array([triangle for face in body.triangles for triangle in face])
-        points = (body.vertices - point) @ np.column_stack([plane, normal])
-        solid = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(rows, np.uint64)))
+        rows = np.array([triangle for face in body.triangles for triangle in face], np.uint64)
+        solid = Manifold(Mesh64(np.ascontiguousarray(body.vertices - body.seed), rows))
         if solid.status() == Error.NoError:
-            return [np.asarray(outline) for outline in solid.slice(0.0).to_polygons()]
-    found = []
-    for part in body.parts:
-        heights = (part.vertices - point) @ normal
-        slack = 1e-12 * body.size
-        spots: list[Any] = [part.vertices[k] for k in np.flatnonzero(np.abs(heights) <= slack)]
-        for a, b in part.edges[:, :2].tolist():
-            if min(heights[a], heights[b]) < -slack and max(heights[a], heights[b]) > slack:
-                share = heights[a] / (heights[a] - heights[b])
-                spots.append(part.vertices[a] + share * (part.vertices[b] - part.vertices[a]))
-        if len(spots) > 2:
-            flat = (np.array(spots) - point) @ plane
-            off = flat - flat.mean(axis=0)
-            found.append(flat[np.argsort(np.arctan2(off[:, 1], off[:, 0]))])
-    return found
+            return solid
+    parts = [Manifold.hull_points(part.vertices - body.seed) for part in body.parts]
+    if body.triangles:  # an open surface over so many pyramids
+        return Manifold.compose(parts)
+    return Manifold.batch_boolean(parts, OpType.Add).as_original().simplify(DEFAULT.nominal * body.size)
+
+
+def surface_of(body: Body, cut: Cut | None = None) -> tuple[Array, Ints]:
+    """Return the surface of a body without what its parts turn to each other: points (n, 3), and triangles of these.
+
+    With a `cut` that of what is behind it, closed by the section; without points where that is nothing.
+    """
+    if cut is None and body.triangles:
+        return body.vertices, np.array([triangle for face in body.triangles for triangle in face])
+    if cut is None and len(body.parts) == 1:
+        return body.parts[0].vertices, fans(body.parts[0].loops)
+    solid = solid_of(body)
+    if cut is not None:
+        solid = solid.trim_by_plane(-cut.facing, cut.facing @ (body.seed - cut.point))
+        solid = solid.as_original().simplify(DEFAULT.nominal * body.size)  # no slivers, whose normals are noise
+    mesh = solid.to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3] + body.seed, np.asarray(mesh.tri_verts, np.int64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import redirect_stdout
@@ -33,7 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.design.stack.allocation import Allocation
     from fcdm_opt.design.stack.spread import GapYield
-    from fcdm_opt.design.stack.stack_up import StackUp
+    from fcdm_opt.design.stack.stack_up import SizeShare, StackUp
 
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
 DRAWN, DRAWN_ZERO = "as drawn", 2e-3
@@ -134,24 +135,15 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ], numbers=("gap",))  # fmt: skip
     if share is not None:
         _print_yield(stack, share)
-    steepest = max(abs(own.coefficient) for own in stack.contributions)
     print_rows([
         {
-            "size": own.size, "half tolerance": f"{own.half:.4g}",
-            "mean gap per unit": f"{own.coefficient if abs(own.coefficient) > DRAWN_ZERO * steepest else 0.0:+.3g}",
+            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": f"{own.coefficient:+.3g}",
             "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.1%}",
         }
-        for own in stack.contributions
+        for own in contributions_of(stack)
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    for told in not_counted(stack.standing):
+    for told in stack_notes(stack):
         print_text(told)
-        print_text()
-    factor, face, where = stack.touching.vanishing
-    if factor < 1.0:
-        end = _sizes(where)
-        print_text(
-            f"{factor:.2%} of the way to {end} {face} vanishes: parts made beyond are refused, rows go on without it"
-        )
         print_text()
     noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
@@ -166,6 +158,30 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def contributions_of(stack: StackUp) -> list[SizeShare]:
+    """Return what each size contributes, a mean over pairs drawn as 0 where it is nothing but what drawing leaves."""
+    least = DRAWN_ZERO * max(abs(own.coefficient) for own in stack.contributions)
+    return [own if abs(own.coefficient) > least else replace(own, coefficient=0.0) for own in stack.contributions]
+
+
+def stack_notes(stack: StackUp) -> list[str]:
+    """Return what a stack-up leaves out, a sentence each: contacts always closed, sizes at which a face vanishes."""
+    factor, face, where = stack.touching.vanishing
+    end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
+    beyond = f"{end}: parts made beyond are refused, rows go on without it"
+    return [*not_counted(stack.standing), *([beyond] if factor < 1.0 else [])]
+
+
+def commented_out_sizes(path: Path) -> str:
+    """Return in words how many tables of sizes a file has as comments, as `init` writes them; "" where it has none."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return ""
+    count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
+    return f"{count} are there, commented out; take the # away before the lines of those that count" if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:

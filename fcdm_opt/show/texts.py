@@ -13,6 +13,7 @@ from fcdm_opt.problem.assembly import Assembly
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.geometry.size import Size
     from fcdm_opt.motion.motions import Motion
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
@@ -34,6 +35,9 @@ NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a 
 UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
+
+MOST_SIZES = 4
+"""Sizes by name that are told in a line."""
 
 UNUSABLE = {
     "INFEASIBLE": "impossible",
@@ -102,14 +106,33 @@ def asked_text(scene: Scene) -> str:
         told += [f"{name} {x:+.6g}" for name, x in scene.made.items() if x]
         return f"made {', '.join(told)}" if told else "parts as drawn"
     problem: Any = scene
+    made = ", ".join(f"{name} {x:+.6g}" for name, x in (problem.made or {}).items() if x)
     if problem.requirement:
         signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
-        return f"{problem.requirement} ({signs})"
-    if problem.made is not None and (problem.target == 1.0).all():
-        return "made " + (", ".join(f"{name} {x:+.6g}" for name, x in problem.made.items() if x) or "as drawn")
+        return f"{problem.requirement} ({signs}){f', made {made}' if made else ''}"
     if (problem.target == 1.0).all():
-        return "parts as drawn"
-    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
+        return f"made {made or 'as drawn'}" if problem.made is not None else "parts as drawn"
+    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{f', made {made}' if made else ''}"
+
+
+def off_drawn(size: Size, off: float, unit: str) -> str:
+    """Return a deviation of a size from drawn, of a scale in per cent: "+0.036 mm", "-0.1 %"."""
+    share, exact = size.scale is not None, f"{100.0 * off if size.scale is not None else off:+.6g}" if off else "0"
+    return measured(exact, "%" if share else unit)
+
+
+def sizes_text(scene: Scene, of: str | None = None) -> str:
+    """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
+    made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
+    texts = [f"{size.name} {off_drawn(size, x, scene.unit)}" for size, x in made if x]
+    more = [counted(len(texts) - MOST_SIZES, "more size")] if len(texts) > MOST_SIZES + 1 else []
+    return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
+
+
+def made_as(assembly: Assembly, part: str) -> str:
+    """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
+    scale = assembly.scales[part]
+    return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
 
 
 def tolerance_text(problem: Problem) -> str:

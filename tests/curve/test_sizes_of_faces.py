@@ -535,3 +535,12 @@ def test_faces_are_chosen_on_the_part_as_drawn_when_it_is_scaled_too() -> None:
     solution = fo.solve(problem)
     assert solution.parameters["TX"] == pytest.approx(0.5 - 0.1 - 0.02, abs=1e-12)
     assert solution.sensitivity.sizes == pytest.approx({"s": -2.0, "a": -1.0})
+
+
+def test_points_of_a_map_do_not_make_the_same_body_anew() -> None:
+    """One of two sizes changes: the other body, and which faces a size means, are what they were."""
+    body, size = box((0, 0, 0), (4, 2, 1)), fo.Size("w", "movable", faces=["+x", "-x"], each=0.5)
+    assert resized(body, {size: 0.25}) is resized(body, {size: 0.25})
+    assert resized(body, {size: 0.25}) is not resized(body, {size: 0.26})
+    assert size.offsets(body) is size.offsets(body)
+    assert not size.offsets(body).flags.writeable

@@ -193,21 +193,25 @@ def test_pairs_that_the_error_of_the_map_leaves_undecided_widen_the_interval():
     assert (found.undecided, found.interval) == (1.0, (0.0, 1.0))
 
 
-def test_pairs_outside_the_map_and_pairs_without_a_motion_fail_and_are_told():
+def test_pairs_beyond_the_maps_ends_were_counted_as_failing():
+    """Of half of the pairs the map knows nothing: the interval holds both ends; a third of those within fail."""
     full = linear(1.0, 1.0)
     values = full.values.copy()
     values[:6] = np.nan  # the first third of rho_1
     own = Table(corners=full.corners, values=values, errors=full.errors, regions=full.regions, names=full.names)
     wide = (Uniform(LOW_1, HIGH_1 + WIDTH_1), Uniform(*BOX[1]))
     found = assembly_yield(own, sizes=wide, budget=9.0, count=FEW)
-    for share, truth in ((found.outside, 1 / 2), (found.impossible, 1 / 6), (found.share, 1 / 3)):
+    for share, truth in ((found.outside, 1 / 2), (found.impossible, 1 / 6), (found.share, 2 / 3)):
         assert near(share, truth, FEW)
-    assert round((found.outside + found.impossible + found.share) * FEW) == FEW
-    assert found.counts.sum() == round(found.share * FEW)
+    assert found.undecided == pytest.approx(0.0, abs=1e-12)
+    assert near(found.interval[0], 1 / 3, FEW)
+    assert near(found.interval[1], 5 / 6, FEW)
+    assert found.counts.sum() == found.passed == round(found.share * (1.0 - found.outside) * FEW)
     assert 0.9 < sum(own.first_order for own in found.contributions) < 1.1
-    assert all(word in str(found) for word in ("outside", "impossible", "pass"))
+    assert all(word in str(found) for word in ("beyond the map's ends", "impossible", "pass"))
     nowhere = assembly_yield(own, sizes=(Uniform(2.0, 3.0), Uniform(2.0, 3.0)), budget=9.0, count=100)
-    assert (nowhere.share, nowhere.outside, nowhere.impossible) == (0.0, 1.0, 0.0)
+    assert math.isnan(nowhere.share)
+    assert (nowhere.interval, nowhere.outside, nowhere.impossible) == ((0.0, 1.0), 1.0, 0.0)
     assert all(math.isnan(amount) for amount in nowhere.quantiles.values())
     assert nowhere.to_dict()["quantiles"] == dict.fromkeys(["0.5", "0.9", "0.99", "0.999"])
 
@@ -341,7 +345,7 @@ def test_the_picture_names_the_budget_the_bodies_and_what_fails(tmp_path):
         "movable",
         "static",
         f"{some.share:.2%}",
-        "outside",
+        "beyond the map",
     ):
         assert word in first
     assert "no pair has a motion" in second

@@ -17,7 +17,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.design.compensation.size_mesh import MeshVertex, SizeMesh
 from fcdm_opt.design.compensation.table import Table, nodes_of, volumes
 from fcdm_opt.show.grids import grids
-from fcdm_opt.show.maps import map_figure
+from fcdm_opt.show.maps import map_figure, yield_figure
 
 NAMES = ("far", "near", "side")
 
@@ -66,6 +66,18 @@ def test_a_map_over_one_and_over_three_sizes_was_refused(
     assert len(figure.axes) == (1 if count == 1 else comb(count, 2) + 1)
     (grid,) = grids(found, problem, lines=3)
     assert (len(grid.rows), len(grid.columns)) == (3 ** max(count - 1, 1), 1 if count == 1 else 3)
+
+
+def test_the_axes_of_a_flat_map_ran_to_negative_amounts() -> None:
+    """A peg that is clear of a wall whatever its side does: no motion, and no amount below 0 on an axis."""
+    peg, wall = (fo.Body.convex([*product(ends, (0.0, 1.0), (0.0, 1.0))]) for ends in ((-1.0, 1.0), (2.0, 3.0)))
+    size = fo.Size("right", "movable", faces="+x", tolerance=(-0.03, 0.05))
+    found = fo.compensation_map(fo.Problem(peg, wall, sizes=[size], motion=fo.Translation("x"), goal="clear"))
+    assert map_figure(found).axes[0].get_ylim()[0] == 0.0
+    share = fo.assembly_yield(found, sizes=(fo.Uniform(-0.03, 0.05),), budget=0.01, count=1000)
+    assert (share.share, share.amounts[0]) == (1.0, 0.0)
+    low, high = yield_figure(share).axes[0].get_xlim()
+    assert low == 0.0 < share.budget < high
 
 
 def test_the_motion_jumps_at_a_size_where_another_wall_is_nearer() -> None:

@@ -569,7 +569,7 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
         assert words in table.stdout
     said = " ".join(table.stdout.split())
     assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
-    assert "base - 1.03 fixed -" in said
+    assert "base - scale 1.03 fixed -" in said
     for command in ("curve",):
         refused = run(command, FILE)
         assert refused.exit_code == 2
@@ -621,7 +621,7 @@ def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     assert f"<dd>{amount:.4g} mm</dd>" in text
     assert "Move left wedge 0.0125 mm along +x and 0.055 mm along +z" in text
     assert "then every contact is closed; smallest possible together (proved)" in text
-    assert '<th scope="row">base</th><td>-</td><td class="number">1.03</td><td>fixed</td>' in text
+    assert '<th scope="row">base</th><td>-</td><td>scale 1.03</td><td>fixed</td>' in text
     assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
     for parts in ("key - left wedge", "key - right wedge"):
         assert f'<th scope="row">{parts}</th>' in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,9 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
-    """The peg is 2 wide as drawn, the wall's face one of a place: the first is a measure, the other a deviation."""
+    """The peg is 2 wide as drawn, the wall's place is none: the first is a measure, the other a deviation."""
     width = fo.Size("width", "movable", faces=("+x", "-x"), each=0.5, tolerance=0.02)
-    place = fo.Size("place", "static", faces="-x", tolerance=0.01)
+    place = fo.Size("place", "static", faces=("-x", "+x"), along="-x", tolerance=0.01)
     problem = fo.Problem(*peg().bodies, motion=fo.Translation("x"), sizes=(width, place), goal="touch", unit="mm")
     (grid,) = grids(fo.compensation_map(problem), problem, lines=3)
     assert grid.rows == ["1.98 mm (-0.02)", "2 mm (as drawn)", "2.02 mm (+0.02)"]
@@ -104,9 +105,16 @@ def test_what_sizes_measure_as_drawn() -> None:
         ({"faces": ("+z", "-z"), "each": (0.25, 0.75)}, 7.0),
         ({"faces": ("+z", "-z"), "each": (0.25, 0.25)}, np.nan),  # half of what it grows by
         ({"faces": ("+z", "-z"), "along": "z"}, np.nan),  # a place
+        ({"faces": "+z"}, 7.0),  # from the face across, which stays
+        ({"faces": "+z", "each": -1.0}, np.nan),
+        ({"faces": "+z", "each": 0.5}, np.nan),
         ({"scale": "z"}, 7.0),
     ):
         assert fo.Size("own", "movable", **asked).drawn(pin) == pytest.approx(measure, nan_ok=True)
+    ends = (-1, 1, 0, 1), (1, 2, 0, 4), (-2, -1, 0, 4)
+    ends = [[*product((a, b), (0, 2), (c, d))] for a, b, c, d in ends]
+    floor = fo.Size("depth", "static", faces={"through": (0, 1, 1)}, each=-1.0)
+    assert floor.drawn(fo.Body.from_parts(ends)) == 3.0  # of a slot: from what it is cut into
 
 
 def test_cases_are_a_frame_and_a_card() -> None:

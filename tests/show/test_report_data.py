@@ -6,6 +6,7 @@ import itertools
 import json
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
-from fcdm_opt.show.report.gather import gather
+from fcdm_opt.show.report.gather import gather, head
+from fcdm_opt.show.report.sizes import stack_report
+from fcdm_opt.show.stacks import stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -571,17 +574,39 @@ def test_meshes_are_named_with_their_checksums():
 def test_sizes_tolerances_and_their_stack_up_are_told():
     """A report said nothing of them; the gap of the key is 0.0325 to 0.0955 by hand."""
     (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
-    assert [(size["name"], size["body"], size["low"], size["high"], size["made"]) for size in case["sizes"]] == [
-        ("key_width", "key", -0.036, 0.0, 0.0),
-        ("key_foot", "key", -0.02, 0.02, -0.01),
-        ("slot_width", "slot", 0.0, 0.03, 0.0),
-        ("slot_position", "slot", -0.03, 0.03, 0.0),
-        ("slot_depth", "slot", -0.05, 0.05, 0.04),
+    keys = "name", "body", "drawn", "made", "off", "low", "high", "beyond"
+    assert [tuple(size[key] for key in keys) for size in case["sizes"]] == [
+        ("key_width", "key", "10", "10", "", "-0.036", "0", False),
+        ("key_foot", "key", "8", "7.99", "-0.01", "-0.02", "+0.02", False),
+        ("slot_width", "slot", "10.125", "10.125", "", "0", "+0.03", False),
+        ("slot_position", "slot", "\u2013", "\u2013", "", "-0.03", "+0.03", False),
+        ("slot_depth", "slot", "8", "8.04", "+0.04", "-0.05", "+0.05", False),
     ]
+    assert case["off_drawn"] == "key_foot -0.01 mm, slot_depth +0.04 mm"
     assert [worst["gap"] for worst in case["stack"]["worst"]] == pytest.approx([0.0325, 0.0955])
     assert sum(own["worst"] for own in case["stack"]["shares"]) == pytest.approx(1.0)
     assert case["stack"]["shares"][0]["size"] == "slot_position"
     assert gathered("boxes", "both made larger")["cases"][0]["stack"] is None
+
+
+def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
+    """A block on a floor before a wall: the floor is always closed; sizes that are comments, and turned scales."""
+    name = "slot_and_key.toml"
+    text = (PROBLEMS / name).read_text().replace("meshes/", f"{PROBLEMS}/meshes/")
+    (tmp_path / name).write_text(text.replace("[[size]]", "#[[size]]"))
+    assert head(Opened(tmp_path / name, "", "", ()))["sizes_left"].startswith("5 are there, commented out")
+    assert head(opened("slot_and_key", "as drawn"))["sizes_left"] == ""
+    floor = fo.Body.from_parts([[*product((-9, 9), (-9, 9), (-9, 0))], [*product((4, 9), (-9, 9), (0, 6))]])
+    block = fo.Body.convex([*product((-4, 3.9), (-4, 4), (0, 4))])
+    place = fo.Size("place", "static", faces={"through": (4, 0, 2)}, tolerance=0.03)
+    asked = fo.Problem(block, floor, sizes=[place], goal="clear", motion=fo.Translation("x"))
+    (told,) = stack_report(asked)["notes"]
+    assert told == stack_notes(fo.stack_up(asked))[0]
+    assert "closed at all these sizes, and not counted" in told
+    turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
+    tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    (told,) = stack_report(fo.Problem(tilted, floor, sizes=[turned], motion=fo.Translation("x")))["notes"]
+    assert told.startswith("no stack-up: ")
 
 
 def test_the_load_of_the_machine_decided_how_many_places_a_slider_has():

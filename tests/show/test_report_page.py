@@ -70,12 +70,15 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "key": [text], "numbered": [f"1 {text}"],
                     "high": 2.0},
         "sizes": [
-            {"name": f"width {text}", "body": text, "what": "+x by 1", "low": -0.1, "high": 0.0, "made": 0.0}
+            {"name": f"width {text}", "body": text, "what": "+x by 1", "low": "-0.1", "high": "0", "off": "-0.2",
+             "drawn": "8", "made": "7.8", "beyond": True}
         ],
+        "off_drawn": f"width {text} -0.2",
         "stack": {
             "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
             "spread": [0.0, 0.2],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
+            "notes": [f"not counted {text}"],
         },
         "unit": "",
         "amount_unit": "",

@@ -39,8 +39,8 @@ from fcdm_opt.show.scene import (
     page_directions,
     parts_figure,
     scene_figure,
+    scene_pieces,
     sharp_edges,
-    true_edges,
     view_of,
 )
 from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
@@ -249,14 +249,15 @@ def test_clipping_a_straight_piece() -> None:
 
 def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
     cube = Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    edges = true_edges(cube)
+    edges = sharp_edges(cube)
     assert len(edges) == 12
-    np.testing.assert_allclose([np.linalg.norm(b - a) for a, b in edges.values()], 1.0)
-    ell = true_edges(problems("example2")["A"].static)  # a prism over a hexagon, cut along 1-4-10-7
-    assert len(ell) == 18
-    assert (1, 4) not in ell
-    assert (7, 10) not in ell
-    assert (4, 10) in ell  # the reflex edge
+    np.testing.assert_allclose([np.linalg.norm(b - a) for a, b in edges], 1.0)
+    ell = problems("example2")["A"].static  # a prism over a hexagon, cut along 1-4-10-7
+    assert len(sharp_edges(ell)) == 18
+    found = {tuple(sorted(int(np.linalg.norm(ell.vertices - end, axis=1).argmin()) + 1 for end in ends))
+             for ends in sharp_edges(ell)}  # fmt: skip
+    assert not {(1, 4), (7, 10)} & found
+    assert (4, 10) in found  # the reflex edge
 
 
 def box(at: Sequence[float], size: float) -> Body:
@@ -309,7 +310,6 @@ def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:
     ends = [np.column_stack([np.cos(angles), np.sin(angles), np.full(24, z)]) for z in (0.0, 1.0)]
     pin = Body.convex(np.vstack(ends))
     edges = sharp_edges(pin)
-    assert len(true_edges(pin)) == 72
     assert len(edges) == 48
     assert (edges[:, 0, 2] == edges[:, 1, 2]).all()
     assert len(sharp_edges(box((0.0, 0.0, 0.0), 1.0))) == 12
@@ -361,15 +361,45 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     assert cut is not None
     np.testing.assert_allclose(cut.facing, [0.0, -1.0, 0.0], atol=1e-12)
     (line,) = cut.met(foot.pieces)
-    np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(np.sort(line, axis=0), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-4)
     for body, size in zip(bodies, (2 * 2 * 3, 6 * 6 * 3 - 3 * 3 * 2), strict=True):
         left, edges, section = _cut_open(body, cut)
-        assert volume([*left, *section]) == pytest.approx(size / 2.0)
-        assert min(own[:, 1].min() for own in (*left, *edges, *section)) == pytest.approx(0.0, abs=1e-9)
+        assert volume([*left, *section]) == pytest.approx(size / 2.0, rel=1e-4)
+        assert min(own[:, 1].min() for own in (*left, *edges, *section)) == pytest.approx(0.0, abs=1e-4)
         whole.fill(own_polygons(body), "#0072B2", 0)
         opened.fill([*left, *section], "#0072B2", 0)
     assert whole.share_seen(line) == 0.0
     assert opened.share_seen(line) > 0.9
+
+
+def test_walls_between_the_parts_of_a_solid_were_drawn() -> None:
+    """A rail of blocks side by side: its surface is that of one solid, and so is its section, in whatever look."""
+    ends = ((0, 3), (0, 1)), ((0, 1), (1, 3)), ((2, 3), (1, 3))
+    rail = Body.from_parts([[*product(x, (0, 5), z)] for x, z in ends], seed=(1.5, 2.5, 0.5))
+    across = [np.cross(own[1] - own[0], own[2] - own[0]) / 2.0 for own in own_polygons(rail)]
+    assert np.linalg.norm(across, axis=1).sum() == pytest.approx(2 * 7.0 + 5 * 16.0)
+    assert len(sharp_edges(rail)) == 24
+    (outline,) = section(rail, np.array([0.0, 2.0, 0.0]), np.eye(3)[1], np.eye(3)[:, [0, 2]])
+    assert len(outline) == 8
+
+
+def test_the_cut_through_an_overlap_lay_in_the_bottom_of_a_part() -> None:
+    """What was left of the part was a face in the plane of its section: both showed as rays."""
+    plate, pin = box((0.0, 0.0, 0.0), 2.0), box((1.5, 0.0, -1.0), 2.0)
+    deep = np.array([(0.5, 0.0, -1.0), (1.0, 0.0, -1.0)])
+    overlap = Touching((np.vstack([deep, deep[::-1] + np.eye(3)[1]]),), np.eye(3)[0], deep)
+    cut, _ = Cut.through([overlap], (pin, plate), page_directions(80.0, -55.0))
+    assert cut is not None
+    assert all(np.ptp((-body.vertices @ cut.facing).clip(-cut.point @ cut.facing)) > 0.15 for body in (pin, plate))
+    assert abs(cut.facing[1]) == 1.0
+
+
+def test_the_report_began_with_a_look_that_hides_the_contact() -> None:
+    peg, block = peg_in_a_blind_hole()
+    foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
+    pieces = scene_pieces(ShownPair.of(peg, block, view=(32.0, -55.0)), contacts=[foot])
+    assert pieces.cut
+    assert not scene_pieces(ShownPair.of(peg, box((9.0, 0.0, 0.0), 1.0), view=(32.0, -55.0)), contacts=[foot]).cut
 
 
 def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:

@@ -35,7 +35,7 @@ MOST_HELD = 2_000_000
 
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
-OTHERS = ("outside", "impossible", "undecided")
+OTHERS = ("impossible", "undecided")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class Contribution(Plain):
     first_order_error, total_error : float
         Their standard errors.
     share_without : float
-        The yield if this body's size were always its median; nan where the map leaves open whether pairs have a motion.
+        The yield if this body's size were always its median, of pairs within the map's box; nan where there are none,
+        or the map leaves open whether pairs have a motion.
     """
 
     body: str
@@ -71,15 +72,16 @@ class AssemblyYield(Plain, NotebookRepr):
     Attributes
     ----------
     share : float
-        Pairs whose amount passes, of all; an amount that is not known does not.
+        Pairs whose amount passes, of those within the map's box; an amount that is not known does not. nan where there
+        are none.
     interval : pair of float
-        Holds the true share with at least the `confidence` asked for (Clopper-Pearson); pairs that are `undecided`
-        fail for its lower end and pass for its upper one.
+        Holds the true share of all pairs with at least the `confidence` asked for (Clopper-Pearson); pairs that are
+        `undecided`, or `outside` the map's box, fail for its lower end and pass for its upper one.
     confidence : float
     count, passed : int
         All pairs looked at, and those that pass.
     outside : float
-        Share of the pairs outside the map's box; they count as failing.
+        Share of the pairs outside the map's box: of these it is not known whether they pass.
     impossible : float
         Share of the pairs without a motion; they fail.
     undecided : float
@@ -146,7 +148,7 @@ class AssemblyYield(Plain, NotebookRepr):
         pairs, _ = drawn_pairs(self.sizes, None, LOOKED_UP, SEED, positive=self.sizes_map.scaled)
         names = self.sizes_map.table.names
         limits = {names.index(name): ends for name, ends in self.limits.items()}
-        passed = _looked_up(self.sizes_map, self.budget, limits, pairs).passed
+        known = _looked_up(self.sizes_map, self.budget, limits, pairs)
         places = pairs[:: max(len(pairs) // SAMPLED, 1)]
         points = self.sizes_map.at(*places.T)
         return MotionClaims(
@@ -156,7 +158,7 @@ class AssemblyYield(Plain, NotebookRepr):
             parameters=points.parameters,
             amounts=points.amount,
             errors=np.column_stack([points.error, points.displacement_error]),
-            share=ShareClaim(share=self.share, interval=self.interval, passed=passed),
+            share=ShareClaim(share=self.share, interval=self.interval, passed=known.passed[~known.outside]),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -168,7 +170,10 @@ class AssemblyYield(Plain, NotebookRepr):
     def __str__(self) -> str:
         low, high = self.interval
         sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
-        words = [f"{self.share:.4%} of {self.count} pairs pass ({sure})"]
+        within = round((1.0 - self.outside) * self.count)
+        words = [f"{self.share:.4%} of {within} pairs pass ({sure})" if within else "of no pair it is known"]
+        if self.outside > 0.0:
+            words.append(f"{self.outside:.4%} of {self.count} are beyond the map's ends, where they may pass or fail")
         words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
         return ", ".join((*words, *self.known_to))
 
@@ -238,8 +243,9 @@ def assembly_yield(
     amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
     quantiles = np.quantile(amounts, SHARES, method="inverted_cdf") if len(amounts) else np.full(len(SHARES), np.nan)
     low, high = (float(amounts.min()), float(amounts.max())) if len(amounts) else (0.0, 0.0)
-    bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
-    counts, edges = np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
+    alike = not high - low > DEFAULT.tie * high  # else the bins were narrower than digits tell apart
+    wide = 0.1 * (high or (most if math.isfinite(most) else 0.0)) or 1.0
+    counts, edges = np.histogram(amounts, 1 if alike else BINS, (low, high + wide * alike))
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
@@ -250,17 +256,17 @@ def assembly_yield(
         indices, deviations = sobol_indices(here, one, other, there)
         (first, total), (first_error, total_error) = indices.tolist(), deviations.tolist()
         fixed = looked_up(held)
-        without = math.nan if fixed.unknown.any() else float(fixed.passed.mean())
+        without = math.nan if fixed.unknown.any() else fixed.share
         contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
-        share=float(points.passed.mean()),
+        share=points.share,
         interval=(low, high),
         confidence=float(confidence),
         count=of,
         passed=int(points.passed.sum()),
         outside=float(points.outside.mean()),
         impossible=float((np.isnan(points.amount) & ~points.outside & ~points.unknown).mean()),
-        undecided=(possibly - surely) / of,
+        undecided=(possibly - surely) / of - float(points.outside.mean()),
         budget=most,
         limits=kept,
         quantiles=dict(zip(SHARES, quantiles.tolist(), strict=True)),
@@ -286,6 +292,11 @@ class _LookedUp(NamedTuple):
     outside: Flags
     unknown: Flags
 
+    @property
+    def share(self) -> float:
+        """Those that pass, of all that are not outside; nan without any."""
+        return float(np.mean(self.passed[~self.outside])) if not self.outside.all() else math.nan
+
 
 def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], made: Array) -> _LookedUp:
     """Return what a map says of sizes, block by block; parameters that have limits are told by their number."""
@@ -296,8 +307,9 @@ def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, fl
         for k, (low, high) in limits.items():
             kept &= (points.parameters[..., k] >= low) & (points.parameters[..., k] <= high)
         surely, possibly = amount + error <= most, ~((amount - error > most) | np.isnan(amount))
-        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly & kept | points.undecided,
-                       points.region < 0, points.undecided))  # fmt: skip
+        outside, unknown = points.region < 0, points.undecided
+        possibly = possibly & kept | unknown | outside
+        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly, outside, unknown))
     return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
 
 

@@ -9,10 +9,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
-from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
@@ -26,7 +23,8 @@ from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
-from fcdm_opt.show.scene import view_of
+from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
@@ -40,6 +38,7 @@ from fcdm_opt.show.texts import (
     outcome_text,
     parameter_texts,
     shown,
+    sizes_text,
     telling,
 )
 from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
@@ -52,7 +51,6 @@ ANSWERED = (
     "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
-STACKED = 3.0  # seconds that a stack-up may take: beside an answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
@@ -72,14 +70,13 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
-    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    pieces = solution_pieces(solution, view=view)
+    pieces = solution_pieces(solution)
     parts = [inline_svg(figure, f"{name}-{k}") for k, figure in enumerate((pieces.scene, *pieces.insets))]
     high = round(pieces.scene.get_figheight(), 2)
     keys = {"key": list(pieces.key), "numbered": pieces.numbered}
     picture = {"scene": parts[0], "insets": parts[1:], **keys, "high": high}
-    told = {**_answer(problem, case), "picture": picture, "sizes": _sizes(problem), "stack": _stack(problem)}
-    return {**told, **grounds, **_pictures(problem, solution, frames, pieces.facing)}
+    told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_report(problem)}
+    return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:
@@ -110,6 +107,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
+        "off_drawn": sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
         "told": [*([] if solution.status.name in UNREMARKABLE else [advised(case)]), *said],
@@ -140,56 +138,6 @@ def _extents(problem: Problem, solution: Solution) -> list[list[str]]:
         alike = set(factors.split(" x "))
         told.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
     return told
-
-
-def _sizes(problem: Problem) -> list[dict[str, Any]]:
-    """Return the sizes of the problem: what each moves, its tolerance, and how it came out."""
-    told = []
-    for size in problem.sizes:
-        body = problem.movable if size.body == "movable" else problem.static
-        low, high = size.tolerance or (None, None)
-        told.append({
-            "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
-            "made": (problem.made or {}).get(size.name, 0.0),
-        })  # fmt: skip
-    return told
-
-
-def _moved(size: Size) -> str:
-    """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
-    if size.scale is not None:
-        return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
-    faces = [each if isinstance(each, str) else f"the face through {shown(each['through'])}" if "through" in each
-             else f"around {shown(each['around'])}" for each in size.faces]  # fmt: skip
-    if size.along is not None:
-        way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
-        return f"{listed(faces)} along {way}"
-    return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
-
-
-def _stack(problem: Problem) -> dict[str, Any] | None:
-    """Return what the gap at rest depends on, of a problem whose sizes have tolerances; None where there is none."""
-    from fcdm_opt.design.stack.stack_up import stack_up
-
-    if not any(size.tolerance for size in problem.sizes):
-        return None
-    try:
-        with pacing.within(STACKED, share=1.0):
-            found = stack_up(problem)
-            worst, spread = found.worst(), found.root_sum_square()
-    except (InputError, pacing.TimeOverError):  # `fcdm-opt stack` says why
-        return None
-    return {
-        "worst": [
-            {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
-            for what, gap, at in (
-                ("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest),
-            )
-        ],
-        "spread": [spread.low, spread.high],
-        "shares": [finite({"size": own.size, "half": own.half, "coefficient": own.coefficient, "worst": own.worst,
-                           "variance": own.variance}) for own in found.contributions],
-    }  # fmt: skip
 
 
 def _configurations(solution: Solution) -> list[str]:
@@ -267,7 +215,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
 
 
-def _pictures(problem: Problem, solution: Solution, share: float, facing: Array) -> dict[str, Any]:
+def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
     """Return the bodies and all frames."""
     problem = problem if solution.problem.exact_at is None else solution.problem
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
@@ -279,7 +227,7 @@ def _pictures(problem: Problem, solution: Solution, share: float, facing: Array)
     tolerance = tolerance_family(frames, taken, solution, share)
     low, high = tolerance_box(problem)
     return {
-        "scene": scene(problem, facing),
+        "scene": scene(problem, pieces),
         "axes": {"box": drawn(problem.box), "window": drawn(seen)},
         "nominal": drawn(problem.nominal_pair),
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,

@@ -28,7 +28,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.assemblies import touching
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import COLOURS, VIEW, face_polygons, own_polygons, page_directions, sharp_edges, view_of
+from fcdm_opt.show.scene import COLOURS, VIEW, ScenePieces, face_polygons, own_polygons, page_directions, sharp_edges
 from fcdm_opt.show.sections import section_plane
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
@@ -214,17 +214,16 @@ def _place(shares: list[Array]) -> Array:
     return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
 
-def scene(problem: Problem, facing: Array) -> dict[str, Any]:
+def scene(problem: Problem, pieces: ScenePieces) -> dict[str, Any]:
     """Return all bodies of a problem as triangles and true edges; keep-outs at their largest scale.
 
-    The first two are shown at scales about their `seed`, the others as they are. `facing`: from a section through the
-    contact to the reader.
+    The first two are shown at scales about their `seed`, the others as they are; seen, and cut, as in `pieces`.
     """
     parts = [("movable", problem.movable), ("static", problem.static)]
     keep_outs = [("keep-out", keep_out.body.scaled(keep_out.ends[1])) for keep_out in problem.keep_out]
     objects = [{"name": own.name, **_solid(k, role, own)} for k, (role, own) in enumerate([*parts, *keep_outs])]
-    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
-    return {"size": problem.size, "objects": objects, "view": list(view), "section": drawn(facing)}
+    seen = {"view": list(pieces.view), "section": drawn(pieces.facing), "cut": pieces.cut}
+    return {"size": problem.size, "objects": objects, **seen}
 
 
 def _solid(number: int, role: str, body: Body) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.report.families import frames_of
 from fcdm_opt.show.scene import view_of
 from fcdm_opt.show.solved import solved_case
+from fcdm_opt.show.stacks import commented_out_sizes
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT, meanings
@@ -208,6 +209,7 @@ def head(file: Any) -> dict[str, Any]:
     """Return what a report says of a file as read: name, title, note, SHA-256, its meshes, what is wrong with it."""
     told = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
     told["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+    told["sizes_left"] = commented_out_sizes(file.path)
     return {**told, "error": file.error} if file.error else told
 
 

@@ -16,8 +16,9 @@ from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, part_tex
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
+from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.studies import study_figure
-from fcdm_opt.show.texts import amount_text, bound_line, shown, study_facts
+from fcdm_opt.show.texts import amount_text, asked_text, bound_line, shown, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -29,7 +30,7 @@ Data = Mapping[str, Any]
 
 FIGURES = (  # what the scripts draw of a case; all else is text
     *("file", "name", "scene", "feature_shapes", "labels", "axes", "nominal", "tolerance_box", "signs", "quadrant"),
-    *("tracking", "poses", "families", "unit", "amount_unit", "bodies"),
+    *("tracking", "poses", "families", "unit", "amount_unit", "bodies", "off_drawn"),
 )
 
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
@@ -121,6 +122,9 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": told,
+        "asked": asked_text(assembly),
+        "sizes": size_rows(assembly),
+        "stack": stack_report(assembly),
         "motions": part_texts(solution),
         "contacts": [
             (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")

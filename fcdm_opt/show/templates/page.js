@@ -4,7 +4,7 @@
 const PLOT = { displayModeBar: false, responsive: true, doubleClick: false, scrollZoom: false };
 const SCENE = { ...PLOT, scrollZoom: true };
 
-const state = { case: 0, pose: "corrected", family: null, index: 0, zoom: "window", look: "clear" };
+const state = { case: 0, pose: "corrected", family: null, index: 0, zoom: "window", look: null };
 let cases = [];
 let drawing = null, again = false, hasScene = true, freshView = true;
 
@@ -12,6 +12,9 @@ let drawing = null, again = false, hasScene = true, freshView = true;
 
 const currentCase = () => cases[state.case];
 const family = () => state.family && currentCase().families?.[state.family];
+
+/** How the parts are shown: as chosen, else cut open where they hide most of what touches. */
+const look = () => state.look ?? (currentCase().scene.cut ? "cut" : "clear");
 
 /** The frame that scene, curve and numbers show: of the slider if it was moved last, else of the pose. */
 const currentFrame = () => (family() ? family().frames[state.index] : currentCase().poses[state.pose]);
@@ -33,6 +36,7 @@ function chooseCase(number, { remember = true } = {}) {
   element("choose").value = number;
   for (const input of all("input[name=pose]")) input.disabled = !poses[input.value];
   for (const input of all("input[name=family]")) input.disabled = !families?.[input.value];
+  markPressed("look", look());
   fillKeys();
   prepareSlider(["tolerance", "motion"].find(name => families?.[name]) ?? null);
   if (remember) history.replaceState(null, "", `#case-${number}`);
@@ -110,7 +114,7 @@ function showNumbers() {
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
   write("now-motion", frame.motion);
   write("now-amount", inUnit(digits(frame.amount, 4), currentCase().amount_unit));
-  write("now-target", pair(frame.target));
+  write("now-target", madeAt(frame.target));
   write("now-rho", pair(frame.rho));
   write("now-gap", inUnit(digits(frame.pair_gap, 4), currentCase().unit));
   write("now-state", frame.pair_state);
@@ -119,6 +123,11 @@ function showNumbers() {
   const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
   write("now-features", frame.contact?.length || !features ? features : `nothing here; intended contact: ${features}`);
 }
+
+/** Scales of the parts made where one is scaled, and sizes by name that are off drawn. */
+const madeAt = (scales = []) => [
+  scales.some(x => x !== 1) ? pair(scales) : "", currentCase().off_drawn,
+].filter(Boolean).join("; ") || "as drawn";
 
 /** A number with its unit, alone where there is none. */
 const inUnit = (text, unit) => (unit && text !== "\u2013" ? `${text} ${unit}` : text);
@@ -178,8 +187,12 @@ function listen() {
 /** Choose one of some buttons: part of the curve ("zoom"), or how the parts are shown ("look"). */
 function press(kind, name) {
   state[kind] = name;
-  for (const button of all(`[data-${kind}]`)) button.setAttribute("aria-pressed", button.dataset[kind] === name);
+  markPressed(kind, name);
   requestDrawing();
+}
+
+function markPressed(kind, name) {
+  for (const button of all(`[data-${kind}]`)) button.setAttribute("aria-pressed", button.dataset[kind] === name);
 }
 
 /** On paper: light colours, all folded tables open. */

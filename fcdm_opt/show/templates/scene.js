@@ -1,7 +1,8 @@
 // The bodies in space, their features in contact, and from where they are seen.
 
-const VIEW_SIZE = 1.75; // of the scene: the bodies' diagonal in units of the view
+const VIEW_SIZE = 2.1; // of the scene: the bodies' diagonal in units of the view
 const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
+const FAR = 8; // of the camera, in units of the view
 const NEAR = 3; // how much "to the contact" enlarges
 
 const minus = (p, q) => p.map((x, k) => x - q[k]);
@@ -37,17 +38,18 @@ const lines = (points, edges) => columns(edges.flatMap(([i, j]) => [points[i], p
 const LIGHT = { facenormalsepsilon: 0, vertexnormalsepsilon: 0, ambient: 0.6, diffuse: 0.6, specular: 0, roughness: 1, fresnel: 0 };
 
 function drawScene() {
-  const frame = currentFrame(), colours = palette(), gd = element("bodies");
+  const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane(frame) : null;
   const traces = [
-    ...bodyTraces(frame, colours), ...before(frame, colours), ...featureTraces(frame, colours), ...areaTraces(frame, colours),
+    ...bodyTraces(frame, colours, plane), ...before(frame, colours, plane), ...featureTraces(frame, colours, plane), ...areaTraces(frame, colours, plane),
     ...overlapTraces(frame, colours),
     ...triad(colours),
   ];
-  if (frame.contacts?.length) {
+  const known = frame.contacts ?? [], seen = plane ? known.filter(p => dot(plane.facing, p) <= plane.level) : known;
+  if (seen.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(frame.contacts), marker: ring,
-      hoverinfo: "text", text: frame.contacts.map(p => `contact point<br>${pair(p)}`),
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(plane ? lifted(seen, plane) : seen), marker: ring,
+      hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
   const view = freshView || !gd.layout?.scene ? firstView() : currentView();
@@ -64,11 +66,11 @@ function drawScene() {
   return Plotly.react(gd, traces, layout, SCENE);
 }
 
-function bodyTraces(frame, colours) {
-  const clear = state.look === "clear", plane = state.look === "cut" && sectionPlane(frame);
+function bodyTraces(frame, colours, plane) {
+  const clear = look() === "clear";
   return currentCase().scene.objects.flatMap(object => {
     const { role } = object, part = role !== "keep-out", colour = object.colour ?? colours[part ? role : "muted"];
-    const opacity = !part ? 0.2 : !clear ? 1 : role === "movable" ? 0.7 : 0.35, whole = placed(object.points, object.body, frame);
+    const opacity = !part ? 0.2 : !clear ? 1 : role === "movable" ? 0.5 : 0.2, whole = placed(object.points, object.body, frame);
     const cut = plane && part;
     const { points, triangles, edges } = cut ? cutOpen(whole, object, plane) : { ...object, points: whole };
     const solid = columns(part ? points : shrunk(points));
@@ -98,10 +100,11 @@ function sectionPlane(frame) {
   return { facing, level: dot(facing, at) + 1e-6 * extent().size };
 }
 
-/** What of a body is behind a plane, cut there and closed by the section; all of one that is wholly before it. */
-function cutOpen(points, { triangles, edges }, { facing, level }) {
+/** What of a body is behind a plane, cut there and closed by the section; all of one that is wholly before it. What is
+    not `closed`, such as an area, is only cut. */
+function cutOpen(points, { triangles, edges }, { facing, level }, closed = true) {
   const heights = points.map(p => dot(facing, p) - level), kept = [...points], rim = [], behind = [], left = [];
-  if (heights.every(height => height > -1e-3 * extent().size)) return { points, triangles, edges };
+  if (closed && heights.every(height => height > -1e-3 * extent().size)) return { points, triangles, edges };
   const between = (i, j) => {
     const share = heights[i] / (heights[i] - heights[j]);
     return kept.push(points[i].map((x, k) => x + share * (points[j][k] - x))) - 1;
@@ -121,8 +124,13 @@ function cutOpen(points, { triangles, edges }, { facing, level }) {
     if (heights[i] > 0 && heights[j] > 0) continue;
     left.push(heights[i] > 0 ? [between(i, j), j] : heights[j] > 0 ? [i, between(i, j)] : [i, j]);
   }
-  return { points: kept, triangles: [...behind, ...filled(kept, rim, facing)], edges: [...left, ...rim] };
+  const marks = lifted(kept.slice(points.length), { facing });
+  return { points: kept, triangles: [...behind, ...(closed ? filled(kept, rim, facing) : [])], edges: [...left, ...rim], marks,
+    across: rim.map(own => own.map(k => k - points.length)) };
 }
+
+/** Points a little before a section, which would hide half of their marks. */
+const lifted = (points, { facing }) => points.map(p => p.map((x, k) => x + 0.004 * extent().size * facing[k]));
 
 /** Triangles of the areas within outlines that lie in a plane, by strips between neighbouring corners. */
 function filled(points, outlines, facing) {
@@ -145,12 +153,15 @@ function filled(points, outlines, facing) {
 }
 
 /** The old places of what moved, in dashes. */
-function before(frame, colours) {
-  return currentCase().scene.objects.filter(({ body }) => transformOf(body, frame)).map(object => ({
-    type: "scatter3d", mode: "lines", name: "before the motion", hoverinfo: "skip",
-    ...lines(placed(object.points, object.body, { sizes: frame.sizes }), object.edges),
-    line: { color: object.colour ?? colours.movable, width: 2, dash: "dash" },
-  }));
+function before(frame, colours, plane) {
+  return currentCase().scene.objects.filter(({ body }) => transformOf(body, frame)).map(object => {
+    const whole = placed(object.points, object.body, { sizes: frame.sizes }), drawn = { triangles: [], edges: object.edges };
+    const { points, edges } = plane ? cutOpen(whole, drawn, plane, false) : { points: whole, edges: object.edges };
+    return {
+      type: "scatter3d", mode: "lines", name: "before the motion", hoverinfo: "skip", ...lines(points, edges),
+      line: { color: object.colour ?? colours.movable, width: 2, dash: "dash" },
+    };
+  });
 }
 
 /** Where the parts made overlap: a surface of triangles, which the see-through parts do not hide. */
@@ -162,21 +173,62 @@ function overlapTraces(frame, colours) {
   }] : [];
 }
 
-/** What both bodies share: areas and lines, not all of the faces that touch. */
-function areaTraces(frame, colours) {
-  return (frame.areas ?? []).flatMap(points => {
-    const fan = points.slice(2).map((_, k) => [0, k + 1, k + 2]), round = points.map((_, k) => [k, (k + 1) % points.length]);
+/** What both bodies share: areas and lines, not all of the faces that touch; without edges within an area. */
+function areaTraces(frame, colours, plane) {
+  const areas = frame.areas ?? [];
+  return areas.flatMap((corner, k) => {
+    const fan = corner.slice(2).map((_, n) => [0, n + 1, n + 2]), outline = rims(areas, k), count = corner.length;
+    const whole = { triangles: fan, edges: outline.map((_, n) => [count + 2 * n, count + 2 * n + 1]) };
+    const all = [...corner, ...outline.flat()];
+    const { points, triangles, edges, marks, across } = plane ? cutOpen(all, whole, plane, false) : { points: all, ...whole };
     const traces = [{
-      type: "scatter3d", mode: "lines", name: "contact area", hoverinfo: "skip", ...lines(points, round),
+      type: "scatter3d", mode: "lines", name: "contact area", hoverinfo: "skip", ...lines(points, edges),
       line: { color: colours.good, width: 6 },
-    }];
-    if (fan.length) {
+    }, ...cutMarks(marks, across, colours)];
+    if (triangles.length) {
       traces.push({
-        type: "mesh3d", name: "contact area", ...columns(points), ...corners(fan), color: colours.good, opacity: 0.6,
+        type: "mesh3d", name: "contact area", ...columns(points), ...corners(triangles), color: colours.good, opacity: 0.6,
         flatshading: true, lighting: { ambient: 1, diffuse: 0 }, hoverinfo: "skip",
       });
     }
     return traces;
+  });
+}
+
+/** Where a section goes through what touches: lines across areas, points of lines. */
+function cutMarks(marks, across, colours) {
+  if (!marks?.length) return [];
+  const look = { type: "scatter3d", name: "contact, cut", hoverinfo: "skip" }, paint = { color: colours.good };
+  return across.length
+    ? [{ ...look, mode: "lines", ...lines(marks, across), line: { ...paint, width: 9 } }]
+    : [{ ...look, mode: "markers", ...columns(marks), marker: { ...paint, size: 7, line: { color: colours.paper, width: 1 } } }];
+}
+
+/** The outline of one of several areas, without what it has in common with others on the other side of it. */
+function rims(areas, own) {
+  const near = 1e-6 * extent().size, sides = points => points.map((p, k) => [p, points[(k + 1) % points.length]]);
+  if (areas[own].length < 3) return [areas[own]];
+  const others = areas.filter((points, k) => k !== own && points.length > 2);
+  return sides(areas[own]).flatMap(([a, b]) => {
+    const long = norm(minus(b, a)), way = unit(minus(b, a)), along = p => dot(minus(p, a), way);
+    const off = p => minus(minus(p, a), way.map(x => x * along(p)));
+    const inward = off(middle(areas[own])), ends = [[0, 0]];
+    for (const points of others) {
+      if (dot(off(middle(points)), inward) >= 0) continue;
+      for (const side of sides(points)) {
+        if (side.some(p => norm(off(p)) > near)) continue;
+        const [low, high] = side.map(along).sort((x, y) => x - y);
+        if (high > near && low < long - near) ends.push([Math.max(low, 0), Math.min(high, long)]);
+      }
+    }
+    ends.sort((x, y) => x[0] - y[0]);
+    const at = t => a.map((x, k) => x + t * way[k]), left = [];
+    let done = 0;
+    for (const [low, high] of [...ends, [long, long]]) {
+      if (low > done + near) left.push([at(done), at(low)]);
+      done = Math.max(done, high);
+    }
+    return left;
   });
 }
 
@@ -197,19 +249,21 @@ function rim(triangles) {
 }
 
 /** The features in contact, in green. */
-function featureTraces(frame, colours) {
+function featureTraces(frame, colours, plane) {
   const drawn = shapesOf(frame).filter(shape => shape.kind !== "F" || !frame.areas?.length);
   return drawn.flatMap(shape => {
-    const points = placed(shape.points, shape.body, frame), text = plain(shape.name), name = `feature ${text}`;
-    const edge = shape.kind === "E" ? [[0, 1]] : rim(shape.triangles);
+    const whole = placed(shape.points, shape.body, frame), text = plain(shape.name), name = `feature ${text}`;
+    const drawn = { triangles: shape.triangles ?? [], edges: shape.kind === "E" ? [[0, 1]] : rim(shape.triangles ?? []) };
+    const { points, triangles, edges: edge, marks, across } = plane && shape.kind !== "V" ? cutOpen(whole, drawn, plane, false)
+      : { points: whole, triangles: drawn.triangles, edges: drawn.edges };
     const outline = shape.kind === "V" ? { mode: "markers", ...columns(points) } : { mode: "lines", ...lines(points, edge) };
     const traces = [{
       type: "scatter3d", name, hoverinfo: "text", text, ...outline,
       line: { color: colours.good, width: shape.kind === "E" ? 8 : 4 }, marker: { size: 6, color: colours.good },
-    }];
-    if (shape.triangles?.length) {
+    }, ...cutMarks(marks, across, colours)];
+    if (triangles.length) {
       traces.push({
-        type: "mesh3d", name, ...columns(points), ...corners(shape.triangles), color: colours.good, opacity: 0.4,
+        type: "mesh3d", name, ...columns(points), ...corners(triangles), color: colours.good, opacity: 0.4,
         flatshading: true, lighting: { ambient: 1, diffuse: 0 }, hoverinfo: "text", text: points.map(() => text),
       });
     }
@@ -265,7 +319,7 @@ function viewOf(eye, up, focus, zoom) {
   const { range, size } = extent(), target = inView(focus, zoom);
   const camera = {
     projection: { type: "orthographic" }, up: xyz(up), center: xyz(target),
-    eye: xyz(unit(eye).map((x, k) => 2 * x + target[k])),
+    eye: xyz(unit(eye).map((x, k) => FAR * x + target[k])),
   };
   return { camera, aspectratio: xyz(range.map(([lo, hi]) => ((hi - lo) * VIEW_SIZE * zoom) / size)) };
 }

@@ -1,0 +1,85 @@
+"""What a report says of sizes by name: what each measures as drawn and as made, and how the gap depends on all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt import pacing
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import finite
+from fcdm_opt.problem.scene import Scene
+from fcdm_opt.show.remarks import known_gaps
+from fcdm_opt.show.texts import NONE, listed, off_drawn, shown
+
+STACKED = 3.0  # seconds that a stack-up may take: beside an answer
+PLACES = 6
+
+
+def size_rows(scene: Scene) -> list[dict[str, Any]]:
+    """Return the sizes of a scene: what each measures as drawn and as made, its tolerance, and what it moves.
+
+    What is no length of the part that can be measured, such as the place of a slot, only has a deviation.
+    """
+    rows = []
+    for size in scene.sizes:
+        body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
+        drawn = size.drawn(body)
+        made = drawn + off * (1.0 if size.is_length else drawn)
+        low, high = ((NONE, NONE) if ends is None else (off_drawn(size, end, "") for end in ends))
+        rows.append({
+            "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
+            "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
+            "made": NONE if np.isnan(made) else f"{made:.{PLACES}g}",
+            "off": off_drawn(size, off, "") if off else "", "beyond": bool(ends and not ends[0] <= off <= ends[1]),
+        })  # fmt: skip
+    return rows
+
+
+def _moved(size: Size) -> str:
+    """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
+    if size.scale is not None:
+        return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
+    faces = [each if isinstance(each, str) else f"the face through ({shown(each['through'])})" if "through" in each
+             else f"around ({shown(each['around'])})" for each in size.faces]  # fmt: skip
+    if size.along is not None:
+        way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
+        return f"{listed(faces)} along {way}"
+    if len(set(size.each)) == 1:
+        return f"{listed(faces)} by {size.each[0]:g}{' each' * (len(faces) > 1)}"
+    return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
+
+
+def stack_report(scene: Scene) -> dict[str, Any] | None:
+    """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
+    from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.show.stacks import contributions_of, stack_notes
+
+    if not scene.sizes:
+        return None
+    try:
+        with pacing.within(STACKED, share=1.0):
+            found = stack_up(scene)  # type: ignore[arg-type]
+            worst, spread = found.worst(), found.root_sum_square()
+            shares, notes = contributions_of(found), [*stack_notes(found), *known_gaps(scene)]
+    except (InputError, pacing.TimeOverError) as reason:
+        late = isinstance(reason, pacing.TimeOverError)
+        return {"notes": [f"no stack-up: {'left out for time, `fcdm-opt stack` has it' if late else reason}"]}
+    if found.known_to:
+        low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
+        notes.append(f"the mesh leaves open gaps from {low} to {high} in the worst cases")
+    return {
+        "worst": [
+            {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
+            for what, gap, at in (
+                ("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest),
+            )
+        ],
+        "spread": [spread.low, spread.high],
+        "shares": [finite({"size": own.size, "half": own.half, "coefficient": own.coefficient, "worst": own.worst,
+                           "variance": own.variance}) for own in shares],
+        "notes": notes,
+    }  # fmt: skip
