@@ -108,6 +108,16 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     return contact.labelled(features_along(one, two, contact, [(pose, rho)])[0])
 
 
+def facing(
+    one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array, normal: Array, gap: float
+) -> Contact:
+    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it.
+
+    Arguments as `located` takes them; `normal` from 1 to 2, unit.
+    """
+    return located(one, two, np.append(pose[:9], pose[9:] - gap * normal), contact, rho)
+
+
 def features_along(
     one: ConvexPart, two: ConvexPart, contact: Contact, places: Sequence[tuple[Array, Array]]
 ) -> list[Feature]:
