@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.elements import own_elements
+from fcdm_opt.geometry.elements import Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
 from fcdm_opt.geometry.naming import (
@@ -334,6 +334,7 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
     What is left of no part after an inward move is left out.
     """
     points, hulls, parts, count = [body.vertices], list[Hull](), list[ConvexPart | None](), len(body.vertices)
+    moved = list[tuple[ConvexPart, Array]]()
     if off.min() < 0.0:
         shifts = _inward(body, off)
     else:
@@ -346,6 +347,7 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
         if made is not None:
             corners, hull = made
             hulls.append(hull._replace(used=hull.used + count))
+            moved.append((part, shift))
             points.append(corners)
             parts.append(None)
             count += len(corners)
@@ -354,12 +356,46 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
     rows = frozen(np.concatenate(points))
     faces, elements = own_elements(rows, hulls, None, body.name, apart=True)
     made_parts = (
-        ConvexPart(frozen(rows[hull.used]), body.seed, hull.loops, frozen(hull.edges, np.int64), named)
-        for hull, named in zip(hulls, elements, strict=True)
+        _named_as_drawn(
+            ConvexPart(frozen(rows[hull.used]), body.seed, hull.loops, frozen(hull.edges, np.int64), named), *drawn
+        )
+        for hull, named, drawn in zip(hulls, elements, moved, strict=True)
     )
     every = tuple(next(made_parts) if part is None else part for part in parts)
-    faces = tuple(dict.fromkeys((*body.faces, *faces)))
+    shown = {face.vertices for part in every for face in part.elements["F"]}
+    faces = tuple(dict.fromkeys((*body.faces, *(face for face in faces if face in shown))))
     return Body(body.name, rows, body.seed, every, faces, faces, facet_errors=np.zeros((len(faces), 2)))
+
+
+def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> ConvexPart:
+    """Return a part whose facets were moved, with the drawn part's names where facets stay: a plane remains one face.
+
+    Edges and corners keep theirs where all facets that meet there stay.
+    """
+    if made.loops is drawn.loops:
+        of = np.where(shift == 0.0, np.arange(len(shift)), -1)
+    else:
+        alike = made.normals @ drawn.normals.T >= 1.0 - DEFAULT.nominal
+        alike &= np.abs(made.levels[:, None] - drawn.levels) <= DEFAULT.nominal * np.abs(drawn.levels).max()
+        alike &= shift == 0.0
+        of = np.where(alike.any(axis=1), alike.argmax(axis=1), -1)
+    named = {kind: [*made.elements[kind]] for kind in made.elements}
+    spans = dict(made.elements.spans)
+    for k, row in enumerate(of.tolist()):
+        if row >= 0:
+            named["F"][k] = drawn.elements["F"][row]
+            if (span := drawn.elements.spans.get(("F", row))) is not None:
+                spans["F", k] = span._replace(corners=frozen(made.vertices[list(made.loops[k])]))
+    if made.loops is drawn.loops:
+        left = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
+        for v in {*range(len(made.vertices))} - left:
+            named["V"][v] = drawn.elements["V"][v]
+        for k, (a, b, *sides) in enumerate(made.edges.tolist()):
+            if (of[sides] >= 0).all():
+                named["E"][k] = drawn.elements["E"][k]
+                if (span := drawn.elements.spans.get(("E", k))) is not None:
+                    spans["E", k] = span._replace(corners=frozen(made.vertices[[a, b]]))
+    return replace(made, elements=Elements(named["V"], named["E"], named["F"], spans))
 
 
 def _inward(body: Body, off: Array) -> list[Array]:

@@ -530,3 +530,14 @@ def test_solids_side_by_side_that_cover_faces_of_each_other_have_errors_that_are
     body = fo.Body.convex([(np.cos(x), np.sin(x), z) for x in turns for z in (0.0, 1.0)])
     assert facet_errors(body) is not None
     assert facet_errors(replace(body, faces=body.faces[:-10])) is None
+
+
+def test_the_plane_around_a_bore_was_as_many_faces_as_the_body_has_parts() -> None:
+    """A motion put a collar on "top face no. 1, top face no. 2 and 30 more" of a plate with one top."""
+    plate = fo.cut(fo.Box((8, 8, 4), centre=(0, 0, 0)), fo.Cylinder(2, 6, base=(0, 0, -3), facets=16))
+    ends = {tuple(sorted(face)) for face in plate.faces if np.ptp(plate.vertices[np.array(face) - 1, 2]) == 0.0}
+    inner, _ = bounding_bodies(plate) or pytest.fail("no such body")
+    facets = [(part, k) for part in inner.parts for k, n in enumerate(part.normals) if abs(n[2]) == 1.0]
+    assert len(facets) >= 32
+    assert {part.elements["F"][k].vertices for part, k in facets} == ends
+    assert len(ends) == 2
