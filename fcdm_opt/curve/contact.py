@@ -387,10 +387,13 @@ def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Arr
 def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
     """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
     kind, own, other = site.tolist()
-    if kind == kernels.E1E2:
-        first, second = one.edges[own, :2].tolist(), two.edges[other, :2].tolist()
-        return tuple(first), tuple(second)
-    return (one.loops[own], (other,)) if kind == kernels.F1V2 else ((own,), two.loops[other])
+    return one.vertices_of(_LETTERS[kind][0], own), two.vertices_of(_LETTERS[kind][1], other)
+
+
+def feature_of_site(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Feature:
+    """Return the bodies' elements of a facet of two parts' Minkowski difference."""
+    letters = _LETTERS[site[0]]
+    return Feature(one.elements[letters[0]][site[1]], two.elements[letters[1]][site[2]])
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

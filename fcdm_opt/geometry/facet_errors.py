@@ -387,8 +387,8 @@ def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> Convex
             if (span := drawn.elements.spans.get(("F", row))) is not None:
                 spans["F", k] = span._replace(corners=frozen(made.vertices[list(made.loops[k])]))
     if made.loops is drawn.loops:
-        left = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
-        for v in {*range(len(made.vertices))} - left:
+        changed = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
+        for v in {*range(len(made.vertices))} - changed:
             named["V"][v] = drawn.elements["V"][v]
         for k, (a, b, *sides) in enumerate(made.edges.tolist()):
             if (of[sides] >= 0).all():

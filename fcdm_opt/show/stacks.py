@@ -178,7 +178,7 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
     within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
     print_text(
         f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
-        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
+        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {100.0 * share.confidence:.6g} % confidence), "
         f"{spread.share:.4%} by root sum square"
     )
     if stack.known_to:

@@ -222,11 +222,11 @@ def print_said(result: Any) -> None:
 
 
 def print_whatif(answer: WhatIf) -> None:
-    """Print both answers, what the derivatives foretold, and what else changed."""
+    """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
-    foretold = amount_text(answer.predicted_amount)
-    rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
-    notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
+    predicted = amount_text(answer.predicted_amount)
+    rows.append({**dict.fromkeys(rows[0], ""), "": "predicted", "amount": predicted})
+    notes = [f"predicted: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
     changed = (f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling)
     notes += [labels_in_words(text, answer.after.question) for text in changed]
@@ -264,10 +264,10 @@ def print_costs(costs: Costs) -> None:
     if not rows:
         print_lines(["Nothing to drop: no constraint but the goal itself."])
         return
-    foretold = any(row["foretold"] for row in rows)
-    more = '; "foretold": what its multiplier (first derivative) says is saved' if foretold else ""
+    predicted = any(row["predicted"] for row in rows)
+    more = '; "predicted": what its multiplier (first derivative) says is saved' if predicted else ""
     note = f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}."
-    print_rows(rows, numbers=("least amount then", "saved", "foretold"), optional=("foretold",), notes=[note])
+    print_rows(rows, numbers=("least amount then", "saved", "predicted"), optional=("predicted",), notes=[note])
 
 
 def print_comparison(comparison: Comparison) -> None:
@@ -342,7 +342,7 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
         "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
         "least amount then": amount_text(row.amount),
         "saved": "nothing" if nothing else f"{row.saving:.{DIGITS}g}" if math.isfinite(row.saving) else "",
-        "foretold": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
+        "predicted": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
         "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
 

@@ -80,7 +80,9 @@ def test_of_two_faces_in_one_plane_the_one_across_the_slot_was_named() -> None:
     width = fo.Size("width", "movable", faces=[{"through": (x, 0, -3)} for x in (-4, 4)], each=0.5, tolerance=0.05)
     problem = fo.Problem(key, prism(outline, 8.0, "base"), sizes=[width], motion=fo.Translation("x"), goal="clear")
     right, left = "face 5 of key, top face no. 1 of base", "face 9 of key, top face no. 2 of base"
-    assert {*fo.stack_up(problem).standing} == {*fo.best_pose(problem).standing} == {right, left}
+    best = fo.best_pose(problem)
+    assert {*fo.stack_up(problem).standing} == {*best.standing} == {right, left}
+    assert "; verified; closed at all these sizes" in str(best)  # it was judged, and print did not say so
 
 
 def test_a_block_between_walls() -> None:

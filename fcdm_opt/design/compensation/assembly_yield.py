@@ -167,7 +167,7 @@ class AssemblyYield(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         low, high = self.interval
-        sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
+        sure = f"{low:.4%} to {high:.4%} with {100.0 * self.confidence:.6g} % confidence"
         words = [f"{self.share:.4%} of {self.count} pairs pass ({sure})"]
         words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
         return ", ".join((*words, *self.known_to))

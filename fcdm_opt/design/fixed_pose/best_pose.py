@@ -219,7 +219,10 @@ class BestPose(NotebookRepr, Plain):
             sure = "none can be better" if self.certified else "no bound proved"
             told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
         several = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
-        return "; ".join([told, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
+        failed = ", ".join(own.name for own in self.checks if not own.passed)
+        not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
+        judged = "verified" if self.passed else not_passed
+        return "; ".join([told, judged, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
