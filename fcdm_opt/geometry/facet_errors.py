@@ -551,6 +551,9 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     for body in (movable, *others):
         if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
-            reasons.setdefault("approximation" if approximated else "tessellation", []).append(body.name)
-    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
-    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
+            coarse = body.rounding > DEFAULT.drawn * body.size
+            reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
+            reasons.setdefault(reason, []).append(body.name)
+    why = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
+    ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
+    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {why} only come near them"]

@@ -15,6 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
@@ -219,6 +220,15 @@ def mismatched(scene: Scene) -> bool:
     return any(misfit(problem) is not None for problem in scene.relations.values())
 
 
+def is_too_tight(scene: Scene) -> bool:
+    """Tell whether two parts of a scene lack more room than the facets of round faces can be off, on both sides."""
+    for problem in (own.of_facets for own in scene.relations.values()):
+        found, off = misfit(problem), gaps_off(problem.movable, [problem.static])[0]
+        if found is not None and found.inner - found.outer > 2.0 * off * float(np.max(problem.target)):
+            return True
+    return False
+
+
 def verdict(scene: Scene) -> str:
     """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
     tight = (problem for problem in scene.relations.values() if misfit(problem) is not None)
@@ -284,7 +294,7 @@ def true_diameters(problem: Problem, found: Misfit) -> tuple[float, float] | Non
         labels = {tuple(sorted(own.vertices)) for own in walls if own is not None}
         pairs = zip(round_faces(drawn), round_faces(body), strict=False)
         surface = next((now.surface for was, now in pairs if labels and labels <= {*was.faces}), None)
-        if body.surfaces is None or surface is None or surface.line is None or surface.line[1] != 0.0:
+        if surface is None or surface.line is None or surface.line[1] != 0.0:
             return None
         widths.append(2.0 * rho * surface.radius)
     inner, outer = widths[found.inside], widths[1 - found.inside]

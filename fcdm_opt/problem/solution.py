@@ -20,7 +20,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
-from fcdm_opt.problem.fit import verdict
+from fcdm_opt.problem.fit import is_too_tight, verdict
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
@@ -286,7 +286,7 @@ class Bounded(Plain, NotebookRepr):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
             first, *others = self.question.bodies
-            known = not known_to(first, others, unit)
+            known = not known_to(first, others, unit) or (not self.usable and self.is_too_tight)
             return "" if known else f"what the mesh leaves open is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
@@ -297,6 +297,11 @@ class Bounded(Plain, NotebookRepr):
             least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
             return f"{least}: the mesh leaves that open"
         return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
+
+    @cached_property
+    def is_too_tight(self) -> bool:
+        """Whether two parts do not go together by more than facets of round faces can be off."""
+        return is_too_tight(self.question)
 
     @property
     def _why_unknown(self) -> str:
@@ -319,6 +324,8 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
+        elif math.isnan(self.amount_low) and self.is_too_tight:
+            told = told.replace("Proved impossible", "Impossible")
         return f"{why}. {told}" if (why := self._why_not) else told
 
     @property
@@ -460,6 +467,8 @@ class Solution(Bounded):
     @property
     def exact_of_mesh(self) -> bool:
         """Whether facets of round faces leave neither the amount open nor a gap that is told."""
+        if not self.usable and self.is_too_tight:
+            return True
         return self.amount_low == self.amount_high and not (self.usable and self.pair_state != "touching")
 
     @property
