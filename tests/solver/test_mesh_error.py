@@ -363,7 +363,7 @@ def test_line_to_line_is_left_open() -> None:
     solution = fo.solve(fo.Problem(shaft, bored(10.0, 10.0, 20.0, 32), target=(1.0, 1.0), motion=fo.Translation("x")))
     words = verdict_text(solution)
     assert solution.amount_low == 0.0
-    assert "leaves open" in words or "leaves that open" in words
+    assert "their round faces are facets here" in words
 
 
 def shaft_in_a_bush(radius: float, bore: float) -> fo.Problem:
@@ -381,7 +381,8 @@ def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
         assert solution.status in (fo.Status.INFEASIBLE, fo.Status.OUTSIDE_FIT)
         words = verdict_text(solution)
         assert "proved" not in words
-        assert "the mesh leaves open" in words
+        assert ("true parts may fit: their round faces are facets here" in words) == (effort == "proved")
+        assert ("what true parts need is not known" in words) == (effort == "quick")
         assert "Proved" not in solution.advice
         assert math.isnan(solution.amount_low) == (effort == "quick")
     tight = fo.solve(shaft_in_a_bush(10.2, 10.0))  # no cylinders either
@@ -434,7 +435,7 @@ def test_what_meshes_leave_open_of_an_assembly_is_told() -> None:
     told = json.loads(json.dumps(solution.to_dict()))
     assert (told["amount_low"], told["amount_high"]) == (solution.amount_low, solution.amount_high)
     assert "proved" not in assembly_verdict(solution)
-    assert "the mesh leaves that open" in assembly_verdict(solution)
+    assert "their round faces are facets here" in assembly_verdict(solution)
     wrong = replace(solution, amount_low=1.01 * solution.amount)
     assert "amount the mesh allows" in [check.name for check in fo.verify_assembly(wrong).failed]
     plain = fo.Assembly({"slab": slab, "block": block}, contacts[1:], motions={"block": Z})
@@ -462,7 +463,7 @@ def test_quick_does_not_look() -> None:
     assert math.isnan(solution.amount_low)
     assert math.isnan(solution.amount_high)
     assert "smallest possible" not in verdict_text(solution)
-    assert 'what the mesh leaves open is not known: effort "quick"' in verdict_text(solution)
+    assert 'what true parts need is not known: it is not worked out with effort "quick"' in verdict_text(solution)
 
 
 def test_why_it_is_not_known_what_a_mesh_leaves_open_was_not_told() -> None:
