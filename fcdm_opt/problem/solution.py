@@ -287,8 +287,7 @@ class Bounded(Plain, NotebookRepr):
         if found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
-            first, *others = self.question.bodies
-            known = not known_to(first, others, unit) or (not self.usable and self.is_too_tight)
+            known = not self.is_faceted or (not self.usable and self.is_too_tight)
             return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f", moved by {measured(f'{low:.4g}', unit)}" if low > 0.0 else ""
@@ -299,6 +298,12 @@ class Bounded(Plain, NotebookRepr):
             least = f"need {measured(f'{low:.4g}', unit)} or more, or do" if low > 0.0 else "may"
             return f"true parts {least} not fit: {FACETED}"
         return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {FACETED}"
+
+    @cached_property
+    def is_faceted(self) -> bool:
+        """Whether gaps of the bodies may be off those of the parts, by facets of round faces."""
+        first, *others = self.question.bodies
+        return bool(known_to(first, others, ""))
 
     @cached_property
     def is_too_tight(self) -> bool:
@@ -326,7 +331,7 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
-        elif math.isnan(self.amount_low) and self.is_too_tight:
+        elif math.isnan(self.amount_low) and self.is_faceted and self.is_too_tight:
             told = told.replace("Proved impossible", "Impossible")
         return f"{why}. {told}" if (why := self._why_not) else told
 
