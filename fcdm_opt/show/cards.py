@@ -428,7 +428,9 @@ def best_pose_card(best: BestPose) -> Card:
         ("what is made small", number(best.value), f"{length}, proved at least {number(best.lower_bound)}"),
         ("confirmed", "yes" if best.passed else "no", counted(len(best.checks), "check")),
     ]
-    mood = "bad" if best.status in (NONE, UNDECIDED) or not best.passed else "good" if best.certified else "mind"
+    facts += [("outside the fit", "yes", "limits would keep the part in")] * best.leaves_fit
+    refused = best.status in (NONE, UNDECIDED) or not best.passed or best.leaves_fit
+    mood = "bad" if refused else "good" if best.certified else "mind"
     return Card("Best pose for all sizes", facts=facts, state=best.status, mood=mood)
 
 
