@@ -183,8 +183,8 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
     )
     if stack.known_to:
         print_text(
-            f"of the true round parts {share.share_low:.4%} to {share.share_high:.4%} are, with gaps from "
-            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)} in the worst cases"
+            f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
+            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)}"
         )
     if not ends[0] <= spread.share <= ends[1]:
         print_text(

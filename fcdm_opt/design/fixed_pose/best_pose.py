@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import ROUNDS
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
@@ -311,6 +312,7 @@ def best_pose(
         true, further = true_sizes(problem, scales), list[Array]()
         for turn in range(2 * ROUNDS):
             true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+            pacing.at("searching for the best pose")
             worst = Worst.of(problem, scales, low, high, true)
             worst.leave_out_standing(further)
             proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere
