@@ -372,29 +372,22 @@ def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> Convex
 
     Edges and corners keep theirs where all facets that meet there stay.
     """
-    if made.loops is drawn.loops:
-        of = np.where(shift == 0.0, np.arange(len(shift)), -1)
-    else:
+    alike = np.eye(len(shift), dtype=bool)
+    if made.loops is not drawn.loops:
         alike = made.normals @ drawn.normals.T >= 1.0 - DEFAULT.nominal
         alike &= np.abs(made.levels[:, None] - drawn.levels) <= DEFAULT.nominal * np.abs(drawn.levels).max()
-        alike &= shift == 0.0
-        of = np.where(alike.any(axis=1), alike.argmax(axis=1), -1)
-    named = {kind: [*made.elements[kind]] for kind in made.elements}
-    spans = dict(made.elements.spans)
-    for k, row in enumerate(of.tolist()):
-        if row >= 0:
-            named["F"][k] = drawn.elements["F"][row]
-            if (span := drawn.elements.spans.get(("F", row))) is not None:
-                spans["F", k] = span._replace(corners=frozen(made.vertices[list(made.loops[k])]))
+    alike &= shift == 0.0
+    of = np.where(alike.any(axis=1), alike.argmax(axis=1), -1)
+    kept = [("F", k, row) for k, row in enumerate(of.tolist()) if row >= 0]
     if made.loops is drawn.loops:
         changed = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
-        for v in {*range(len(made.vertices))} - changed:
-            named["V"][v] = drawn.elements["V"][v]
-        for k, (a, b, *sides) in enumerate(made.edges.tolist()):
-            if (of[sides] >= 0).all():
-                named["E"][k] = drawn.elements["E"][k]
-                if (span := drawn.elements.spans.get(("E", k))) is not None:
-                    spans["E", k] = span._replace(corners=frozen(made.vertices[[a, b]]))
+        kept += [("V", v, v) for v in range(len(made.vertices)) if v not in changed]
+        kept += [("E", k, k) for k, sides in enumerate(made.edges[:, 2:]) if (of[sides] >= 0).all()]
+    named, spans = {kind: [*made.elements[kind]] for kind in made.elements}, dict(made.elements.spans)
+    for kind, k, row in kept:
+        named[kind][k] = drawn.elements[kind][row]
+        if (span := drawn.elements.spans.get((kind, row))) is not None:
+            spans[kind, k] = span._replace(corners=frozen(made.vertices[list(made.vertices_of(kind, k))]))
     return replace(made, elements=Elements(named["V"], named["E"], named["F"], spans))
 
 

@@ -15,7 +15,6 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import Round, is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
@@ -218,15 +217,6 @@ def _wall(part: ConvexPart, normal: Array) -> Element | None:
 def mismatched(scene: Scene) -> bool:
     """Tell whether two parts of a scene do not go together, see `misfit`."""
     return any(misfit(problem) is not None for problem in scene.relations.values())
-
-
-def is_too_tight(scene: Scene) -> bool:
-    """Tell whether two parts of a scene lack more room than the facets of round faces can be off, on both sides."""
-    for problem in (own.of_facets for own in scene.relations.values()):
-        found, off = misfit(problem), gaps_off(problem.movable, [problem.static])[0]
-        if found is not None and found.inner - found.outer > 2.0 * off * float(np.max(problem.target)):
-            return True
-    return False
 
 
 def verdict(scene: Scene) -> str:

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
-from fcdm_opt.problem.fit import is_too_tight, verdict
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
@@ -287,7 +287,8 @@ class Bounded(Plain, NotebookRepr):
         if found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
-            known = not self.is_faceted or (not self.usable and self.is_too_tight)
+            first, *others = self.question.bodies
+            known = not known_to(first, others, unit)
             return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f", moved by {measured(f'{low:.4g}', unit)}" if low > 0.0 else ""
@@ -298,17 +299,6 @@ class Bounded(Plain, NotebookRepr):
             least = f"need {measured(f'{low:.4g}', unit)} or more, or do" if low > 0.0 else "may"
             return f"true parts {least} not fit: {FACETED}"
         return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {FACETED}"
-
-    @cached_property
-    def is_faceted(self) -> bool:
-        """Whether gaps of the bodies may be off those of the parts, by facets of round faces."""
-        first, *others = self.question.bodies
-        return bool(known_to(first, others, ""))
-
-    @cached_property
-    def is_too_tight(self) -> bool:
-        """Whether two parts do not go together by more than facets of round faces can be off."""
-        return is_too_tight(self.question)
 
     @property
     def _why_unknown(self) -> str:
@@ -331,8 +321,6 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
-        elif math.isnan(self.amount_low) and self.is_faceted and self.is_too_tight:
-            told = told.replace("Proved impossible", "Impossible")
         return f"{why}. {told}" if (why := self._why_not) else told
 
     @property
@@ -474,8 +462,6 @@ class Solution(Bounded):
     @property
     def exact_of_mesh(self) -> bool:
         """Whether facets of round faces leave neither the amount open nor a gap that is told."""
-        if not self.usable and self.is_too_tight:
-            return True
         return self.amount_low == self.amount_high and not (self.usable and self.pair_state != "touching")
 
     @property

@@ -12,7 +12,6 @@ from fcdm_opt.show.printing import print_rows, print_text
 from fcdm_opt.show.texts import number, shortened
 
 if TYPE_CHECKING:
-    from fcdm_opt.geometry.arrays import Array
     from fcdm_opt.model.contact_rows import ContactRow, ContactRows
 
 MOST, LONGEST = 20, 56
@@ -21,13 +20,11 @@ MOST, LONGEST = 20, 56
 
 def rows_text(rows: ContactRows) -> str:
     """Return the first rows as a table, as through a pipe, and how many more there are."""
-    kinds = {
-        "contact": rows.contacts, "alignment": rows.alignments, "clearance": rows.clearances,
-        "switching point": () if rows.switching_point is None else (rows.switching_point,),
-    }  # fmt: skip
+    kinds = {"contact": rows.contacts, "alignment": rows.alignments, "clearance": rows.clearances}
     every = [(kind, row) for kind, own in kinds.items() for row in own]
+    every += [("switching point", rows.switching_point)] if rows.switching_point else []
+    place = ", ".join(f"{name} {number(x)}" for name, x in zip(rows.parameters, rows.at.tolist(), strict=True))
     with redirect_stdout(StringIO()) as output:
-        place = ", ".join(f"{name} {number(x)}" for name, x in zip(rows.parameters, rows.at.tolist(), strict=True))
         units = f"; lengths in {rows.unit}, angles in radians" if rows.unit else ""
         print_text(f"rows at {shortened(place, LONGEST)}{units}")
         if every:
@@ -38,29 +35,21 @@ def rows_text(rows: ContactRows) -> str:
 
 
 def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:
-    values, slopes = _at(row, rows.at)
-    steep = np.where(np.abs(slopes) > 1e-12, slopes, 0.0)
-    terms = (f"{name} {x:+.4g}" for name, x in zip(rows.parameters, steep.tolist(), strict=True) if x)
+    """Return the cells of a row: of several numbers that are to be positive the least, no slopes of several others."""
+    import casadi
+
+    name = next(own for own in ("gap", "aligned", "apart", "rho") if own in row.function.name_out())
+    q = casadi.MX.sym("q", len(rows.at))
+    out = casadi.vec(row(q=q, **({"plane": row.start} if len(row.start) else {}))[name])
+    values, slopes = (own.full() for own in casadi.Function("row", [q], [out, casadi.jacobian(out, q)])(rows.at))
+    if name == "apart":
+        values, slopes = (own[[values.argmin()]] for own in (values, slopes))
+    steep = zip(rows.parameters, slopes[0].tolist(), strict=True)
+    terms = (f"{parameter} {x:+.4g}" for parameter, x in steep if abs(x) > 1e-12)
     return {
         "row": kind,
         "between": shortened(row.name, LONGEST),
         "asked": row.asked,
-        "value": ", ".join(f"{x + 0.0:+.4g}" for x in np.round(values, 12).tolist()),
+        "value": ", ".join(f"{x + 0.0:+.4g}" for x in np.round(values.ravel(), 12).tolist()),
         "slope by each parameter": shortened(", ".join(terms), LONGEST) if values.size == 1 else "",
     }
-
-
-def _at(row: ContactRow, q: Array) -> tuple[Array, Array]:
-    """Return what a row comes to at a motion, of several numbers the least where all are to be positive, and slopes."""
-    import casadi
-
-    given = {"plane": row.start} if len(row.start) else {}
-    name = next(own for own in ("gap", "aligned", "apart", "rho") if own in row.function.name_out())
-    symbols = casadi.MX.sym("q", len(q))
-    out = casadi.vec(row(q=symbols, **given)[name])
-    both = casadi.Function("both", [symbols], [out, casadi.jacobian(out, symbols)])(q)
-    values, slopes = (np.asarray(own.full()) for own in both)
-    if name == "apart":
-        least = int(values.argmin())
-        values, slopes = values[[least]], slopes[[least]]
-    return values.ravel(), slopes[0]
