@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.glossary import WORDS
@@ -241,7 +242,8 @@ def print_whatif(answer: WhatIf) -> None:
 
 def print_budgets(budgets: Budgets) -> None:
     """Print the largest tolerance of each requirement, and what ends it."""
-    limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
+    unit = budgets.problem.amount_unit
+    limit = "its own limits" if budgets.limit is None else f"an amount of {measured(f'{budgets.limit:g}', unit)}"
     console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
