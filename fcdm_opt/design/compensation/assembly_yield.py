@@ -35,7 +35,7 @@ MOST_HELD = 2_000_000
 
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
-OTHERS = {"outside": "outside the fit", "impossible": "without a motion", "undecided": "undecided"}
+OTHERS = {"outside": "outside the map", "impossible": "without a motion", "undecided": "undecided"}
 
 
 @dataclass(frozen=True)
