@@ -35,6 +35,7 @@ LOOSE = 0.1
 SURE = 0.01
 """Share of an amount that its mesh may leave open for it to be called the smallest possible."""
 
+MOST_CORNERS = 8  # of a face, which are listed where derivatives are printed
 FACETED = "their round faces are facets here"
 """Why an answer about a mesh may not be that about the parts."""
 
@@ -226,7 +227,8 @@ class Sensitivity(Plain):
         """Return the derivatives that there are as a table, by what they are; vertices and faces that count alone."""
         each: dict[str, Any] = {"scales made": self.target, **self.sizes, "clearance": self.clearance}
         each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
-        each |= {name: x for name, x in self.faces.items() if x}
+        many = ((name, name.split(","), x) for name, x in self.faces.items() if x)
+        each |= {name if len(own) <= MOST_CORNERS else f"{','.join(own[:3])},... {own[-1]}": x for name, own, x in many}
         known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
         lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
         first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
