@@ -309,7 +309,7 @@ class Size(Plain):
         return rows
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _offsets(size: Size, body: Body) -> Array:
     """Return `Size.offsets`: every question about other sizes made asks for those of the body as drawn."""
     return size._worked_out(body)
