@@ -230,14 +230,8 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
     else:
-        found = _offset(_resizing(scaled, tuple(lengths), body), values)
+        found = _offset(Resizing.of(scaled, tuple(lengths), drawn=body), values)
     return _with_faces_moved(scaled, found, offsets)
-
-
-@lru_cache(maxsize=16)
-def _resizing(scaled: Body, sizes: tuple[Size, ...], drawn: Body) -> Resizing:
-    """Return how a scaled body answers to sizes: the same at all that is asked about it."""
-    return Resizing.of(scaled, sizes, drawn=drawn)
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.plain import Plain, plain
@@ -134,9 +133,6 @@ class Size(Plain):
         InputError
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
-        return _offsets(self, body)
-
-    def _worked_out(self, body: Body) -> Array:
         normals, points = body.face_planes
         moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
         each = self.each if self.along is None else [None] * len(self.faces)
@@ -150,7 +146,7 @@ class Size(Plain):
         if self.faces and not moved.any():
             key, allowed = ("each", "not all 0") if self.along is None else ("along", "a direction across a face")
             raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
-        return frozen(moved)
+        return moved
 
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
@@ -307,12 +303,6 @@ class Size(Plain):
             several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
             raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
         return rows
-
-
-@lru_cache(maxsize=64)
-def _offsets(size: Size, body: Body) -> Array:
-    """Return `Size.offsets`: every question about other sizes made asks for those of the body as drawn."""
-    return size._worked_out(body)
 
 
 def _listed(name: str) -> str:

@@ -381,7 +381,7 @@ def yield_card(result: AssemblyYield) -> Card:
         ("pairs that pass", f"{result.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
         ("pairs looked at", str(result.count)),
         ("budget", number(result.budget) if math.isfinite(result.budget) else "", result.unit or "length"),
-        *((text, f"{share:.4%}") for what, text in OTHERS.items() if (share := getattr(result, what))),
+        *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(result, what))),
     ]
     bodies = [(body.body, number(body.total, 3), share_text(body.share_without)) for body in result.contributions]
     tables: list[Rows] = [

@@ -205,7 +205,7 @@ def test_pairs_outside_the_map_and_pairs_without_a_motion_fail_and_are_told():
     assert round((found.outside + found.impossible + found.share) * FEW) == FEW
     assert found.counts.sum() == round(found.share * FEW)
     assert 0.9 < sum(own.first_order for own in found.contributions) < 1.1
-    assert all(word in str(found) for word in ("outside the map", "without a motion", "pass"))
+    assert all(word in str(found) for word in ("outside", "impossible", "pass"))
     nowhere = assembly_yield(own, sizes=(Uniform(2.0, 3.0), Uniform(2.0, 3.0)), budget=9.0, count=100)
     assert (nowhere.share, nowhere.outside, nowhere.impossible) == (0.0, 1.0, 0.0)
     assert all(math.isnan(amount) for amount in nowhere.quantiles.values())

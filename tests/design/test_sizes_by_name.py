@@ -17,7 +17,6 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.question import Question
-from fcdm_opt.geometry.resizing import Resizing
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 KEY = PROBLEMS / "slot_and_key.toml"
@@ -308,19 +307,3 @@ def test_the_pose_command_tells_sizes_by_name() -> None:
     assert code == 0, said
     assert "slot_position +0.03" in text
     assert "inside the window" in text
-
-
-def test_faces_that_sizes_move_were_looked_for_anew_for_all_sizes_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the 20 s of a map of a cover in a frame these were 8, and as many to see how its parts follow."""
-    looked = list[str]()
-    found = Resizing.of
-    monkeypatch.setattr(Resizing, "of", lambda *args, **named: looked.append("") or found(*args, **named))
-    problem = fo.load_problems(PROBLEMS / "slot_and_key.toml")[0]
-    names = [size.name for size in problem.sizes]
-    first = problem.with_sizes(dict.fromkeys(names, 0.01))
-    looked.clear()
-    others = [first.with_sizes(dict.fromkeys(names, 0.01 + k / 1000.0)) for k in range(1, 4)]
-    assert looked == []
-    size = next(size for size in problem.sizes if size.body == "movable")
-    assert size.offsets(problem.request["movable"]) is size.offsets(problem.request["movable"])
-    assert len({own.movable.vertices.tobytes() for own in (first, *others)}) == 4

@@ -35,7 +35,7 @@ MOST_HELD = 2_000_000
 
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
-OTHERS = {"outside": "outside the map", "impossible": "without a motion", "undecided": "undecided"}
+OTHERS = ("outside", "impossible", "undecided")
 
 
 @dataclass(frozen=True)
@@ -167,9 +167,9 @@ class AssemblyYield(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         low, high = self.interval
-        sure = f"{low:.4%} to {high:.4%} with {100.0 * self.confidence:.6g} % confidence"
+        sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
         words = [f"{self.share:.4%} of {self.count} pairs pass ({sure})"]
-        words += [f"{share:.4%} {text}" for what, text in OTHERS.items() if (share := getattr(self, what)) > 0.0]
+        words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
         return ", ".join((*words, *self.known_to))
 
 
