@@ -390,10 +390,10 @@ def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Ve
     return one.vertices_of(_LETTERS[kind][0], own), two.vertices_of(_LETTERS[kind][1], other)
 
 
-def feature_of_site(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Feature:
+def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: tuple[int, int, int]) -> Feature:
     """Return the bodies' elements of a facet of two parts' Minkowski difference."""
-    letters = _LETTERS[site[0]]
-    return Feature(one.elements[letters[0]][site[1]], two.elements[letters[1]][site[2]])
+    both = zip((movable, static), parts, _LETTERS[site[0]], site[1:], strict=True)
+    return Feature(*(body.parts[k].elements[letter][row] for body, k, letter, row in both))
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

@@ -547,6 +547,6 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
             coarse = body.rounding > DEFAULT.drawn * body.size
             reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
             reasons.setdefault(reason, []).append(body.name)
-    why = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
+    told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
-    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {why} only come near them"]
+    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"]

@@ -12,15 +12,7 @@ from fcdm_opt.curve.contact import feature_of_site
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.lazy_import import imported
-from fcdm_opt.model.equations import (
-    FeaturePoints,
-    alignment,
-    contact_line,
-    feature_points,
-    pose,
-    separating_plane,
-    switching_point,
-)
+from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.model.true_faces import exact_where
@@ -259,7 +251,7 @@ def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], 
 
 
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
-    features = (*task.tracked, *task.untracked)
+    features, bodies = (*task.tracked, *task.untracked), (task.movable, task.static)
     asked = {"beyond": "see the switching point", FIT: "0 <= gap <= t"}.get(task.goal, "gap = 0")
     if not features:
         asked = "least gap = 0" if task.must_touch else f"gap >= {task.need:g}"
@@ -271,7 +263,7 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
         )
     return tuple(
         ContactRow(
-            _in_words(task, feature),
+            feature_of_site(*bodies, feature.parts, feature.site).in_words(*bodies),
             contact_line(task.motion, feature.kind),
             {**seeds, "feature": frozen(feature.values), "rho": frozen(task.target)},
             np.empty(0),
@@ -279,12 +271,6 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
         )
         for feature in features
     )
-
-
-def _in_words(task: Task, feature: FeaturePoints) -> str:
-    """Return the features of a row in words."""
-    one, two = (body.parts[k] for body, k in zip((task.movable, task.static), feature.parts, strict=True))
-    return feature_of_site(one, two, feature.site).in_words(task.movable, task.static)
 
 
 def _alignments(task: Task, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:

@@ -14,7 +14,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from math import comb
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
@@ -207,7 +206,7 @@ class ClashSearch:
         shared: list[list[Names]] | None = None
         for size in range(len(self.chains) + 1):
             clashing: list[Names] = []
-            if shared is None and comb(len(self.chains), size) > len(self.chains):
+            if shared is None and math.comb(len(self.chains), size) > len(self.chains):
                 shared = [chain for chain in self.chains if self.feasible(self.names - chain[-1])]
             for names in self._sets(size, shared or []):
                 if any(clash <= names for clash in clashing):
