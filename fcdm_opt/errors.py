@@ -22,8 +22,10 @@ _OTHER_WORDS = {
     **dict.fromkeys(("micrometre", "micrometer", "micron", "microns", "\N{MICRO SIGN}m".casefold()), "um"),
     **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
     **dict.fromkeys(("foot", "feet"), "ft"),
+    **{"part": "body", "bodies": "parts", "sizes": "made", "axis": "along", "face": "faces"},
+    **{"tol": "tolerance", "linspace": "grid"},
 }
-"""Names of units that are spelled otherwise in files."""
+"""Names of units that are spelled otherwise in files, and words that stand for a key elsewhere."""
 
 
 class FcdmError(Exception):

@@ -136,7 +136,7 @@ def _answered(problem: Problem, how: _How) -> Solution:
         found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE
         solution = found if found.usable or refused else solution
-    if how.effort == "quick":
+    if how.effort == "quick" and exact:
         return solution
     return with_mesh_error(solution, partial(_solved_again, how))
 

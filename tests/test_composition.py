@@ -153,8 +153,8 @@ def what_if(asked: Asked) -> None:
     scene = asked.scene
     found = fo.whatif(asked.solution, **asked.made(2.0 * OFF))
     assert found.after.amount == pytest.approx(scene.least(2.0 * OFF), **NEAR)
-    foretold = scene.least(OFF) + np.dot(scene.slopes(OFF), scene.off(OFF))
-    assert found.predicted_amount == pytest.approx(foretold, rel=1e-6, abs=STEP if asked.name == "resolution" else 1e-9)
+    expected = scene.least(OFF) + np.dot(scene.slopes(OFF), scene.off(OFF))
+    assert found.predicted_amount == pytest.approx(expected, rel=1e-6, abs=STEP if asked.name == "resolution" else 1e-9)
 
 
 def budget(asked: Asked) -> None:

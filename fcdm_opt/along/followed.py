@@ -33,7 +33,7 @@ OPENS = "the flush contact opens"
 KINDS = {
     "border": "the contact point reaches the end of its feature",
     "neighbour": "a neighbouring feature of the same bodies takes over",
-    "overlap": "another part pair takes over",
+    "overlap": "another pair of convex parts takes over",
     "opens": "a flush contact does not stay flush",
     "parallel edges": "the edges in contact become parallel",
     "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",

@@ -20,6 +20,7 @@ from fcdm_opt.along.followed import KINDS, Cause, Followed, Rest
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.naming import pair_in_words
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -190,8 +191,7 @@ class March:
     def _stopped(self, x: float, expanded: Array, steps: Array, other: PairBound) -> Stop:
         """Return the stop at x, with all that fails there."""
         if other.expansion is not None and other.parts is not None:
-            i, j = other.parts
-            cause = Cause("overlap", -1, f"part pair {i + 1}, {j + 1} comes to overlap")
+            cause = Cause("overlap", -1, f"{pair_in_words(*self._problem.active, other.parts)} come to overlap")
             return Stop(x, (cause,), other.expansion, other.condition)
         best: dict[int, int] = {}
         for row, group in enumerate(self._groups.tolist()):

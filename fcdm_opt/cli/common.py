@@ -12,7 +12,7 @@ import typer
 from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
 from fcdm_opt.cli.registry import ROWS
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
@@ -172,7 +172,8 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bo
             continue
         if not known and any(file.error for file in files):
             break  # what was said is what is wrong
-        raise InputError("no such case", key="--case", found=name, allowed=", ".join(known) or "none is there")
+        what = f"no such case{closest(name, known)}"
+        raise InputError(what, key="--case", found=name, allowed=", ".join(known) or "none is there")
     if not wanted:
         return files
     return [replace(file, problems=tuple(each for each in file.problems if each.name in wanted)) for file in files]

@@ -108,6 +108,16 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     return contact.labelled(features_along(one, two, contact, [(pose, rho)])[0])
 
 
+def facing(
+    one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array, normal: Array, gap: float
+) -> Contact:
+    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it.
+
+    Arguments as `located` takes them; `normal` from 1 to 2, unit.
+    """
+    return located(one, two, np.append(pose[:9], pose[9:] - gap * normal), contact, rho)
+
+
 def features_along(
     one: ConvexPart, two: ConvexPart, contact: Contact, places: Sequence[tuple[Array, Array]]
 ) -> list[Feature]:
@@ -377,10 +387,13 @@ def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Arr
 def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
     """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
     kind, own, other = site.tolist()
-    if kind == kernels.E1E2:
-        first, second = one.edges[own, :2].tolist(), two.edges[other, :2].tolist()
-        return tuple(first), tuple(second)
-    return (one.loops[own], (other,)) if kind == kernels.F1V2 else ((own,), two.loops[other])
+    return one.vertices_of(_LETTERS[kind][0], own), two.vertices_of(_LETTERS[kind][1], other)
+
+
+def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: tuple[int, int, int]) -> Feature:
+    """Return the bodies' elements of a facet of two parts' Minkowski difference."""
+    both = zip((movable, static), parts, _LETTERS[site[0]], site[1:], strict=True)
+    return Feature(*(body.parts[k].elements[letter][row] for body, k, letter, row in both))
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import Contact, facing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.pruning import region_between
@@ -26,7 +28,6 @@ from fcdm_opt.curve.region import Region
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
-from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.resizing import MovingPart, Resizing
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
@@ -264,15 +265,17 @@ class TouchingSizes:
         return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
     def feature(self, own: PairRows, row: int) -> Feature:
-        """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""
-        parts = [body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True)]
-        named = []
-        for part, (kind, k) in zip(parts, own.elements[row], strict=True):
-            if k < 0:  # an edge or corner that is there at other sizes only: the corner that it comes from
-                kind, k = "V", -k - 1
-            element = part.elements[kind][k]
-            named.append(element if element.kind != "E" else Element("E", element.vertices))
-        return Feature(*named)
+        """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners.
+
+        Of a part's face that lies on several of the body's own it is the one that faces the other part.
+        """
+        one, two = (body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True))
+        # an edge or corner that is there at other sizes only: the corner that it comes from
+        (kind, i), (other, j) = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in own.elements[row])
+        ends = one.vertices_of(kind, i), two.vertices_of(other, j)
+        contact = Contact(Feature(one.elements[kind][i], two.elements[other][j]), *ends)
+        pose = kernels.relative_pose(self.transform, *(body.seed for body in self.bodies))
+        return facing(one, two, pose, contact, np.ones(2), own.normals[row], own.values[row, 0]).feature
 
     # ---------------------------------------------------------------------------------------------------- worst cases
 

@@ -108,7 +108,7 @@ def check_item(value: Any, place: Place, k: int) -> None:
     item = place[k]
     if isinstance(item, str):
         if not isinstance(value, Mapping):
-            allowed = "a table, given whole first"
+            allowed = "a table: name = value in braces, in the case or as a value of its own"
             raise InputError("there is no table here", key=written(place[:k]), found=value, allowed=allowed)
     elif not isinstance(value, list | tuple):
         raise InputError("there is no list here", key=written(place[:k]), found=value, allowed="a place without [..]")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.distributions import Distribution
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array, Flags, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
@@ -103,7 +103,9 @@ def chosen_sizes(scene: Scene, over: Any) -> tuple[str, ...]:
     found = tuple(arguments.items(asked))
     if not 1 <= len({*found}) == len(found) <= MOST_OVER or not {*found} <= {*own, *scales}:
         allowed = f"one to {MOST_OVER} of {', '.join((*own, *scales))}"
-        raise InputError(f"not one to {MOST_OVER} sizes or scales", key="over", found=over, allowed=allowed)
+        unknown = next((name for name in found if isinstance(name, str) and name not in (*own, *scales)), None)
+        hint = closest(unknown, (*own, *scales)) if unknown else ""
+        raise InputError(f"not one to {MOST_OVER} sizes or scales{hint}", key="over", found=over, allowed=allowed)
     return found
 
 

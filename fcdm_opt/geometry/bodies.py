@@ -154,15 +154,18 @@ class ConvexPart(_Sealed):
         span = self.elements.spans.get((kind, k))
         if span is None:
             return [self.elements[kind][k]] * len(points)
-        corners = self.edges[k, :2] if kind == "E" else list(self.loops[k])
-        return span.at(self.vertices[corners], points)
+        return span.at(self.vertices[list(self.vertices_of(kind, k))], points)
+
+    def vertices_of(self, kind: str, k: int) -> tuple[int, ...]:
+        """Return the own vertices of vertex, edge or face k of the part: a face's in order around it."""
+        if kind == "V":
+            return (k,)
+        return self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist())
 
     def carriers(self, element: Element) -> list[tuple[int, ...]]:
         """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""
         kind, found = element.kind, sorted(self._carried.get((element.kind, frozenset(element.vertices)), ()))
-        if kind == "V":
-            return [(k,) for k in found]
-        return [self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist()) for k in found]
+        return [self.vertices_of(kind, k) for k in found]
 
     @cached_property
     def _carried(self) -> dict[tuple[str, frozenset[int]], set[int]]:

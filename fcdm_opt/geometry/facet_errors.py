@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.elements import own_elements
+from fcdm_opt.geometry.elements import Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
 from fcdm_opt.geometry.naming import (
@@ -334,6 +334,7 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
     What is left of no part after an inward move is left out.
     """
     points, hulls, parts, count = [body.vertices], list[Hull](), list[ConvexPart | None](), len(body.vertices)
+    moved = list[tuple[ConvexPart, Array]]()
     if off.min() < 0.0:
         shifts = _inward(body, off)
     else:
@@ -346,6 +347,7 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
         if made is not None:
             corners, hull = made
             hulls.append(hull._replace(used=hull.used + count))
+            moved.append((part, shift))
             points.append(corners)
             parts.append(None)
             count += len(corners)
@@ -354,12 +356,39 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
     rows = frozen(np.concatenate(points))
     faces, elements = own_elements(rows, hulls, None, body.name, apart=True)
     made_parts = (
-        ConvexPart(frozen(rows[hull.used]), body.seed, hull.loops, frozen(hull.edges, np.int64), named)
-        for hull, named in zip(hulls, elements, strict=True)
+        _named_as_drawn(
+            ConvexPart(frozen(rows[hull.used]), body.seed, hull.loops, frozen(hull.edges, np.int64), named), *drawn
+        )
+        for hull, named, drawn in zip(hulls, elements, moved, strict=True)
     )
     every = tuple(next(made_parts) if part is None else part for part in parts)
-    faces = tuple(dict.fromkeys((*body.faces, *faces)))
+    shown = {face.vertices for part in every for face in part.elements["F"]}
+    faces = tuple(dict.fromkeys((*body.faces, *(face for face in faces if face in shown))))
     return Body(body.name, rows, body.seed, every, faces, faces, facet_errors=np.zeros((len(faces), 2)))
+
+
+def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> ConvexPart:
+    """Return a part whose facets were moved, with the drawn part's names where facets stay: a plane remains one face.
+
+    Edges and corners keep theirs where all facets that meet there stay.
+    """
+    alike = np.eye(len(shift), dtype=bool)
+    if made.loops is not drawn.loops:
+        alike = made.normals @ drawn.normals.T >= 1.0 - DEFAULT.nominal
+        alike &= np.abs(made.levels[:, None] - drawn.levels) <= DEFAULT.nominal * np.abs(drawn.levels).max()
+    alike &= shift == 0.0
+    of = np.where(alike.any(axis=1), alike.argmax(axis=1), -1)
+    kept = [("F", k, row) for k, row in enumerate(of.tolist()) if row >= 0]
+    if made.loops is drawn.loops:
+        changed = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
+        kept += [("V", v, v) for v in range(len(made.vertices)) if v not in changed]
+        kept += [("E", k, k) for k, sides in enumerate(made.edges[:, 2:]) if (of[sides] >= 0).all()]
+    named, spans = {kind: [*made.elements[kind]] for kind in made.elements}, dict(made.elements.spans)
+    for kind, k, row in kept:
+        named[kind][k] = drawn.elements[kind][row]
+        if (span := drawn.elements.spans.get((kind, row))) is not None:
+            spans[kind, k] = span._replace(corners=frozen(made.vertices[list(made.vertices_of(kind, k))]))
+    return replace(made, elements=Elements(named["V"], named["E"], named["F"], spans))
 
 
 def _inward(body: Body, off: Array) -> list[Array]:
@@ -515,6 +544,9 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     for body in (movable, *others):
         if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
-            reasons.setdefault("approximation" if approximated else "tessellation", []).append(body.name)
-    told = " and ".join(f"{reason} of {' and '.join(names)}" for reason, names in reasons.items())
-    return [f"as drawn, gaps are known to {measured(f'+{out:.2g} / -{short:.2g}', unit)}: by {told}"]
+            coarse = body.rounding > DEFAULT.drawn * body.size
+            reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
+            reasons.setdefault(reason, []).append(body.name)
+    told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
+    ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
+    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"]

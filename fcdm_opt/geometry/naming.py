@@ -139,6 +139,15 @@ def is_round(told: str) -> bool:
     return " of radius " in told and not told.startswith("edge ")
 
 
+def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
+    """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1."""
+    bodies = (movable.name or "the movable part", movable), (static.name or "the static part", static)
+    both = zip(bodies, parts, strict=True)
+    return " and ".join(
+        f"convex part {k + 1} of {name}" if len(body.parts) > 1 else name for (name, body), k in both
+    )
+
+
 def with_article(told: str) -> str:
     """Return an element in words with "the", but where a number names it."""
     return told if told.startswith(("corner", "face ")) else f"the {told}"

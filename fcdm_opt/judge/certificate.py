@@ -222,7 +222,7 @@ def _unproved(solution: Solution) -> str:
     ):
         if holds:
             return why
-    return "what cells show is less than is known by other means, or nothing"
+    return "a closed form, or the distance of the parts, shows more than a search over cells of motions"
 
 
 def _by_distance(solution: Solution) -> float:

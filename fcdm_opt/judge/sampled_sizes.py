@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.true_sizes import ROLES, SizedFaces
 from fcdm_opt.errors import InputError
@@ -129,7 +130,10 @@ class GapClaims:
         assert self.largest is not None
         low, high = self.box.T
         outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
-        gaps = [self._gaps(place) for place in np.vstack([ends, others])]
+        places, gaps = np.vstack([ends, others]), []
+        for k, place in enumerate(places):
+            pacing.at("judging the gap of parts made at other sizes", k, len(places))
+            gaps.append(self._gaps(place))
         made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=True) if gap is not None]
         lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
         least, largest = self.least[0], self.largest[0]

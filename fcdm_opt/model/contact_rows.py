@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.contact import feature_of_site
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.lazy_import import imported
 from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
@@ -17,6 +19,7 @@ from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -33,7 +36,9 @@ class ContactRow:
     Attributes
     ----------
     name : str
-        What touches, or what is kept apart.
+        Which features touch, or which parts are kept apart.
+    asked : str
+        Of its outputs: "gap = 0", "apart >= 0, unit = 0".
     function : casadi.Function
         With named inputs and outputs. It is the same for all rows of its kind: vertices are inputs.
     numbers : dict
@@ -46,6 +51,7 @@ class ContactRow:
     function: Any
     numbers: Mapping[str, Array]
     start: Array
+    asked: str = ""
 
     def __call__(self, **given: Any) -> dict[str, Any]:
         """Return the outputs by name.
@@ -80,6 +86,8 @@ class ContactRows:
     limits : (k, 2) array
     weights : (k,) array
         The weighted amount is the norm of weights * q.
+    at : (k,) array
+        The motion at which features and first planes were looked for.
     resolution : (k,) array or None
         Steps of the machine that q is a whole number of, 0 where it is any; no row asks for that.
     within : float
@@ -106,6 +114,8 @@ class ContactRows:
         (q, plane, seeds, movable, static, scales, seed, need) -> apart, unit: one for each pair of convex parts of
         body 1 and of the static body or a keep-out. The parts of the sizes `scales` are apart by `need` where `apart`
         is not negative and `unit` is 0 for some `plane`, a normal and a level: four variables each.
+    unit : str
+        Of lengths, "" where the bodies name none.
     """
 
     parameters: tuple[str, ...]
@@ -119,6 +129,19 @@ class ContactRows:
     alignments: tuple[ContactRow, ...]
     switching_point: ContactRow | None
     clearances: tuple[ContactRow, ...]
+    at: Array
+    unit: str = ""
+
+    def __str__(self) -> str:
+        """Return a table of the first rows: what touches, what is asked of it, its value and slopes at `at`."""
+        text: str = imported("show.row_table:rows_text")(self)
+        return text
+
+    def __repr__(self) -> str:
+        """Return how many rows of each kind there are, on one line."""
+        counts = {"contact": self.contacts, "alignment": self.alignments, "clearance": self.clearances}
+        listed = ", ".join(f"{len(own)} {kind}{'s' * (len(own) != 1)}" for kind, own in counts.items())
+        return f"ContactRows({listed} in {', '.join(self.parameters)})"
 
 
 @known_arguments
@@ -185,6 +208,8 @@ def contact_rows(
         alignments=_alignments(task, seeds),
         switching_point=_switching_point(task, seeds),
         clearances=tuple(_clearance(task, parts, q, normal, seeds) for parts, (_, normal) in nearest.items()),
+        at=frozen(q),
+        unit=problem.unit,
     )
 
 
@@ -195,7 +220,8 @@ def _of_assembly(assembly: Assembly, at: Sequence[float] | Array | None, within:
     asked = [*each.values()][: len(assembly.contacts)]
 
     def named(kind: str, some: Iterable[tuple[str, ContactRows]]) -> tuple[ContactRow, ...]:
-        return tuple(replace(row, name=f"{name}: {row.name}") for name, own in some for row in getattr(own, kind))
+        each = ((f"{pair}: " * ("keep-out" in row.name), row) for pair, own in some for row in getattr(own, kind))
+        return tuple(replace(row, name=f"{pair}{row.name}") for pair, row in each)
 
     motions = {}
     for part in assembly.motions:  # as a fixed part sees it
@@ -225,8 +251,10 @@ def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], 
 
 
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
-    features = (*task.tracked, *task.untracked)
+    features, bodies = (*task.tracked, *task.untracked), (task.movable, task.static)
+    asked = {"beyond": "see the switching point", FIT: "0 <= gap <= t"}.get(task.goal, "gap = 0")
     if not features:
+        asked = "least gap = 0" if task.must_touch else f"gap >= {task.need:g}"
         rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
         features = tuple(
             feature_points(task.movable, task.static, site, parts, normal, rotation)
@@ -235,10 +263,11 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
         )
     return tuple(
         ContactRow(
-            task.named(feature.parts),
+            feature_of_site(*bodies, feature.parts, feature.site).in_words(*bodies),
             contact_line(task.motion, feature.kind),
             {**seeds, "feature": frozen(feature.values), "rho": frozen(task.target)},
             np.empty(0),
+            asked,
         )
         for feature in features
     )
@@ -257,6 +286,7 @@ def _alignments(task: Task, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...
             alignment(task.motion),
             {**seeds, "directions": frozen(np.concatenate(turn))},
             np.empty(0),
+            "aligned = 0",
         )
         for seat, turn in (turns[k] for k in kept)
     )
@@ -268,7 +298,9 @@ def _switching_point(task: Task, seeds: Mapping[str, Array]) -> ContactRow | Non
     one, two = task.tracked
     numbers = {**seeds, "feature_1": frozen(one.values), "feature_2": frozen(two.values)}
     name = "the tracked switching point"
-    return ContactRow(name, switching_point(task.motion, (one.kind, two.kind)), numbers, np.empty(0))
+    target = ", ".join(f"{rho:g}" for rho in task.target)
+    asked = f"rho beyond ({target})"
+    return ContactRow(name, switching_point(task.motion, (one.kind, two.kind)), numbers, np.empty(0), asked)
 
 
 def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping[str, Array]) -> ContactRow:
@@ -285,4 +317,4 @@ def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping
         "need": frozen([max(obstacle.need, 0.0)]),
     }
     function = separating_plane(task.motion, (len(one.vertices), len(two.vertices)))
-    return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]))
+    return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]), "apart >= 0, unit = 0")

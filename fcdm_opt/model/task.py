@@ -23,6 +23,7 @@ from fcdm_opt.curve.tight import TightLine
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.naming import pair_in_words
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import held, independent, seat_of, spins, untracked
@@ -287,11 +288,11 @@ class Task:
         return len(self.movable.parts) * len(self.obstacles)
 
     def named(self, parts: Parts) -> str:
-        """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
+        """Return a part pair in words: the keep-out it is with, or both bodies, of several parts each with which."""
         keep_out = self.obstacles[parts[1]].keep_out
-        if keep_out < 0:
-            return f"part pair {parts[0] + 1}, {parts[1] + 1}"
-        return f"keep-out {self.keep_out[keep_out].name!r}"
+        if keep_out >= 0:
+            return f"keep-out {self.keep_out[keep_out].name!r}"
+        return pair_in_words(self.movable, self.static, parts)
 
     def modelled(
         self, kept: Collection[Parts] = (), *, variables: int = 0, constraints: int = 0, features: int = 0

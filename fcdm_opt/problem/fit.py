@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import is_round, round_faces, told_element, with_article
+from fcdm_opt.geometry.naming import Round, is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -290,9 +290,19 @@ def true_diameters(problem: Problem, found: Misfit) -> tuple[float, float] | Non
     for drawn, body, rho, walls in zip(drawn_bodies(problem), *made, strict=True):
         labels = {tuple(sorted(own.vertices)) for own in walls if own is not None}
         pairs = zip(round_faces(drawn), round_faces(body), strict=False)
-        surface = next((now.surface for was, now in pairs if labels and labels <= {*was.faces}), None)
-        if body.surfaces is None or surface is None or surface.line is None or surface.line[1] != 0.0:
+        both = next((pair for pair in pairs if labels and labels <= {*pair[0].faces}), None)
+        if both is None or both[1].surface.line is None or both[1].surface.line[1] != 0.0:
             return None
-        widths.append(2.0 * rho * surface.radius)
+        was, now = both
+        radius = now.surface.radius
+        if body.surfaces is None:  # it goes out as its facets do, whose corners go further
+            radius = was.surface.radius + _inner_radius(body, now) - _inner_radius(drawn, was)
+        widths.append(2.0 * rho * radius)
     inner, outer = widths[found.inside], widths[1 - found.inside]
     return (inner, outer) if inner > outer else None
+
+
+def _inner_radius(body: Body, own: Round) -> float:
+    """Return how far the facets of a cylinder are from its axis."""
+    (normals, points), rows = body.face_planes, [body.face_rows[face] for face in own.faces]
+    return float(np.abs((normals[rows] * (points[rows] - own.surface.origin)).sum(axis=1)).mean())

@@ -307,11 +307,13 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def __repr__(self) -> str:
         """Return what is asked, on one line; everything else is an attribute."""
         asked = f"requirement {self.requirement}" if self.requirement else "explicit target"
-        made = ", ".join(f"{x:.6g}" for x in self.target.tolist())
+        made = f"at ({', '.join(f'{x:.6g}' for x in self.target.tolist())})"
+        if self.made:
+            asked, made = "by size", ", ".join(f"{name} {x:+.6g}" for name, x in self.made.items() if x) or "as drawn"
         steps = ", ".join(self.motion.names)
         bodies = f"{self.movable.name!r} against {self.static.name!r}"
         unit = f", {self.unit}" if self.unit else ""
-        return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made at ({made}), motion {steps}{unit})"
+        return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made {made}, motion {steps}{unit})"
 
     def play(self, q: Array) -> float:
         """Return how far a vertex of body 1 as made may move when every parameter changes by its step; 0 without.

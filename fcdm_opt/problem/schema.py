@@ -209,6 +209,10 @@ class Entry(BaseModel):
             raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 
+FILES = {"bodies": "problem file", "part": "file of an assembly", "vary": "study file, which fcdm-opt study takes"}
+"""What a file is, by a key that only such a file has."""
+
+
 def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
     """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
     file = checked_path(path, kind)
@@ -236,6 +240,9 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
         raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
     if not data:
         raise InputError("the file is empty", file=file, allowed=needed)
+    for key, other in FILES.items():
+        if key in data and key not in model.model_fields:
+            raise InputError(f"a {other}, and no {kind}", file=file, found=", ".join(data), allowed=needed)
     try:
         return checked(model, data, file)
     except RecursionError as reason:

@@ -35,8 +35,11 @@ LOOSE = 0.1
 SURE = 0.01
 """Share of an amount that its mesh may leave open for it to be called the smallest possible."""
 
+MOST_CORNERS = 8  # of a face, which are listed where derivatives are printed
+FACETED = "their round faces are facets here"
+"""Why an answer about a mesh may not be that about the parts."""
 
-UNLOOKED = 'effort "quick", a time that is over and contacts that share motions leave no look at it'
+UNLOOKED = 'it is not worked out with effort "quick", for contacts that share motions, nor when time is over'
 """Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
 
 
@@ -224,7 +227,8 @@ class Sensitivity(Plain):
         """Return the derivatives that there are as a table, by what they are; vertices and faces that count alone."""
         each: dict[str, Any] = {"scales made": self.target, **self.sizes, "clearance": self.clearance}
         each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
-        each |= {name: x for name, x in self.faces.items() if x}
+        many = ((name, name.split(","), x) for name, x in self.faces.items() if x)
+        each |= {name if len(own) <= MOST_CORNERS else f"{','.join(own[:3])},... {own[-1]}": x for name, own, x in many}
         known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
         lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
         first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
@@ -279,7 +283,7 @@ class Bounded(Plain, NotebookRepr):
     def left_by_mesh(self) -> str:
         """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it.
 
-        As "between .32 and 2.85 mm: the mesh leaves that open".
+        As "true parts need between .32 and 2.85 mm: their round faces are facets here".
         """
         low, high, unit, found = self.amount_low, self.amount_high, self.amount_unit, self.status.found
         if found and not (self.usable or self.status in IMPOSSIBLE):
@@ -287,16 +291,16 @@ class Bounded(Plain, NotebookRepr):
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
             first, *others = self.question.bodies
             known = not known_to(first, others, unit)
-            return "" if known else f"what the mesh leaves open is not known: {self._why_unknown or UNLOOKED}"
+            return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
-            needed = f"parts as small as they may be need {measured(f'{low:.4g}', unit)}"
-            return f"but the mesh leaves open whether they fit: {needed}" if low < math.inf else ""
+            needed = f", moved by {measured(f'{low:.4g}', unit)}" if low > 0.0 else ""
+            return f"but true parts may fit{needed}: {FACETED}" if low < math.inf else ""
         if high - low <= SURE * self.amount:
             return ""
         if math.isinf(high):
-            least = f"{measured(f'{low:.4g}', unit)} or more" if low > 0.0 else "how much is needed"
-            return f"{least}: the mesh leaves that open"
-        return f"between {low:.4g} and {measured(f'{high:.4g}', unit)}: the mesh leaves that open"
+            least = f"need {measured(f'{low:.4g}', unit)} or more, or do" if low > 0.0 else "may"
+            return f"true parts {least} not fit: {FACETED}"
+        return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {FACETED}"
 
     @property
     def _why_unknown(self) -> str:

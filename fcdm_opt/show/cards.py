@@ -360,7 +360,7 @@ def whatif_card(answer: WhatIf) -> Card:
     facts = [
         ("changed", ", ".join(answer.changed) or "nothing"),
         ("amount", f"{number(before.amount)} to {number(after.amount)}", after.problem.amount_unit or "length"),
-        ("foretold", told),
+        ("predicted", told),
         ("status before", before.status.name if before.status is not after.status else ""),
     ]
     kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
@@ -376,7 +376,7 @@ def yield_card(result: AssemblyYield) -> Card:
     """Return the card: the share with its interval, quantiles, and which body's tolerance matters."""
     from fcdm_opt.design.compensation.assembly_yield import OTHERS
 
-    (low, high), sure = result.interval, f"{100.0 * result.confidence:.6g} % sure"
+    (low, high), sure = result.interval, f"{100.0 * result.confidence:.6g} % confidence"
     facts = [
         ("pairs that pass", share_text(result.share, 4), f"{sure}: {low:.4%} to {high:.4%}"),
         ("pairs within the map's ends", f"{1.0 - result.outside:.4%}", f"of {result.count}, which count"),
@@ -428,13 +428,15 @@ def best_pose_card(best: BestPose) -> Card:
         ("what is made small", number(best.value), f"{length}, proved at least {number(best.lower_bound)}"),
         ("confirmed", "yes" if best.passed else "no", counted(len(best.checks), "check")),
     ]
-    mood = "bad" if best.status in (NONE, UNDECIDED) or not best.passed else "good" if best.certified else "mind"
+    facts += [("outside the fit", "yes", "limits would keep the part in")] * best.leaves_fit
+    refused = best.status in (NONE, UNDECIDED) or not best.passed or best.leaves_fit
+    mood = "bad" if refused else "good" if best.certified else "mind"
     return Card("Best pose for all sizes", facts=facts, state=best.status, mood=mood)
 
 
 def clearances_card(clearances: Clearances) -> Card:
     """Return the card: the range of the gap with what it is taken at, and the share that overlaps."""
-    sure = "95 % sure: {:.3%} to {:.3%}".format(*clearances.interference_interval)
+    sure = "{:.3%} to {:.3%} with 95 % confidence".format(*clearances.interference_interval)
     facts = [
         ("gap", f"{number(clearances.least.gap)} to {number(clearances.most.gap)}", clearances.unit or "length"),
         ("interference", f"{clearances.interference:.3%}", f"of {clearances.source}; {sure}"),

@@ -55,7 +55,7 @@ def remarks(solution: Solution) -> list[str]:
     told += [*told_solids(problem.bodies), *(() if solution.exact_of_mesh else known_gaps(problem))]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
-        told.append(f"the mesh leaves the amount open between {low:.6g} and {end}")
+        told.append(f"the true round parts need between {low:.6g} and {end}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 

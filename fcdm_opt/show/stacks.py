@@ -194,13 +194,13 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
     within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
     print_text(
         f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
-        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
+        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {100.0 * share.confidence:.6g} % confidence), "
         f"{spread.share:.4%} by root sum square"
     )
     if stack.known_to:
         print_text(
-            f"the mesh leaves open {share.share_low:.4%} to {share.share_high:.4%}, and gaps from "
-            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)} in the worst cases"
+            f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
+            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)}"
         )
     if not ends[0] <= spread.share <= ends[1]:
         print_text(

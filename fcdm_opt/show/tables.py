@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
@@ -44,6 +46,7 @@ OPTIONAL = ("published\namount", 'least\n"touch"')
 NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\nsizes")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CUT = ", exactly the solid"  # what a note on a body says first
+LONGEST_VALUE = 40  # letters of a value that was changed, which are shown
 MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
 DOUBT_WIDTH = 14  # characters, of what is said below an amount
 
@@ -108,7 +111,7 @@ def _label(feature: Any, bodies: Any) -> str:
 def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
-UNPROVED = "the bound is the solver's word, no evidence of it is kept"
+UNPROVED = "the bound is proved by the solver alone, without evidence that the judge can check"
 
 
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
@@ -191,9 +194,10 @@ def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes | str]]) -> No
             print_text(f"- {text}", indent="  ")
         if not coherent.proved:
             print_text("- a condition touches zero at rest: what is near there is not proved")
-        made = ", ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
+        scales = ", ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
+        made = f"parts made, sizes ({scales})" if (problem.target != 1.0).any() else "parts made"
         told = times if isinstance(times, str) else _spans(coherent, times.spans)
-        print_text(f"- parts made, sizes ({made}): {told}", indent="  ")
+        print_text(f"- {made}: {told}", indent="  ")
         for name, spans in ({} if isinstance(times, str) else times.keep_outs).items():
             print_text(f"- {name if ' - ' in name else f'keep-out {name}'}: {_spans(coherent, spans)}", indent="  ")
     print_text()
@@ -222,11 +226,14 @@ def print_said(result: Any) -> None:
 
 
 def print_whatif(answer: WhatIf) -> None:
-    """Print both answers, what the derivatives foretold, and what else changed."""
+    """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
-    foretold = amount_text(answer.predicted_amount)
-    rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
-    notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
+    predicted = amount_text(answer.predicted_amount)
+    rows.append({**dict.fromkeys(rows[0], ""), "": "predicted", "amount": predicted})
+    both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
+    values = ((name, *(str(plain(asked.get(name))) for asked in own)) for name, *own in both)
+    notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
+    notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
     telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
     changed = (f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling)
     notes += [labels_in_words(text, answer.after.question) for text in changed]
@@ -235,7 +242,8 @@ def print_whatif(answer: WhatIf) -> None:
 
 def print_budgets(budgets: Budgets) -> None:
     """Print the largest tolerance of each requirement, and what ends it."""
-    limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
+    unit = budgets.problem.amount_unit
+    limit = "its own limits" if budgets.limit is None else f"an amount of {measured(f'{budgets.limit:g}', unit)}"
     console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
@@ -264,10 +272,10 @@ def print_costs(costs: Costs) -> None:
     if not rows:
         print_lines(["Nothing to drop: no constraint but the goal itself."])
         return
-    foretold = any(row["foretold"] for row in rows)
-    more = '; "foretold": what its multiplier (first derivative) says is saved' if foretold else ""
+    predicted = any(row["predicted"] for row in rows)
+    more = '; "predicted": what its multiplier (first derivative) says is saved' if predicted else ""
     note = f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}."
-    print_rows(rows, numbers=("least amount then", "saved", "foretold"), optional=("foretold",), notes=[note])
+    print_rows(rows, numbers=("least amount then", "saved", "predicted"), optional=("predicted",), notes=[note])
 
 
 def print_comparison(comparison: Comparison) -> None:
@@ -342,7 +350,7 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
         "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
         "least amount then": amount_text(row.amount),
         "saved": "nothing" if nothing else f"{row.saving:.{DIGITS}g}" if math.isfinite(row.saving) else "",
-        "foretold": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
+        "predicted": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
         "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
 

@@ -263,7 +263,7 @@ def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
     told = [("points", str(len(result.points)), counts)]
     if amounts:
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
-        told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"the middle one {middle}"))
+        told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"median {middle}"))
     if (share := result.assembly_yield) is not None:
         low, high = share.interval
         sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"

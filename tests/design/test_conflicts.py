@@ -21,6 +21,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.assembly_file import load_assemblies
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
@@ -507,3 +508,19 @@ def test_a_relaxation_went_through_a_bar_without_a_word():
     assert found.note == "straight there it goes through bar"
     (found,) = conflicts(Problem(it, stop, **asked), deviation=False).relaxations
     assert found.note == ""
+
+
+def test_sets_that_leave_out_what_all_clashes_share_were_asked_one_by_one() -> None:
+    """Of an assembly: 261 questions, 11 s. Each clash is one, and no set less is: all of them are asked here."""
+    assembly = load_assemblies(CASES.parents[1] / "problems/assemblies/loop_of_four.toml")[0]
+    for name, low in {"left wedge.TX": 0.0, "right wedge.TX": -0.005, "key.TX": 0.0}.items():
+        assembly = assembly.with_limits(name, (low, 0.005))
+    found = conflicts(assembly, relax=False, deviation=False)
+    assert found.solves <= 40
+    assert len(found.clashes) == 2
+    every = {one.name for one in found.constraints}
+    for clash in found.clashes:
+        kept = {*clash.names} | {one.includes for one in found.constraints if one.name in clash.names}
+        assert clash.proved
+        for name in clash.names:
+            assert solve(without(assembly, every - kept | {name}), effort="quick").usable

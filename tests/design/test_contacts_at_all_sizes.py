@@ -207,3 +207,22 @@ def test_a_probe_on_a_surface_has_the_rows_of_its_contact() -> None:
     stack = fo.stack_up(fo.Problem(PROBE, hollow(TABLE), sizes=[top, probe], motion=Z, goal="touch"))
     assert stack.gap({"top": 0.01, "all": 0.2}) == pytest.approx(-0.21, **NEAR)
     assert fo.verify(stack).passed
+
+
+def test_a_tool_was_turned_by_eleven_degrees_for_a_worst_gap_that_it_has_at_rest() -> None:
+    """The rail's range of .07 sets the worst gap; the carriage's of .06 leaves the tool where it is drawn.
+
+    Each step of the search was corrected for its curvature by all gaps, and the rail's had no room for that.
+    """
+    rail, carriage = box((-10, -4, -2), (10, 4, 0), "rail"), box((-3, -3, 0), (3, 3, 4), "carriage")
+    tool = fo.Body.convex([(0, 0, 4), *((x, y, 7) for x in (-1, 1) for y in (-1, 1))])
+    top = fo.Size("rail top", "rail", faces=["+z"], tolerance=(-0.02, 0.05))
+    height = fo.Size("height", "carriage", faces=["+z"], tolerance=0.03)
+    lift = fo.Translation("z")
+    assembly = fo.Assembly(
+        {"rail": rail, "carriage": carriage, "tool": tool}, [("carriage", "rail"), ("tool", "carriage")],
+        sizes=[top, height], motions={"carriage": lift, "tool": lift >> fo.Rotation("x", (0, 2, 4))},
+    )  # fmt: skip
+    best = fo.best_pose(assembly)
+    assert best.worst_gap == pytest.approx(0.035, abs=1e-9)
+    assert [*best.parameters.values()] == pytest.approx([0.015, 0.0, 0.0], abs=1e-7)

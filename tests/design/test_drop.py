@@ -188,7 +188,7 @@ def test_results_are_plain_data():
     assert data["amount"] == found.solution.amount
     assert [row["saving"] for row in data["rows"]] == [row.saving for row in found.rows]
     assert data["goals"][0]["excess"] is None
-    assert str(found).startswith("amount 2.5\nwithout keep-out 'ribs': saves 0.5")
+    assert str(found).startswith("amount 2.5 mm\nwithout keep-out 'ribs': saves 0.5 mm")
 
 
 def test_the_table_says_what_was_changed_and_what_that_saves(capsys: pytest.CaptureFixture[str]):
@@ -196,7 +196,7 @@ def test_the_table_says_what_was_changed_and_what_that_saves(capsys: pytest.Capt
     text = capsys.readouterr().out
     assert ["drop", "keep-out", "'ribs'", "2", "0.5", "0.9", "verified"] in [row.split() for row in text.splitlines()]
     assert "below 0 saved: the motion gets larger" in text
-    assert '"foretold"' in text
+    assert '"predicted"' in text
     print_costs(costs("keyway", "C bottom and wall at once"))  # some other goal has no motion
     text = capsys.readouterr().out
     assert "impossible" in text or "no motion found" in text

@@ -492,3 +492,16 @@ def test_a_key_on_both_sides_of_its_slot_was_said_to_have_no_pose():
     stack = fo.stack_up(held)
     wider = [fo.Size("slot position", "static", faces=walls, along="x", tolerance=0.05)]
     assert widened(stack.touching, wider).gap([0.04]) == pytest.approx(0.06)  # as slices show it
+
+
+def test_a_pose_on_the_other_side_of_the_plate_was_told_as_any_other() -> None:
+    """A collar is pushed through a plate where that makes the gaps of all sizes a little more even."""
+    bars = [((x, x + 2), (-4, 4), (-2, 0)) for x in (-4, 2)] + [((-2, 2), (y, y + 2), (-2, 0)) for y in (-4, 2)]
+    shank, collar = ((-1.98, 1.98), (-1.98, 1.98), (-4, 0)), ((-3, 3), (-3, 3), (0, 1))
+    pin = fo.Body.from_parts([[*product(*shank)], [*product(*collar)]], seed=(0, 0, 0), name="pin")
+    plate = fo.Body.from_parts([[*product(*bar)] for bar in bars], seed=(0, 0, -1), name="plate")
+    asked = fo.Problem(pin, plate, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    for limits, outside in ({}, True), ({"TZ": (-1.0, 1.0)}, False):
+        best = fo.best_pose(asked.changed(limits=limits))
+        assert best.passed
+        assert best.leaves_fit == outside == ("outside the fit" in str(best))

@@ -66,6 +66,25 @@ def test_a_collar_on_its_walls_hid_the_play_between_them() -> None:
     assert len(stack.to_dict()["standing"]) == 2
 
 
+def prism(outline: Any, length: float, name: str) -> fo.Body:
+    """An outline in x and z, drawn out along y."""
+    corners, n = [(x, y, z) for y in (-length, length) for x, z in outline], len(outline)
+    sides = [[k, k + n, (k + 1) % n + n, (k + 1) % n] for k in range(n)]
+    return fo.Body.from_mesh(corners, [[*range(n)], [*range(2 * n - 1, n - 1, -1)], *sides], name=name)
+
+
+def test_of_two_faces_in_one_plane_the_one_across_the_slot_was_named() -> None:
+    """A T key on both sides of its slot: the part under both of its wings has their faces in one facet."""
+    key = prism([(-4, -7), (4, -7), (4, 0), (7, 0), (7, 3), (-7, 3), (-7, 0), (-4, 0)], 5.0, "key")
+    outline = [(-9, -9), (9, -9), (9, 0), (4.1, 0), (4.1, -7.5), (-4.1, -7.5), (-4.1, 0), (-9, 0)]
+    width = fo.Size("width", "movable", faces=[{"through": (x, 0, -3)} for x in (-4, 4)], each=0.5, tolerance=0.05)
+    problem = fo.Problem(key, prism(outline, 8.0, "base"), sizes=[width], motion=fo.Translation("x"), goal="clear")
+    right, left = "face 5 of key, top face no. 1 of base", "face 9 of key, top face no. 2 of base"
+    best = fo.best_pose(problem)
+    assert {*fo.stack_up(problem).standing} == {*best.standing} == {right, left}
+    assert "; verified; closed at all these sizes" in str(best)  # it was judged, and print did not say so
+
+
 def test_a_block_between_walls() -> None:
     """At the middle each side's gap is (channel - block) / 2 -+ position."""
     stack = stacked(

@@ -859,3 +859,14 @@ def test_python_arguments_are_checked_like_files(tmp_path: Path, arguments: dict
     (tmp_path / "base.toml").write_text(BASE, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         Study(**{"problem": tmp_path / "base.toml", **arguments})
+
+
+@pytest.mark.parametrize(("read", "text", "kind"), [
+    (Study.read, "[bodies.movable]", "a problem file, and no study file"),
+    (Study.read, "[[part]]", "a file of an assembly, and no study file"),
+    (fo.load_problems, "[[vary]]", "a study file, which fcdm-opt study takes, and no problem file"),
+])
+def test_a_file_of_another_kind_had_an_unknown_key(tmp_path: Path, read: Any, text: str, kind: str) -> None:
+    (tmp_path / "own.toml").write_text(text, "utf-8")
+    with pytest.raises(InputError, match=kind):
+        read(tmp_path / "own.toml")

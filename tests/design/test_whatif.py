@@ -133,7 +133,7 @@ def test_amounts_are_those_of_closed_forms() -> None:
     }
 
 
-def test_walls_that_shift_are_foretold_by_their_faces() -> None:
+def test_walls_that_shift_are_predicted_by_their_faces() -> None:
     """Peg against the lower wall: TY = .125 - S with S = 10 rho_2 - w rho_1 for a peg of half-width w."""
     before = of_file("peg_square", "against the lower wall")
     peg, target = before.problem.movable, before.problem.target
@@ -160,7 +160,7 @@ def test_walls_that_shift_are_foretold_by_their_faces() -> None:
         ({"nominal": 2}, "another switching point"),
     ],
 )
-def test_a_discrete_change_is_not_foretold(changes: dict[str, Any], reason: str) -> None:
+def test_a_discrete_change_is_not_predicted(changes: dict[str, Any], reason: str) -> None:
     found = whatif(of_file("example1_touch", "B"), **changes)
     assert np.isnan(found.predicted_amount)
     assert any(reason in text for text in found.prediction.reasons)
@@ -188,7 +188,7 @@ def test_no_derivative_where_the_requirement_is_only_just_met() -> None:
     assert "one-sided" in found.prediction.reasons[0]
 
 
-def test_nothing_is_foretold_without_a_motion_before() -> None:
+def test_nothing_is_predicted_without_a_motion_before() -> None:
     stuck = of_file("example1_touch", "B").problem.changed(limits={"TZ": (0, 1e-6), "RZ": (0, 1e-6)})
     found = whatif(stuck, limits=None)
     assert not found.before.status.found
@@ -210,11 +210,11 @@ def test_differences_name_what_changed_and_nothing_else() -> None:
     assert set(told) == {"parameters.TY", "amount", "lower_bound", "pair"}
     assert told["parameters.TY"].after - told["parameters.TY"].before == pytest.approx(-0.0975, abs=1e-9)
     assert found.change == pytest.approx(0.0975, abs=1e-9)
-    assert str(found).startswith("target changed: amount 0.32 -> 0.4175 mm (foretold 0.4175)")
+    assert str(found).startswith("target changed: amount 0.32 -> 0.4175 mm (predicted 0.4175)")
 
 
 @pytest.mark.parametrize("ends", [(-0.3, -0.2), (-0.4, -0.2), (-0.2, -0.2), (-0.4, -0.3), (-0.3, -0.3), (-0.31, -0.29)])
-def test_a_held_parameter_is_foretold_to_go_to_the_better_end_of_its_new_range(ends: tuple[float, float]) -> None:
+def test_a_held_parameter_is_predicted_to_go_to_the_better_end_of_its_new_range(ends: tuple[float, float]) -> None:
     """The peg has to go left by .1475 at least, up by .0225: the amount is the root of TX^2 + .0225^2."""
     held = of_file("peg_square", "running clearance").problem.changed(limits={"TX": (-0.3, -0.3)})
     found = whatif(held, limits={"TX": ends})
@@ -223,14 +223,14 @@ def test_a_held_parameter_is_foretold_to_go_to_the_better_end_of_its_new_range(e
     assert found.after.amount == pytest.approx(np.hypot(ends[1], 0.0225), abs=1e-8)
 
 
-def test_a_held_parameter_that_is_let_go_is_not_foretold() -> None:
+def test_a_held_parameter_that_is_let_go_is_not_predicted() -> None:
     held = of_file("peg_square", "running clearance").problem.changed(limits={"TX": (-0.3, -0.3)})
     found = whatif(held, limits={"TX": (-0.3, np.inf)})
     assert np.isnan(found.predicted_amount)
     assert found.prediction.reasons == ("the limit of TX, which holds the motion, is gone: no derivative by that",)
 
 
-def test_an_amount_foretold_below_zero_is_said_to_be_none() -> None:
+def test_an_amount_predicted_below_zero_is_said_to_be_none() -> None:
     found = whatif(of_file("peg_square", "against the lower wall"), target=(1.05, 1.0))
     assert found.predicted_amount < 0.0  # .32 - 9.75 * .07, as the peg passes the wall
     assert any(reason.startswith("below zero") for reason in found.prediction.reasons)

@@ -87,7 +87,7 @@ def test_first_steps_are_right(executed: dict[str, Any]) -> None:
     shift = (room - 0.25, 0.125 - room)
     assert shown["lift"] == pytest.approx(0.01, abs=1e-12)
     assert shown["lift at 3 %"] == pytest.approx(0.015, abs=1e-12)
-    assert shown["foretold"] == pytest.approx(0.015, abs=1e-9)
+    assert shown["predicted"] == pytest.approx(0.015, abs=1e-9)
     assert shown["turn"] == pytest.approx([-math.atan(2.0), math.atan(2.0)], abs=1e-12)
     assert shown["shift"] == pytest.approx(shift, abs=1e-9)
     assert shown["shift from the file"] == pytest.approx(shift, abs=1e-9)

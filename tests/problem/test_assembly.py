@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import replace
 from itertools import pairwise, product
 from math import atan, atan2, cos, hypot, sin, sqrt
@@ -634,8 +635,28 @@ def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
     page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
     path = tmp_path / "stack.toml"
     path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
-    (assembly,) = fo.load_assemblies(path)
-    assert flat(fo.solve(assembly)) == pytest.approx([-0.01, 0.0], abs=1e-12)
+    smaller, thick = fo.load_assemblies(path)
+    assert flat(fo.solve(smaller)) == pytest.approx([-0.01, 0.0], abs=1e-12)
+    assert flat(fo.solve(thick)) == pytest.approx([0.05, -0.02], abs=1e-12)
+    assert fo.stack_up(thick, of=("lid", "pad")).contributions[0].size == "pad height"
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "hint"),
+    [
+        ('body = "plate"', 'part = "plate"', "size[1].part: unknown key 'part', did you mean 'body'?"),
+        ('parts = ["pad", "plate"]', 'bodies = ["pad", "plate"]', "'bodies', did you mean 'parts'?"),
+        ("made = {", "sizes = {", "'sizes', did you mean 'made'?"),
+        ("tolerance = 0.03", "tol = 0.03", "'tol', did you mean 'tolerance'?"),
+    ],
+)
+def test_a_key_of_another_table_names_the_right_one(tmp_path, right: str, wrong: str, hint: str) -> None:
+    page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
+    text = page.partition("```toml\n")[2].partition("```")[0]
+    assert right in text
+    (tmp_path / "a.toml").write_text(text.replace(right, wrong), "utf-8")
+    with pytest.raises(fo.InputError, match=re.escape(hint)):
+        fo.load_assemblies(tmp_path / "a.toml")
 
 
 def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:

@@ -116,7 +116,7 @@ def test_sizes_may_be_variables():
 def test_keep_outs_are_among_the_clearances():
     post = fo.KeepOut(fo.Body.convex(0.2 * CUBE + (0.0, 4.0, 1.0), name="post"), scale=1.5, clearance=0.1)
     rows = fo.contact_rows(asked(keep_out=(post,)))
-    assert [row.name for row in rows.clearances] == ["part pair 1, 1", "keep-out 'post'"]
+    assert [row.name for row in rows.clearances] == ["probe and table", "keep-out 'post'"]
     own = rows.clearances[1]
     assert own.numbers["need"] == 0.1
     apart = own(q=np.zeros(6), plane=own.start)
@@ -139,6 +139,21 @@ def test_rows_keep_parts_out_of_the_solid_of_a_surface(up, state):
     own = [row for row in rows.clearances if "block" in row.name]
     apart = [float(np.min(row(q=(0.0, 0.0, up), plane=row.start)["apart"].full())) for row in own]
     assert {"inside": min(apart, default=1) < -0.5, "near": 0 <= min(apart, default=-1) < 0.02, "far": not own}[state]
+
+
+def test_printed_rows_were_thousands_of_letters():
+    """The tip and the table's top by hand: 0.01 too deep, and as much higher as the probe is lifted."""
+    text = str(fo.contact_rows(asked(motion=fo.Translation("z"))))
+    row = next(line for line in text.splitlines() if line.startswith("contact"))
+    assert "corner 1 of probe" in row
+    assert row.split("least gap = 0")[1].split() == ["-0.01", "TZ", "+1"]
+    teeth = [0.4 * CUBE + (k, y, -0.4) for y in (0.0, 9.0) for k in range(8)]
+    static = fo.Body.from_parts(teeth, name="comb")
+    many = fo.contact_rows(fo.Problem(PROBE, static, target=(1, 1), goal="touch", motion=SHIFT))
+    lines = str(many).splitlines()
+    assert sum(line.startswith(("contact", "clearance")) for line in lines) == 20
+    assert lines[-1] == "... and 12 more"
+    assert max(map(len, lines)) <= 200
 
 
 def test_several_features_are_to_be_named():

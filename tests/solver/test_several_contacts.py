@@ -306,7 +306,7 @@ def test_derivatives_of_contacts_are_differences_of_solve(located, changes) -> N
 
 
 @pytest.mark.parametrize("goal", ["at", "fit"])
-def test_what_scales_do_to_contacts_is_foretold_and_by_its_multiplier_what_one_costs(pocket, goal) -> None:
+def test_what_scales_do_to_contacts_is_predicted_and_by_its_multiplier_what_one_costs(pocket, goal) -> None:
     before = fo.solve(pocket.changed(goal=goal))
     found = before.sensitivity
     assert found.target == pytest.approx(np.linalg.norm([2, 1.5, 1]) * np.eye(2)[0], abs=1e-9)  # of .02 (2, 1.5, 1)

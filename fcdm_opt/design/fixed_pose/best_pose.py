@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import ROUNDS
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
@@ -21,6 +22,7 @@ from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.judge.engagement import leaves_fit
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.model.task import Task
@@ -199,6 +201,11 @@ class BestPose(NotebookRepr, Plain):
         """Whether the collision library confirms the pose."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
+    @property
+    def leaves_fit(self) -> bool:
+        """Whether the pose leaves the fit in which the parts are drawn, through the other part or out of it."""
+        return isinstance(self.problem, Problem) and leaves_fit(self.problem, tuple(self.parameters.values()))
+
     def check(self, problem: Problem) -> tuple[Check, ...]:
         """Return the independent checks of the proof, see `proof.check_proof`; none without one."""
         if self.evidence is None:
@@ -218,8 +225,13 @@ class BestPose(NotebookRepr, Plain):
         if self.fitted:  # whose least gap is made largest
             sure = "none can be better" if self.certified else "no bound proved"
             told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
-        several = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
-        return "; ".join([told, *not_counted(self.standing)]) + "".join(several if len(several) > 1 else [])
+        contacts = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
+        failed = ", ".join(own.name for own in self.checks if not own.passed)
+        not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
+        judged = "verified" if self.passed else not_passed
+        outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
+        several = "".join(contacts if len(contacts) > 1 else [])
+        return "; ".join([told, judged, *outside, *not_counted(self.standing)]) + several
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
@@ -300,6 +312,7 @@ def best_pose(
         true, further = true_sizes(problem, scales), list[Array]()
         for turn in range(2 * ROUNDS):
             true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+            pacing.at("searching for the best pose")
             worst = Worst.of(problem, scales, low, high, true)
             worst.leave_out_standing(further)
             proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere

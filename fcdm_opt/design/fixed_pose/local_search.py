@@ -81,7 +81,8 @@ def smaller(worst: Worst, start: Found, slack: float) -> Found:
             if tried is None or tried.off.value <= slack:
                 made = tried
                 break
-            values = values + tried.off.excess
+            moved = np.abs(slopes @ (tried.q - best.q)) > DEFAULT.tie * worst.scene.size  # others are not off by it
+            values = values + tried.off.excess * moved
         if made is not None and made.amount < best.amount * (1.0 - DEFAULT.line):
             best, trust = made, 2.0 * trust
         else:

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fcdm_opt.curve import kernels as curve_kernels
-from fcdm_opt.curve.contact import located, supporting_contact
+from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
@@ -264,10 +264,7 @@ class Scales(SizedBodies):
         """Return the features that face each other at an extreme, along its direction."""
         one, two = self.movable.parts[extreme.parts[0]], self.static.parts[extreme.parts[1]]
         contact = supporting_contact(one, two, extreme.way, at.pose, DEFAULT.nominal)
-        try:
-            return located(one, two, at.pose, contact, extreme.rho).feature
-        except ValueError:  # the parts are apart: what they share of several faces is not defined
-            return contact.feature
+        return facing(one, two, at.pose, contact, extreme.rho, extreme.way, extreme.gap).feature
 
 
 def _no_more(values: Array) -> float:

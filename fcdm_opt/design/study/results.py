@@ -176,7 +176,7 @@ class StudyResult(NotebookRepr):
         if amounts:
             middle = amounts[len(amounts) // 2]
             head = f"amount, {self.unit}" if self.unit else "amount"
-            lines.append(f"{head}: {amounts[0]:.6g} to {amounts[-1]:.6g}, the middle one {middle:.6g}")
+            lines.append(f"{head}: {amounts[0]:.6g} to {amounts[-1]:.6g}, median {middle:.6g}")
         if found := self.assembly_yield:
             low, high = found.interval
             lines.append(

@@ -11,6 +11,7 @@ import numpy as np
 
 from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected, known_arguments
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import truth
@@ -139,7 +140,8 @@ class Comparison:
         if best is None:
             return f"none of {len(self.table)} families has a usable motion"
         ties = f"; tied: {', '.join(best.tied)}" if best.tied else ""
-        return f"cheapest of {len(self.table)} families: {best.name}, amount {best.amount:.6g}{ties}"
+        amount = measured(f"{best.amount:.6g}", best.solution.amount_unit if best.solution else "")
+        return f"cheapest of {len(self.table)} families: {best.name}, amount {amount}{ties}"
 
 
 @known_arguments

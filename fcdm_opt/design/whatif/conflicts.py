@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.fit import unlike_steps, verdict
@@ -114,7 +115,8 @@ def conflicts(
     if whole.usable:
         what = "the problem has a motion: nothing clashes"
         allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
-        raise InputError(what, key="problem", found=f"{whole.status.name}, amount {whole.amount:.6g}", allowed=allowed)
+        amount = f"amount {measured(f'{whole.amount:.6g}', whole.amount_unit)}"
+        raise InputError(what, key="problem", found=amount, allowed=allowed)
     clashes, complete = search.smallest(whole)
     if certify:
         clashes = [search.certified(clash) for clash in clashes]

@@ -1,4 +1,4 @@
-"""The amount that first derivatives foretell for a changed question."""
+"""The amount that first derivatives predict for a changed question."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resoluti
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(Plain):
-    """What the derivatives of a solved problem foretell.
+    """What the derivatives of a solved problem predict.
 
     Attributes
     ----------

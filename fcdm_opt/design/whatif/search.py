@@ -11,7 +11,7 @@ bisection finds the least.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Any, ClassVar
@@ -199,12 +199,16 @@ class ClashSearch:
         """Return the smallest clashes, and whether these are all.
 
         Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
-        before those that include them.
+        before those that include them. Where one constraint less leaves a motion, every clash has it: with many sets of
+        a size others are not asked.
         """
         self._asked[self.names] = whole
+        shared: list[list[Names]] | None = None
         for size in range(len(self.chains) + 1):
             clashing: list[Names] = []
-            for names in self._sets(size):
+            if shared is None and math.comb(len(self.chains), size) > len(self.chains):
+                shared = [chain for chain in self.chains if self.feasible(self.names - chain[-1])]
+            for names in self._sets(size, shared or []):
                 if any(clash <= names for clash in clashing):
                     continue
                 if self.solves > MOST_ASKED:
@@ -220,9 +224,11 @@ class ClashSearch:
                 return self._clashes(clashing), True
         return self._clashes([self.names]), False
 
-    def _sets(self, size: int) -> Iterator[Names]:
-        """Yield all closed sets with constraints of `size` chains, those with weaker ones first."""
+    def _sets(self, size: int, shared: Sequence[list[Names]]) -> Iterator[Names]:
+        """Yield all closed sets with constraints of `size` chains, the `shared` among them, with weaker ones first."""
         for chains in combinations(self.chains, size):
+            if not all(chain in chains for chain in shared):
+                continue
             for levels in sorted(product(*(range(len(chain)) for chain in chains)), key=sum):
                 yield frozenset().union(*(chain[level] for chain, level in zip(chains, levels, strict=True)))
 

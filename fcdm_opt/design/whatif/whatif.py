@@ -1,4 +1,4 @@
-"""What if: change anything in a solved problem and see what changes, beside what the derivatives foretell."""
+"""What if: change anything in a solved problem and see what changes, beside what the derivatives predict."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class WhatIf(Plain, NotebookRepr):
         The arguments of `Problem`, or of `Assembly`, that were changed.
     before, after : Solution or AssemblySolution
     prediction : Prediction
-        What the derivatives of `before` foretell for the amount.
+        What the derivatives of `before` predict for the amount.
     seconds : dict
         Wall time of "before" (0 where a solution was given), "after" and "prediction" (which works the derivatives
         out where `before` has none yet).
@@ -75,12 +75,12 @@ class WhatIf(Plain, NotebookRepr):
         return tuple(_differences(self.before, self.after))
 
     def __str__(self) -> str:
-        """Return one line: the change, the amount before, after and foretold."""
+        """Return one line: the change, the amount before, after and predicted."""
         after = measured(f"{self.after.amount:.6g}", self.after.amount_unit)
         amounts = f"amount {self.before.amount:.6g} -> {after}"
-        told = f"foretold {self.predicted_amount:.6g}"
+        told = f"predicted {self.predicted_amount:.6g}"
         if np.isnan(self.predicted_amount):
-            told = "not foretold: " + ("; ".join(self.prediction.reasons) or "no amount before")
+            told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
         status = self.after.status.name
         return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {status}"
 
@@ -129,11 +129,11 @@ def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: A
     times.append(perf_counter())
     after: Any = solve(other, certify=before.evidence is not None)
     times.append(perf_counter())
-    foretold = prediction(before, other)
+    predicted = prediction(before, other)
     times.append(perf_counter())
     spans = zip(("before", "after", "prediction"), pairwise(times), strict=True)
     seconds = {name: end - start for name, (start, end) in spans}
-    return WhatIf(changed=names, before=before, after=after, prediction=foretold, seconds=seconds)
+    return WhatIf(changed=names, before=before, after=after, prediction=predicted, seconds=seconds)
 
 
 def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,55 @@
+"""Contact rows as a table: what touches, what is asked, value and slopes at a motion."""
+
+from __future__ import annotations
+
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.show.printing import print_rows, print_text
+from fcdm_opt.show.texts import number, shortened
+
+if TYPE_CHECKING:
+    from fcdm_opt.model.contact_rows import ContactRow, ContactRows
+
+MOST, LONGEST = 20, 56
+"""Rows that are listed, and letters of a name."""
+
+
+def rows_text(rows: ContactRows) -> str:
+    """Return the first rows as a table, as through a pipe, and how many more there are."""
+    kinds = {"contact": rows.contacts, "alignment": rows.alignments, "clearance": rows.clearances}
+    every = [(kind, row) for kind, own in kinds.items() for row in own]
+    every += [("switching point", rows.switching_point)] if rows.switching_point else []
+    place = ", ".join(f"{name} {number(x)}" for name, x in zip(rows.parameters, rows.at.tolist(), strict=True))
+    with redirect_stdout(StringIO()) as output:
+        units = f"; lengths in {rows.unit}, angles in radians" if rows.unit else ""
+        print_text(f"rows at {shortened(place, LONGEST)}{units}")
+        if every:
+            print_rows([_cells(kind, row, rows) for kind, row in every[:MOST]], numbers=("value",))
+        if len(every) > MOST:
+            print_text(f"... and {len(every) - MOST} more")
+    return "\n".join(map(str.rstrip, output.getvalue().rstrip().splitlines()))
+
+
+def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:
+    """Return the cells of a row: of several numbers that are to be positive the least, no slopes of several others."""
+    import casadi
+
+    name = next(own for own in ("gap", "aligned", "apart", "rho") if own in row.function.name_out())
+    q = casadi.MX.sym("q", len(rows.at))
+    out = casadi.vec(row(q=q, **({"plane": row.start} if len(row.start) else {}))[name])
+    values, slopes = (own.full() for own in casadi.Function("row", [q], [out, casadi.jacobian(out, q)])(rows.at))
+    if name == "apart":
+        values, slopes = (own[[values.argmin()]] for own in (values, slopes))
+    steep = zip(rows.parameters, slopes[0].tolist(), strict=True)
+    terms = (f"{parameter} {x:+.4g}" for parameter, x in steep if abs(x) > 1e-12)
+    return {
+        "row": kind,
+        "between": shortened(row.name, LONGEST),
+        "asked": row.asked,
+        "value": ", ".join(f"{x + 0.0:+.4g}" for x in np.round(values.ravel(), 12).tolist()),
+        "slope by each parameter": shortened(", ".join(terms), LONGEST) if values.size == 1 else "",
+    }
