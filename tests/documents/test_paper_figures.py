@@ -82,7 +82,7 @@ def test_published_motions_meet_each_requirement_and_ours_beside_them(name: str,
 
 
 def test_the_script_writes_every_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = {name: lambda name=name: figure(name) for name in ("fig3", "fig4")}
+    drawn = {name: lambda own=figure(name): own for name in ("fig3", "fig4")}
     monkeypatch.setattr(script(), "FIGURES", drawn)
     monkeypatch.setattr(sys, "argv", ["paper_figures.py", "--out", str(tmp_path / "paper")])
     script().main()
