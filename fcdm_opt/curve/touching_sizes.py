@@ -75,7 +75,7 @@ class TouchingSizes:
         By what factor the box may be widened until one of the bodies changes its shape, and the face there.
     ranges : (s, 2) array
         Of shifts of the movable body, which count as sizes behind the others.
-    standing : tuple of PairRows
+    permanent : tuple of PairRows
         Of part pairs that touch at all sizes of the box and were left out, see `of`.
     permanent_faces : set of (int, int)
         Of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count.
@@ -89,7 +89,7 @@ class TouchingSizes:
     pairs: tuple[PairRows, ...]
     reach: tuple[float, str]
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
-    standing: tuple[PairRows, ...] = ()
+    permanent: tuple[PairRows, ...] = ()
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
     as_drawn: bool = False
 
@@ -103,7 +103,7 @@ class TouchingSizes:
         transform: Any = None,
         shifts: tuple[Array, Array] | None = None,
         least: bool = True,
-        standing: bool = True,
+        permanent: bool = True,
         without: Collection[tuple[int, int]] = (),
     ) -> TouchingSizes:
         """Return them.
@@ -119,7 +119,7 @@ class TouchingSizes:
             Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
         least : bool
             Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
-        standing : bool
+        permanent : bool
             Whether part pairs count that touch at all sizes of the box, as a flange on its plate. Without them the gap
             is that of all others, unless there are no others.
         without : collection of (int, int)
@@ -182,7 +182,7 @@ class TouchingSizes:
         counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size) for i, j in counted]
         slack = DEFAULT.tie * size
-        always = [not standing and max(map(abs, _ends(own, box))) <= slack for own in pairs]
+        always = [not permanent and max(map(abs, _ends(own, box))) <= slack for own in pairs]
         if all(always):
             always = [False] * len(pairs)
         held = [own for own, left in zip(pairs, always, strict=True) if left]

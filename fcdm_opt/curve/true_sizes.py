@@ -20,8 +20,8 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.moving_faces import MovesOfFaces
 from fcdm_opt.geometry.patches import Patch, TrueFaces, nearest_on_faces, onto, true_faces
-from fcdm_opt.geometry.resizing import MovesOfFaces
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
@@ -56,7 +56,7 @@ def widened(touching: TouchingSizes, sizes: Sequence[Size], *, least: bool = Tru
     if touching.as_drawn:
         return replace(touching, sizes=tuple(sizes))
     one, two = touching.bodies
-    return touching_true_faces(one, two, sizes, transform=touching.transform, least=least, standing=False)
+    return touching_true_faces(one, two, sizes, transform=touching.transform, least=least, permanent=False)
 
 
 def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:
@@ -79,7 +79,7 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
         place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
         values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
     else:
-        touching = touching_true_faces(movable, static, sizes, least=False, standing=False)
+        touching = touching_true_faces(movable, static, sizes, least=False, permanent=False)
         values = (touching.least() if made == "worst" else touching.largest())[1].tolist()
     return dict(zip(names, values, strict=True))
 
@@ -163,7 +163,7 @@ class TrueSizes:
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
-        for pair in found.standing:
+        for pair in found.permanent:
             for row in range(len(pair.values)):
                 feature = found.feature(pair, row)
                 sides = zip(self.facets, (feature.one, feature.two), strict=True)

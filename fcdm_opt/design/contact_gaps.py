@@ -95,8 +95,8 @@ class ContactGaps:
         Length that relative tolerances refer to.
     """
 
-    standing: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
-    standing_in_words = ()
+    permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
+    permanent_in_words = ()
     covers = True
 
     def __init__(self, scene: Scene, sizes: Sizes, names: Sequence[str], *, own: bool) -> None:

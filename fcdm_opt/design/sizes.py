@@ -260,6 +260,6 @@ def proportion_interval(passed: int, count: int, confidence: float) -> tuple[flo
     return float(low), float(high)
 
 
-def not_counted(standing: Sequence[str]) -> list[str]:
+def not_counted(permanent: Sequence[str]) -> list[str]:
     """Return in words that contacts are not counted, [] where all are."""
-    return [f"closed at all these sizes, and not counted: {'; '.join(standing)}"] if standing else []
+    return [f"closed at all these sizes, and not counted: {'; '.join(permanent)}"] if permanent else []

@@ -7,7 +7,6 @@ how the part stands as long as no corner crosses a facet that it is not on (`Res
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -23,12 +22,12 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
+from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 HARDLY = 1e-3  # of a body's size: a small change of a length
@@ -107,7 +106,7 @@ class Resizing:
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
             raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed=allowed)
         facets_of = body if body.exact is None else body.exact.facets
-        face_offsets = _face_offsets(drawn or facets_of, sizes)
+        face_offsets = offsets_of_faces(drawn or facets_of, sizes)
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
         shares = _shares(facets_of, face_offsets)
         lone = np.where(shares, 0.0, face_offsets)  # faces that move as a scale does: all corners with it
@@ -233,7 +232,7 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     if not lengths:
         return scaled
     values = np.array(list(lengths.values()))
-    offsets = _face_offsets(body, tuple(lengths)) @ values
+    offsets = offsets_of_faces(body, tuple(lengths)) @ values
     if body.is_surface:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
@@ -244,58 +243,16 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
     """Return a body made with faces moved outward, (faces,), with what its facets stand for, where that is known."""
-    errors, rows = facet_errors(body) if body.surfaces is not None else None, _rows_moved(body, made, offsets)
+    errors, rows = facet_errors(body) if body.surfaces is not None else None, rows_moved(body, made, offsets)
     if rows is None:
         return made
     if errors is None:
         return made if body.facet_errors is None else replace(made, facet_errors=frozen(body.facet_errors[rows]))
-    surfaces = _moved_surfaces(body, offsets)
+    surfaces = moved_surfaces(body, offsets)
     if surfaces is None:
         return made
     surfaces = tuple((own, tuple(np.flatnonzero(np.isin(rows, of)).tolist())) for own, of in surfaces)
     return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors[rows]))
-
-
-def _rows_moved(body: Body, made: Body, offsets: Array) -> Ints | None:
-    """Return which face of a body each of a body made of it is, (faces,): where labels changed, by its plane moved."""
-    if made.faces == body.faces:
-        return np.arange(len(body.faces))
-    (normals, points), (own, places) = body.face_planes, made.face_planes
-    levels = (normals * points).sum(axis=1) + offsets
-    off = 1.0 - own @ normals.T + np.abs((own * places).sum(axis=1)[:, None] - levels) / body.size
-    rows = off.argmin(axis=1)
-    return None if off[np.arange(len(rows)), rows].max(initial=0.0) > DEFAULT.nominal else rows
-
-
-def _moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
-    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with them.
-
-    Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
-    """
-    found = list[tuple[Swept, tuple[int, ...]]]()
-    for surface, rows in round_surfaces(body):
-        moved = _moved_surface(body, rows, offsets)
-        if moved is None:
-            return None
-        found.append((surface.offset(_side(body, surface, rows[0]) * float(moved[0]), moved[1:]), rows))
-    return tuple(found)
-
-
-def _moved_surface(body: Body, rows: Sequence[int], offsets: Array) -> Array | None:
-    """Return by what length a round face is moved outward, and how it is shifted besides, (4,); None of other moves."""
-    own, normals = offsets[list(rows)], body.face_planes[0][list(rows)]
-    if np.ptp(own) <= DEFAULT.nominal * body.size:
-        return np.array([own[0], 0.0, 0.0, 0.0])
-    columns = np.column_stack([np.ones(len(rows)), normals])
-    answer = np.asarray(np.linalg.lstsq(columns, own)[0], float)
-    return answer if np.abs(columns @ answer - own).max() <= DEFAULT.nominal * body.size else None
-
-
-def _side(body: Body, surface: Swept, row: int) -> float:
-    """Return 1 where a round face has its material inside, as a shaft, and -1 of a bore."""
-    corners, owners = body.face_triangles
-    looks = surface.misses(corners[owners == row][:1].mean(axis=1))[1][0]
-    return math.copysign(1.0, looks @ body.face_planes[0][row])
 
 
 def _facets_within(
@@ -310,7 +267,7 @@ def _facets_within(
     true = MovesOfFaces.of(facets, sizes, offsets, turns)
     corners, owners = facets.face_triangles
     for surface, rows in round_surfaces(facets):
-        for row in rows if _side(facets, surface, rows[0]) > 0.0 else ():
+        for row in rows if side_of(facets, surface, rows[0]) > 0.0 else ():
             n = facets.face_planes[0][row]
             bent = surface.misses(corners[owners == row].reshape(-1, 3))[1] @ n
             moved[row] = bent.mean() * true.lengths[row] + n @ true.shifts[row]
@@ -327,56 +284,6 @@ def _facets_within(
     return found
 
 
-class MovesOfFaces(NamedTuple):
-    """How the true faces of a body answer to k sizes.
-
-    Attributes
-    ----------
-    seed : (3,) array
-    lengths : (faces, k) array
-        How far the true face that each row of `Body.faces` stands for moves outward a unit of each size.
-    shifts : (faces, 3, k) array
-        How it is shifted besides.
-    turns : (k, 3, 3) array
-        Scales: a point X moves by U (X - s) a unit of each.
-    """
-
-    seed: Array
-    lengths: Array
-    shifts: Array
-    turns: Array
-
-    @classmethod
-    def of(
-        cls, facets: Body, sizes: Sequence[Size], offsets: Array | None = None, turns: Array | None = None
-    ) -> MovesOfFaces:
-        """Return them; raises `InputError` for a size that makes something else of a round face.
-
-        By default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
-        scales.
-        """
-        offsets = _face_offsets(facets, sizes) if offsets is None else offsets
-        turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3) if turns is None else turns
-        lengths, shifts = offsets.copy(), np.zeros((len(offsets), 3, len(sizes)))
-        for _, rows in round_surfaces(facets):
-            for k, size in enumerate(sizes):
-                moved = _moved_surface(facets, rows, offsets[:, k])
-                if moved is None:
-                    raise InputError(
-                        f"a round face of body '{facets.name}' would no longer be one",
-                        key=f"size '{size.name}'.faces", found=size.faces, allowed="all of it",
-                    )  # fmt: skip
-                lengths[list(rows), k], shifts[list(rows), :, k] = moved[0], moved[1:]
-        return cls(facets.seed, lengths, shifts, turns)
-
-    def at(self, point: Array, rows: Sequence[int], normals: Array) -> Array:
-        """Return how a point moves a unit of each size with the faces of some rows that meet there, (3, k)."""
-        own = list(rows)
-        off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, self.shifts[own])
-        move = np.linalg.lstsq(normals, off)[0]
-        return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
-
-
 def _same_facets(part: ConvexPart, other: ConvexPart) -> Ints | None:
     """Return which facets of another part those of one within it are parallel to; None where it is not within."""
     cosines = part.normals @ other.normals.T
@@ -384,11 +291,6 @@ def _same_facets(part: ConvexPart, other: ConvexPart) -> Ints | None:
     if cosines.max(axis=1).min() < 1.0 - DEFAULT.nominal or out > DEFAULT.planarity * float(np.ptp(part.vertices)):
         return None
     return np.asarray(cosines.argmax(axis=1))
-
-
-def _face_offsets(body: Body, sizes: Sequence[Size]) -> Array:
-    """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
-    return np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
 
 
 def each_resized(bodies: Mapping[str, Body], values: Mapping[Size, float]) -> dict[str, Body]:
@@ -477,7 +379,7 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
         turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()
     if body.is_surface:
-        return _surface_moves(body, _face_offsets(body, (size,))[:, 0])
+        return _surface_moves(body, offsets_of_faces(body, (size,))[:, 0])
     moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices

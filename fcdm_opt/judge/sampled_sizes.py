@@ -73,7 +73,7 @@ class GapClaims:
         All sizes that are spoken of, where it is not the whole box.
     told : function of places (n, k), optional
         The gaps, (n,), that are told there. Without one only the range is told.
-    standing : sequence of (int, int)
+    permanent : sequence of (int, int)
         Part pairs that are not counted.
     permanent_faces : set of (int, int), optional
         With them the gap is that of the true faces, without these patches of both, by number in `true_faces`.
@@ -100,7 +100,7 @@ class GapClaims:
     box: Array
     listed: Array | None = None
     told: Callable[[Array], Array] | None = None
-    standing: Sequence[tuple[int, int]] = ()
+    permanent: Sequence[tuple[int, int]] = ()
     permanent_faces: frozenset[tuple[int, int]] | None = None
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
@@ -151,7 +151,7 @@ class GapClaims:
             told = self.told(np.array([place for _, place in made])).tolist()
             off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
             checks.append(_at_most("gap at sampled sizes", off, slack, lost))
-        if self.standing:
+        if self.permanent:
             wide = max(gap[2] for gap in gaps if gap is not None)
             checks.append(_at_most("contacts not counted", wide, slack, "how far open, or overlapping, at most"))
         return checks
@@ -192,13 +192,13 @@ class GapClaims:
             return gap, gap, 0.0
         if self.contact is not None:
             pair = pair.between(*self.contact[1])
-        if not self.standing:
+        if not self.permanent:
             distance, separation = pair.both_ways(scales, here)
             return float(distance[0]), float(separation[0]), 0.0
-        counted = set(product(*(range(len(body.parts)) for body in bodies))) - set(self.standing)
+        counted = set(product(*(range(len(body.parts)) for body in bodies))) - set(self.permanent)
         each, left = (
             np.array([pair.between(*parts).both_ways(scales, here) for parts in sorted(own)])[:, :, 0]
-            for own in (counted, self.standing)
+            for own in (counted, self.permanent)
         )
         return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
 

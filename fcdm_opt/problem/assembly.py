@@ -704,7 +704,7 @@ def _extreme(
         roles = dict(zip(pair[:2], ROLES, strict=True))
         own = [replace(size, body=roles[size.body]) for size in sizes if size.body in roles]
         if own:
-            touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, standing=False)
+            touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, permanent=False)
             gap, places = touching.least() if made == "worst" else touching.largest()
             found.append((sign * gap, dict(zip((size.name for size in own), places.tolist(), strict=True))))
     known = dict.fromkeys((size.name for size in sizes), 0.0)

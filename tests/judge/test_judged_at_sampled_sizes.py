@@ -110,7 +110,7 @@ def test_the_floor_that_a_key_lies_on_hid_the_play_beside_it():
     assert "closed at all these sizes, and not counted: bottom face" in str(gaps)
     assert "not counted" in str(best)
     assert fo.verify(best).passed
-    assert "contacts not counted" in failed(replace(best, standing_parts=((0, 1),)))
+    assert "contacts not counted" in failed(replace(best, permanent_parts=((0, 1),)))
     lifted = fo.Translation("x") >> fo.Translation("z")
     limits = {"TX": (-0.2, 0.2), "TZ": (-0.1, 0.1)}
     assert fo.best_pose(problem.changed(motion=lifted, limits=limits)).standing == ()

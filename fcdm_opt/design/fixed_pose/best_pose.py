@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.true_sizes import ROUNDS
+from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
@@ -93,7 +94,7 @@ class BestPose(NotebookRepr, Plain):
     standing : tuple of str
         Contacts that are closed at all sizes wherever the motion leads, a flange on its plate: not counted in gaps. A
         contact that the motion can open counts.
-    standing_parts : tuple of (int, int)
+    permanent_parts : tuple of (int, int)
         Their part pairs.
     permanent_faces : set of (int, int), or None
         Of bodies with round faces their faces, see `TouchingSizes.permanent_faces`.
@@ -125,7 +126,7 @@ class BestPose(NotebookRepr, Plain):
     unit: str = ""
     problem: Problem | Assembly | None = field(default=None, repr=False)
     standing: tuple[str, ...] = ()
-    standing_parts: tuple[tuple[int, int], ...] = ()
+    permanent_parts: tuple[tuple[int, int], ...] = ()
     permanent_faces: frozenset[tuple[int, int]] | None = None
     transforms: Mapping[str, Array] = field(default_factory=dict)
     contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -175,7 +176,7 @@ class BestPose(NotebookRepr, Plain):
             largest=(ends[1], self.most.rho),
             box=self.sizes.box,
             listed=self.sizes.pairs,
-            standing=self.standing_parts,
+            permanent=self.permanent_parts,
             permanent_faces=self.permanent_faces,
             keep_out=() if failed else [own[:2] for own in obstacles(problem)],
             others=[*others, *(self.check(problem) if proof else ())],
@@ -299,32 +300,18 @@ def best_pose(
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
     own = by_name(problem, sizes, box)
-    true = None
+    true, most = None, effort * certify
     if by_contacts(problem):
         asked, names = all_sizes(problem, sizes, box)
         fitted = is_fit(problem) and clearance is None
         ends = (WIDE * problem.size, np.inf) if fitted else (low, high)
         worst: Worst = WorstContacts.asked(problem, asked, names, *ends)
-        best = _best(worst, accuracy, effort * certify, fitted=fitted, windowed=clearance is not None)
+        best = _best(worst, accuracy, most, fitted=fitted, windowed=clearance is not None)
     else:
         assert isinstance(problem, Problem)
         scales = None if own else worst_sizes(problem, sizes, box)
-        true, further = true_sizes(problem, scales), list[Array]()
-        for turn in range(2 * ROUNDS):
-            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
-            pacing.at("searching for the best pose")
-            worst = Worst.of(problem, scales, low, high, true)
-            worst.leave_out_standing(further)
-            proves = certify and (true is None or high == np.inf)  # within round faces gaps are larger elsewhere
-            best = _best(worst, accuracy, effort * proves, fitted=False, windowed=clearance is not None)
-            extremes = best.found.off.extremes
-            if own and turn < ROUNDS and worst.opened(best.found.q):
-                further.append(best.found.q)
-                continue
-            if true is None or is_exact(true, transforms_of(problem, best.found.q)[""], extremes, own=own):
-                break
-        if true is not None and not proves:
-            best = best._replace(bound=min(best.value, 0.0), done=False)
+        asking = partial(_best, accuracy=accuracy, fitted=False, windowed=clearance is not None)
+        best, true = _of_gap(problem, scales, (low, high), asking, most)
     pose = _reported(problem, best, (low, high), own=own)
     if true is not None:
         pose = replace(pose, evidence=None, permanent_faces=frozenset(true.permanent))
@@ -383,6 +370,30 @@ def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed:
     return _Best(worst, best, search, status, value, bound, bool(done), fitted)
 
 
+def _of_gap(
+    problem: Problem, scales: Sizes | None, window: tuple[float, float], best: Callable[..., _Best], most: int
+) -> tuple[_Best, TrueSizes | None]:
+    """Return the best pose by the gap of two bodies, and their true faces where these are round.
+
+    It is looked for anew while contacts that were left out are open at the pose found, and while bodies are not exact
+    where gaps are extreme there; where that comes to no end, of the bodies' facets.
+    """
+    true, opened = true_sizes(problem, scales), list[Array]()
+    for turn in range(2 * ROUNDS):
+        true = true if turn < ROUNDS else None
+        pacing.at("searching for the best pose")
+        worst = Worst.of(problem, scales, *window, true)
+        worst.leave_out_permanent(opened)
+        proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
+        found = best(worst, effort=most * proves)
+        q, extremes = found.found.q, found.found.off.extremes
+        if scales is None and turn < ROUNDS and worst.opened(q):
+            opened.append(q)
+        elif true is None or is_exact(true, transforms_of(problem, q)[""], extremes, own=scales is None):
+            break
+    return found if true is None or (proves and most) else found._replace(bound=min(found.value, 0.0), done=False), true
+
+
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
     """Return what is told of a pose."""
     worst, best, search = found.worst, found.found, found.search
@@ -413,8 +424,8 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         seconds=0.0,
         unit=problem.unit,
         problem=problem,
-        standing=worst.scene.standing_in_words,
-        standing_parts=tuple(worst.scene.standing),
+        standing=worst.scene.permanent_in_words,
+        permanent_parts=tuple(worst.scene.permanent),
     )
 
 

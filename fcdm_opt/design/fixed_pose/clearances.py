@@ -226,7 +226,7 @@ def clearances(
                 break
         if not own:
             wider = Scales(one, two, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
-            wider.standing = scene.standing
+            wider.permanent = scene.permanent
             rows = wider.rows(here)
         gaps = rows.gaps(pairs)
     least, most = (EndOfRange.of(scene, at, end).without_rounding(problem.size) for end in extremes[:2])
@@ -248,7 +248,7 @@ def clearances(
         counts=frozen(counts, np.int64),
         edges=frozen(edges),
         unit=problem.unit,
-        standing=scene.standing_in_words,
+        standing=scene.permanent_in_words,
         on_true_faces=true is not None,
     )
 

@@ -134,7 +134,7 @@ def check_proof(
         sure of them falls short.
     """
     worst = Worst.of(problem, sizes, *window)
-    worst.leave_out_standing()
+    worst.leave_out_permanent()
     scene = worst.scene
     most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
     wanted = domain(worst, most, amount)
@@ -255,7 +255,7 @@ class _PoseExaminer:
                 continue
             kind, ways = int(own.kinds[w]), own.ways[own.way_first[w] : own.way_first[w + 1]]
             own_pair = all(0 <= parts[k] < len(self.points[k]) for k in (0, 1))
-            valid = kind == DIRECTED or (own_pair and tuple(parts.tolist()) not in self.worst.scene.standing)
+            valid = kind == DIRECTED or (own_pair and tuple(parts.tolist()) not in self.worst.scene.permanent)
             if kind == SHIFTED and valid:
                 value = self._shifted(parts, rho, T)
             elif kind == TRACKED and valid:
@@ -319,7 +319,7 @@ class _PoseExaminer:
         for i, one in enumerate(self.points[0]):
             linear, errors = self._ways(one, rho, T)
             for j, two in enumerate(self.points[1]):
-                if (i, j) in self.worst.scene.standing:
+                if (i, j) in self.worst.scene.permanent:
                     continue
                 n = ways[i * len(self.points[1]) + j]
                 values = (

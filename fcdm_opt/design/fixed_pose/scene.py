@@ -99,7 +99,7 @@ class SizedBodies:
         How far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known.
     covers : bool
         Whether rows are known at all poses of a cell, however large.
-    standing : mapping of (int, int) to Feature
+    permanent : mapping of (int, int) to Feature
         Part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count.
     """
 
@@ -109,7 +109,7 @@ class SizedBodies:
     reach: float
     nearest: float = np.inf
     covers: bool = True
-    standing: Mapping[tuple[int, int], Feature] = MappingProxyType({})
+    permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
         self.movable, self.static, self.sizes = movable, static, sizes
@@ -128,23 +128,23 @@ class SizedBodies:
     def counted(self) -> Flags:
         """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
         found = np.ones((len(self.starts[0]) - 1, len(self.starts[1]) - 1), np.bool_)
-        for own in self.standing if found.size else ():
+        for own in self.permanent if found.size else ():
             found[own] = False
         return found
 
     def leave_out(self, poses: Iterable[Array]) -> None:
         """Do not count part pairs that are closed at all sizes at each of these poses, a flange on its plate."""
         first, *others = poses
-        standing = self.closed(first)
+        permanent = self.closed(first)
         for pose in others:
-            closed = self.closed(pose) if standing else {}
-            standing = {own: feature for own, feature in standing.items() if own in closed}
-        self.standing = standing
+            closed = self.closed(pose) if permanent else {}
+            permanent = {own: feature for own, feature in permanent.items() if own in closed}
+        self.permanent = permanent
 
     @property
-    def standing_in_words(self) -> tuple[str, ...]:
+    def permanent_in_words(self) -> tuple[str, ...]:
         """What touches at all sizes and is not counted."""
-        return tuple(dict.fromkeys(own.in_words(self.movable, self.static) for own in self.standing.values()))
+        return tuple(dict.fromkeys(own.in_words(self.movable, self.static) for own in self.permanent.values()))
 
 
 class Scales(SizedBodies):
@@ -308,7 +308,7 @@ class OwnSizes(SizedBodies):
         ranges = around if self.places is None else self.places - transform[:3, 3:]
         found = TouchingSizes.of(
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
-            without=self.standing,
+            without=self.permanent,
         )  # fmt: skip
         self._kept = [found]
         return found, np.zeros(3)
@@ -316,10 +316,10 @@ class OwnSizes(SizedBodies):
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return them, by their rows."""
         transform = self._transform(pose)
-        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, standing=False)
+        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, permanent=False)
         middle = self.sizes.middle
-        rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.standing}
-        return {own.parts: at.feature(own, rows[own.parts]) for own in at.standing}
+        rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
+        return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""

@@ -121,7 +121,7 @@ class Worst:
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
 
-    def leave_out_standing(self, also: Sequence[Array] = ()) -> None:
+    def leave_out_permanent(self, also: Sequence[Array] = ()) -> None:
         """Do not count contacts that are closed at all sizes at rest, wherever the motion leads near by, and elsewhere.
 
         `also` are parameters of poses further away, at which they are closed, too.
@@ -134,7 +134,7 @@ class Worst:
 
     def opened(self, q: Array) -> bool:
         """Tell whether a contact that was left out is open at parameters q, at some sizes."""
-        return bool(self.scene.standing) and not self.scene.standing.keys() <= self.scene.closed(self.pose(q)).keys()
+        return bool(self.scene.permanent) and not self.scene.permanent.keys() <= self.scene.closed(self.pose(q)).keys()
 
     def transform(self, q: Array) -> Array:
         """Return the pose of body 1 at parameters q."""

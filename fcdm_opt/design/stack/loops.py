@@ -114,7 +114,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         pairs = [own._replace(values=values[a:b]) for own, a, b in zip(touching.pairs, first, first[1:], strict=False)]
     else:
         drawn, count = (relation.request["movable"], relation.request["static"]), len(relation.sizes)
-        touching = TouchingSizes.of(*drawn, relation.sizes, transform=pose, shifts=(moved, box), standing=False)
+        touching = TouchingSizes.of(*drawn, relation.sizes, transform=pose, shifts=(moved, box), permanent=False)
         pairs = []
         for own in touching.pairs:
             wide = own.values[:, [0, *range(1 + count, 1 + count + len(names))]].copy()

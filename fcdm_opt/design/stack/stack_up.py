@@ -186,7 +186,7 @@ class StackUp:
     @cached_property
     def standing(self) -> tuple[str, ...]:
         """Contacts that are closed at all sizes within the tolerances, a flange on its plate: not counted in gaps."""
-        pairs, bodies = self.touching.standing, self.touching.bodies
+        pairs, bodies = self.touching.permanent, self.touching.bodies
         found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
         return tuple(dict.fromkeys(feature.in_words(*bodies) for feature in found))
 
@@ -315,7 +315,7 @@ class StackUp:
             largest=largest,
             box=self.touching.box,
             told=told,
-            standing=[pair.parts for pair in self.touching.standing],
+            permanent=[pair.parts for pair in self.touching.permanent],
         )
 
     def root_sum_square(self) -> RootSumSquare:
@@ -447,6 +447,6 @@ def stack_up(
         loop = pair_loop(problem, rigid_transform(pose))
     else:
         drawn = problem.request["movable"], problem.request["static"]
-        touching = touching_true_faces(*drawn, problem.sizes, transform=pose, standing=False)
+        touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
         return StackUp(touching, between, problem.unit)
     return StackUp(loop.touching, between, problem.unit, loop)
