@@ -136,7 +136,8 @@ class NominalContact:
         """Whether there is a contact: on the curve, or one that all sizes have, with both seeds in its plane."""
         if self.nominal_contact is not None:
             return True
-        return self.goal != "beyond" and abs(float(self.curve.gap(self.nominal_pair))) <= self.contact_slack
+        slack = self.contact_slack
+        return self.goal != "beyond" and abs(self.curve.near_gap(self.nominal_pair, slack)) <= slack
 
     @cached_property
     def nominal_seats(self) -> tuple[Flush, ...]:

@@ -143,7 +143,7 @@ def _large(solution: Solution) -> list[str]:
     extents = np.array([np.ptp(rest, axis=0), np.ptp(other, axis=0)])
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
-    open_way = problem.curve.gap(solution.pair) * (1.0 + DEFAULT.touch)  # none can be met sooner
+    open_way = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
     if moved <= max(LARGE * side, GROWTH * float(change), open_way) and not through:
         return []
     way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
