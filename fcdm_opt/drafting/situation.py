@@ -16,7 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.problem.active_parts import active_bodies
 from fcdm_opt.tolerances import DEFAULT
 
@@ -65,7 +65,7 @@ class Situation:
         """Distance where the parts are apart; minus how deep they overlap: no shorter shift takes them apart."""
         gap = float(self._usual.gap(DRAWN))
         if gap < -DEFAULT.snap * self.size and (len(self.movable.parts) > 1 or len(self.static.parts) > 1):
-            gap = min(gap, -PlacedSolids(self.movable, self.static, np.array(DRAWN), np.eye(4)).depth)
+            gap = min(gap, -depth_as_drawn(self.movable, self.static, DRAWN))
         return float(self._usual.distance(DRAWN)) if gap > 0 else gap
 
     @cached_property

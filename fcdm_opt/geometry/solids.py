@@ -7,9 +7,9 @@ are not, and converge as meshes are refined.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -217,6 +217,19 @@ def convex_inside(body: Body, point: Array) -> Body:
             ahead &= (corners @ plane[:3]).min(axis=1) < -plane[3]
     inside = HalfspaceIntersection(np.array(planes), place).intersections
     return Body.convex(np.unique(inside, axis=0) + body.seed, seed=body.seed, name=f"inside {body.name}")
+
+
+def depth_as_drawn(movable: Body, static: Body, rho: Sequence[float] | Array) -> float:
+    """Return how deep two solids overlap as drawn, at a scale pair, see `PlacedSolids.depth`: asked again and again."""
+    found = _depth_as_drawn(movable, static, (float(rho[0]), float(rho[1])))
+    if pacing.over():  # it may be a bound of it alone
+        _depth_as_drawn.cache_clear()
+    return found
+
+
+@lru_cache(maxsize=4)
+def _depth_as_drawn(movable: Body, static: Body, rho: tuple[float, float]) -> float:
+    return PlacedSolids(movable, static, np.array(rho), np.eye(4)).depth
 
 
 class PlacedSolids:

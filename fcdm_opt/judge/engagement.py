@@ -24,7 +24,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds
 from fcdm_opt.problem.keep_out import KeepOut
@@ -184,7 +184,7 @@ def _comes_off(problem: Problem, T: Array) -> bool:
     deep = _depth(drawn[0], drawn[1], ahead)
     if not deep > GROWTH * change or _depth(end, others, ahead) > LEFT * deep:
         return False
-    overlap = PlacedSolids(*drawn_bodies(problem), problem.nominal_pair, REST).depth  # to be taken apart by the motion
+    overlap = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)  # to be taken apart by the motion
     return deep > GROWTH * (change + overlap)
 
 

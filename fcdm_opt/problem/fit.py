@@ -16,7 +16,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import Round, is_round, round_faces, told_element, with_article
-from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
+from fcdm_opt.geometry.solids import contains, depth_as_drawn, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -127,10 +127,9 @@ def holds(problem: Problem) -> bool:
     Parts that overlap as drawn by more than a hair hold nothing; nor do solids kept as surfaces, whose parts are thin.
     """
     drawn = drawn_bodies(problem)
-    if kept_as_surface(*drawn):
-        overlap = PlacedSolids(*drawn, problem.nominal_pair, REST).depth
-        if overlap > HAIR * min(body.size for body in drawn):
-            return False
+    hair = HAIR * min(body.size for body in drawn)
+    if kept_as_surface(*drawn) and depth_as_drawn(*drawn, problem.nominal_pair) > hair:
+        return False
     return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
 
 
