@@ -138,7 +138,7 @@ def _answered(problem: Problem, how: _How) -> Solution:
         solution = found if found.usable or refused else solution
     if how.effort == "quick" and exact:
         return solution
-    return with_mesh_error(solution, partial(_solved_again, how))
+    return with_mesh_error(solution, partial(_solved_again, how), certify=how.certify)
 
 
 def _at_once(how: _How) -> _How:

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
-MOST = 1_000_000  # pairs of pieces that are looked at, over all questions about two bodies
+MOST = 1_000_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
@@ -106,6 +106,8 @@ class FacesApart:
     Parameters
     ----------
     faces : (TrueFaces, TrueFaces)
+    most : int
+        Pairs of pieces that are looked at, over all questions.
 
     Attributes
     ----------
@@ -113,11 +115,11 @@ class FacesApart:
         Pairs of pieces that may still be looked at; below 0 nothing is shown any more.
     """
 
-    def __init__(self, faces: Sequence[TrueFaces]) -> None:
+    def __init__(self, faces: Sequence[TrueFaces], most: int = MOST) -> None:
         self._patches = [own.patches for own in faces]
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
-        self.remaining = MOST
+        self.remaining = most
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.

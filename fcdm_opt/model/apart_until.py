@@ -12,7 +12,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import true_faces
-from fcdm_opt.geometry.true_distance import FacesApart
+from fcdm_opt.geometry.true_distance import MOST, FacesApart
 from fcdm_opt.problem.problem import Problem
 
 NEAR = 5e-5  # of the motion: so near to the touch it ends
@@ -22,7 +22,7 @@ DIFFERENCE = 1e-4  # of the motion: a central difference, by which speeds are kn
 MARGIN = 1e-6
 
 
-def apart_until(problem: Problem, amount: float) -> float | None:
+def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> float | None:
     """Return an amount below which no motion makes parts touch; None where motions have several parameters.
 
     Or are no translation, rotation or screw; or where it would take long, as of faces that are near all over.
@@ -33,11 +33,13 @@ def apart_until(problem: Problem, amount: float) -> float | None:
         Whose parts are apart.
     amount : float
         Of a motion with which they touch.
+    longer : bool
+        Look at ten times as many pieces of faces.
     """
     if len(problem.motion.names) != 1 or problem.amount != "weighted" or not amount > 0.0:
         return None
     bodies = [body.scaled(scale) for body, scale in zip(problem.bodies[:2], problem.target.tolist(), strict=True)]
-    apart = FacesApart([true_faces(body) for body in bodies])
+    apart = FacesApart([true_faces(body) for body in bodies], MOST * (10 if longer else 1))
     end = amount / float(problem.weights[0])
 
     def pose(q: float) -> Array:

@@ -47,7 +47,9 @@ def facets_known(problem: Problem) -> None:
         facet_errors(body)
 
 
-def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution] | None) -> Solution:
+def with_mesh_error(
+    solution: Solution, solve: Callable[[Problem, str], Solution] | None, *, certify: bool = False
+) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
 
     Parameters
@@ -56,10 +58,12 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
     solve : callable
         Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`; None: it is told where that
         is not needed, as contacts are of plane faces.
+    certify : bool
+        Go on for longer where a bound of parts that are apart takes long.
     """
     problem = solution.problem
     if problem.exact_at is not None:
-        return _at_exact_points(solution, solve)
+        return _at_exact_points(solution, solve, certify)
     if not solution.usable and solution.status not in REFUSED:
         return solution
     errors = [facet_errors(body) for body in problem.bodies]
@@ -90,7 +94,9 @@ def with_mesh_error(solution: Solution, solve: Callable[[Problem, str], Solution
     return solution
 
 
-def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution] | None) -> Solution:
+def _at_exact_points(
+    solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool
+) -> Solution:
     """Return a solution whose parts are exact where they meet, and elsewhere within the true ones.
 
     The motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart
@@ -107,7 +113,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if solve is None or one is None or two is None:
         return solution
     with suppress(pacing.TimeOverError):
-        if (known := apart_until(problem.of_facets, amount)) is not None:
+        if (known := apart_until(problem.of_facets, amount, longer=certify)) is not None:
             return _between(solution, _least(solution, known), amount)
         outer = _Scene(one[1], two[1], ())
         seconds = max(SHORTEST, sum(solution.seconds.values()))

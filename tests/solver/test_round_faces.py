@@ -14,6 +14,7 @@ import fcdm_opt as fo
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.judge.true_faces import gap_of_true_faces
+from fcdm_opt.model import apart_until
 
 X, Y, Z = (fo.Translation(axis) for axis in np.eye(3))
 NEAR = {"rel": 1e-9, "abs": 1e-12}
@@ -94,6 +95,21 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
     solution = usable(asked(roller, block, Y))
     assert solution.amount == pytest.approx(abs(off), **NEAR)
     assert solution.amount_low == pytest.approx(abs(off), rel=1e-4)
+
+
+def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = fo.Prism([(-60, -9), (60, -9), (60, 30), (30, 30), (0, 0), (-30, 30), (-60, 30)], 60.0)
+    problem = asked(fo.Cylinder(8.0, 50.0, base=(0, 8.0 * math.sqrt(2.0) + 0.1, 5.0)), block, Y)
+    monkeypatch.setattr(apart_until, "MOST", 5_000)
+    assert usable(problem).amount_low < 0.09
+    assert usable(problem, certify=True).amount_low == pytest.approx(0.1, rel=1e-4)
+
+
+def test_a_slot_of_half_rounds_is_a_round_face_that_goes_on_in_planes() -> None:
+    """Surfaces that are smooth along an edge have one normal there: it was a singular system of equations."""
+    rounds = [fo.Cylinder(5.1, 20, base=(x, 0, -10)) for x in (-3, 3)]
+    base = fo.cut(fo.Box((40, 40, 10)), *rounds, fo.Box((6, 10.2, 20)))
+    assert usable(asked(fo.Cylinder(5.0, 30, base=(1, 0, -15)), base, Y)).amount == pytest.approx(0.1, **NEAR)
 
 
 def test_a_ball_meets_planes_cones_and_its_socket() -> None:
