@@ -22,6 +22,7 @@ ROUNDING = 1e-12  # of areas
 SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
 FEWEST = 6  # times at least; then until it tells no more
 SLACK = 1e-9  # of the band: nearer to a rim a point is on it
+SMOOTH = 0.99  # cosine of the angle of two faces from which on one goes on in the other
 KEPT = 6  # points about which it is made finer, of each two surfaces
 
 
@@ -88,16 +89,20 @@ class _There:
             points = points - height[:, None] * directions
         return points
 
-    def cut_off(self, points: Array, own: int, band: Array, least: Array) -> Flags:
-        """Tell which points are before another face than their own by so much at least and at most: not of the face."""
-        found = np.zeros(len(points), bool)
+    def cut_off(self, points: Array, own: int, band: Array, least: Array, cosine: float = np.inf) -> Flags:
+        """Tell which points are before another face than their own by so much at least and at most: not of the face.
+
+        Not those before faces to which the angle has no smaller cosine.
+        """
+        found, normals = np.zeros(len(points), bool), _height(self.patches[own][0], points)[1]
         for k in range(len(self.patches)):
             if k == own:
                 continue
             surface, side = self.patches[k]
             height, directions = _height(surface, points)
             off = side * height
-            rows = np.flatnonzero((off > least) & (off <= band) & ~found)
+            sharp = np.abs(np.einsum("ni,ni->n", normals, directions)) < cosine
+            rows = np.flatnonzero((off > least) & (off <= band) & sharp & ~found)
             feet = points[rows] - height[rows, None] * directions[rows]
             found[rows] = _over(feet, directions[rows], self.corners[self.owners == k])
         return found
@@ -151,11 +156,13 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
         rows = np.flatnonzero(inside)
         inside[rows] = _over(feet[rows], directions[rows], theirs)
         for there, face, places, far in ((own, j, points, band), (other, k, feet, band), (other, k, points, depth)):
-            if (places is points and there is other) or not there.is_round[face]:
-                rows = np.flatnonzero(inside)
-                most = np.broadcast_to(far, inside.shape)[rows]
-                least = slack - most if far is depth else np.full(len(rows), slack)  # behind the nearest face alone
-                inside[rows] = ~there.cut_off(places[rows], face, most, least)
+            if places is feet and there.is_round[face]:
+                continue
+            rows = np.flatnonzero(inside)
+            most = np.broadcast_to(far, inside.shape)[rows]
+            least = slack - most if far is depth else np.full(len(rows), slack)  # behind the nearest face alone
+            smooth = SMOOTH if there is own and own.is_round[face] else np.inf  # it goes on in such a face
+            inside[rows] = ~there.cut_off(places[rows], face, most, least, smooth)
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
