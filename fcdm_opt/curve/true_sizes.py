@@ -26,7 +26,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
-SEVERAL = 8  # points at a time
+SEVERAL = 8  # points at a time, and one of each two faces
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
 
@@ -41,12 +41,15 @@ def touching_true_faces(
     one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
     at_all = TrueSizes.of(one, two, sizes)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
-    for _ in range(ROUNDS if at_all is not None else 0):
+    for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
         apart = at_all.apart(pose)
         every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, **how)
         found = at_all.counted(every)
-        if not at_all.refined(pose, [own[::-1] for own in (found.least(), found.largest())]):
+        ends = [own[::-1] for own in (found.least(), found.largest())]
+        if not turn:  # all that may be the nearest at some sizes
+            ends.append((np.zeros(len(sizes)), ends[0][1] + 2.0 * at_all.largest_move))
+        if not at_all.refined(pose, ends):
             return replace(found, permanent_faces=frozenset(at_all.permanent))
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
 
@@ -93,6 +96,17 @@ class _TrueContact(NamedTuple):
     patches: tuple[tuple[int, ...], tuple[int, ...]]
 
 
+def _of_each_faces(contacts: Sequence[_TrueContact]) -> list[_TrueContact]:
+    """Return the nearest contact of each two faces: at edges only where faces meet nowhere else."""
+    found, known = list[_TrueContact](), set[tuple[int, int]]()
+    for own in sorted(contacts, key=lambda own: sum(map(len, own.patches))):
+        pairs = {(i, j) for i in own.patches[0] for j in own.patches[1]}
+        if not pairs & known:
+            found.append(own)
+        known |= pairs
+    return found
+
+
 class TrueSizes:
     """Two bodies with round faces that follow sizes, exact at a list of points that grows.
 
@@ -127,6 +141,11 @@ class TrueSizes:
         except InputError:
             return None
 
+    @property
+    def largest_move(self) -> float:
+        """By how much sizes change a gap at most, within their tolerances."""
+        return sum(own.largest_move(self.sizes) for own in self.faces)
+
     def _exact(self) -> tuple[Body, Body]:
         one, two = (exact_at(body, own) for body, own in zip(self.facets, self.points, strict=True))
         assert one is not None
@@ -157,9 +176,8 @@ class TrueSizes:
         placed[0] = [own @ pose[:3, :3].T + pose[:3, 3] for own in placed[0]]
         lows, highs = ([np.array([end(own, axis=0) for own in each]) for each in placed] for end in (np.min, np.max))
         apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
-        most = sum(own.largest_move(self.sizes) for own in self.faces)
         tree, points = cKDTree(np.concatenate(placed[1])), np.concatenate(placed[0])
-        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * most)
+        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * self.largest_move)
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
@@ -198,9 +216,8 @@ class TrueSizes:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
         for place, gap in claimed:
-            for own in self._nearest(pose, place, gap):
-                if own.gap >= gap - slack or len(new) >= SEVERAL:
-                    break
+            nearest = [own for own in self._nearest(pose, place, gap) if own.gap < gap - slack]
+            for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
                 both = self._drawn(0, own), self._drawn(1, own)
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):
                     new.append(both)

@@ -26,7 +26,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, is_assembly
+from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry, is_assembly
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
@@ -267,7 +267,7 @@ class SceneTables:
         found = []
         for k, table in enumerate(self.sizes, 1):
             with placed(key=f"size[{k}]"):
-                found.append(checked(SizeEntry, table).size())
+                found.append(checked(PartSizeEntry if self.assembled else SizeEntry, table).size())
         return tuple(found)
 
     def check(self) -> None:

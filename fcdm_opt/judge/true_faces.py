@@ -156,12 +156,10 @@ def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs
         rows = np.flatnonzero(inside)
         inside[rows] = _over(feet[rows], directions[rows], theirs)
         for there, face, places, far in ((own, j, points, band), (other, k, feet, band), (other, k, points, depth)):
-            if places is feet and there.is_round[face]:
-                continue
             rows = np.flatnonzero(inside)
             most = np.broadcast_to(far, inside.shape)[rows]
             least = slack - most if far is depth else np.full(len(rows), slack)  # behind the nearest face alone
-            smooth = SMOOTH if there is own and own.is_round[face] else np.inf  # it goes on in such a face
+            smooth = SMOOTH if there.is_round[face] and far is band else np.inf  # it goes on in such a face
             inside[rows] = ~there.cut_off(places[rows], face, most, least, smooth)
         if not inside.any():
             break

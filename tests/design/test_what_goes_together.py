@@ -186,3 +186,27 @@ def test_nothing_clashes_was_said_where_parts_do_not_fit() -> None:
     found = fo.conflicts(problem)
     assert [clash.names for clash in found.clashes] == [()]
     assert "none stays in the fit" in str(found)
+
+
+def test_sizes_of_a_part_from_a_file_were_said_to_be_of_no_body_of_an_assembly(tmp_path: Path) -> None:
+    corners = "\n".join(f"{x} {y} {z}" for x in (0, 4) for y in (0, 4) for z in (0, 1))
+    faces = ("0 1 3 2", "4 6 7 5", "0 4 5 1", "2 3 7 6", "0 2 6 4", "1 5 7 3")
+    listed = "\n".join(f"4 {own}" for own in faces)
+    (tmp_path / "plate.off").write_text(f"OFF\n8 6 12\n{corners}\n{listed}\n", "ascii")
+    file = tmp_path / "pile.toml"
+    file.write_text(
+        """
+        part = [
+            { name = "plate", unit = "mm", file = "plate.off" },
+            { name = "lid", unit = "mm", vertices = [[0, 0, 1], [4, 0, 1], [0, 4, 1], [0, 0, 2]], motion = "z" },
+        ]
+        contact = [{ parts = ["lid", "plate"] }]
+        size = [{ name = "height", body = "plate", faces = ["+z"], tolerance = [-0.1, 0.1] }]
+        case = [{ name = "high", made = { height = 0.05 } }]
+        """.replace('motion = "z"', 'motion = [{ translation = "z" }]'),
+        "utf-8",
+    )
+    found = CliRunner().invoke(app, ["whatif", str(file), "--set", "made.height=0.1", "--json"])
+    assert found.exit_code == 0, found.output
+    (told,) = json.loads(found.stdout)["files"][0]["cases"]
+    assert told["whatif"]["after"]["amount"] == pytest.approx(0.1)

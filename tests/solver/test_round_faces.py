@@ -224,6 +224,23 @@ def test_a_stack_up_of_a_press_fit_is_that_of_its_diameters() -> None:
     assert not all(check.passed for check in claimed.checks())
 
 
+def test_a_stack_up_looked_at_the_contact_that_is_nearest_as_drawn_alone() -> None:
+    """A stepped pin of .02 and .05 play: the small step grows by .03, its bore shrinks by .025, and they interfere."""
+    bores = fo.Cylinder(10.0, 22.0, facets=16), fo.Cylinder(6.0, 16.0, base=(0, 0, -15.5), facets=16)
+    block = fo.cut(fo.Box((40, 40, 35), centre=(0, 0, 2.5)), *bores)
+    steps = fo.Cylinder(9.98, 30.0, base=(0, 0, 0.05), facets=16), fo.Cylinder(5.95, 14.0, base=(0, 0, -13), facets=16)
+    sizes = (
+        fo.Size("small", body="movable", faces="cylinder radius 5.95", each=0.5, tolerance=(-0.03, 0.06)),
+        fo.Size("bore", body="static", faces="bore radius 6", each=-0.5, tolerance=(-0.05, 0.02)),
+    )
+    problem = asked(fo.joined(*steps), block, X, sizes=sizes, made={})
+    stack = fo.stack_up(problem)
+    assert stack.worst().least == pytest.approx(-0.005, abs=1e-9)
+    assert stack.gap({"small": 0.06, "bore": -0.05}) == pytest.approx(-0.005, abs=1e-9)
+    assert stack.worst().largest == pytest.approx(0.02, abs=1e-9)
+    assert problem.changed(made="worst").made == {"small": 0.06, "bore": -0.05}
+
+
 def test_one_pose_for_all_diameters_is_in_the_middle_of_the_bore() -> None:
     """Gaps of -.0075 to .0095 in the middle; .001 beside it they are as far off on either side."""
     problem = fit(((0.002, 0.015), (0.0, 0.021)))
