@@ -14,6 +14,7 @@ from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
+from fcdm_opt.show.remarks import beyond_tolerances
 from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts, parts_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
@@ -38,7 +39,8 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
             print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
         if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
             print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
-        for told in (*solution.stages, *solution.active) if not solution.usable else solution.stages:
+        held = () if solution.usable else solution.active
+        for told in (*beyond_tolerances(solution.assembly), *solution.stages, *held):
             print_text(f"{name}: {told}", indent="   ")
         if solution.doubt and not solution.usable:
             print_text(f"{name}: {solution.doubt}", indent="   ")

@@ -53,6 +53,7 @@ def remarks(solution: Solution) -> list[str]:
     problem = solution.problem
     low, high = solution.amount_low, solution.amount_high
     told += [*told_solids(problem.bodies), *(() if solution.exact_of_mesh else known_gaps(problem))]
+    told += beyond_tolerances(problem)
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the true round parts need between {low:.6g} and {end}")
@@ -63,6 +64,17 @@ def known_gaps(scene: Scene) -> list[str]:
     """Return how well gaps of a scene's bodies are known, where that is less than the digits of files."""
     first, *others = scene.bodies
     return known_to(first, others, scene.unit)
+
+
+def beyond_tolerances(scene: Scene) -> list[str]:
+    """Return which sizes made are outside of their tolerances, in a sentence: a slip of a digit looks like that."""
+    found = []
+    for size in scene.sizes if scene.made else ():
+        (low, high), off = size.tolerance or (-math.inf, math.inf), scene.made[size.name]
+        if not low <= off <= high:
+            ends = f"{low:+g} to {high:+g}"
+            found.append(f"{size.name} {measured(f'{off:+g}', scene.unit if size.is_length else '')} ({ends})")
+    return [f"made beyond the tolerance: {', '.join(found)}"] if found else []
 
 
 def _frames(solution: Solution) -> list[str]:

@@ -210,3 +210,6 @@ def test_sizes_of_a_part_from_a_file_were_said_to_be_of_no_body_of_an_assembly(t
     assert found.exit_code == 0, found.output
     (told,) = json.loads(found.stdout)["files"][0]["cases"]
     assert told["whatif"]["after"]["amount"] == pytest.approx(0.1)
+    file.write_text(file.read_text("utf-8").replace("height = 0.05", "height = 0.5"), "utf-8")
+    said = CliRunner().invoke(app, ["solve", str(file)]).output  # a slip of a digit was taken without a word
+    assert "high: made beyond the tolerance: height +0.5 mm (-0.1 to +0.1)" in said
