@@ -52,8 +52,8 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
     low, high = solution.amount_low, solution.amount_high
-    told += [*told_solids(problem.bodies), *(() if solution.exact_of_mesh else known_gaps(problem))]
-    told += beyond_tolerances(problem)
+    known = () if solution.exact_of_mesh else known_gaps(problem)
+    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem)]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the true round parts need between {low:.6g} and {end}")
