@@ -19,7 +19,16 @@ from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts,
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import CLOSED, NOTHING, amount_text, bound_line, bound_text, described, made_as, values_by_part
+from fcdm_opt.show.texts import (
+    CLOSED,
+    NOTHING,
+    amount_text,
+    bound_line,
+    bound_text,
+    described,
+    made_text,
+    values_by_part,
+)
 from fcdm_opt.show.verdict import instruction_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
@@ -55,7 +64,7 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
     assembly, moved = solution.assembly, values_by_part(solution).items()
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
-        (part, assembly.follows.get(part, "-"), made_as(assembly, part), motion,
+        (part, assembly.follows.get(part, "-"), made_text(assembly, part), motion,
          amount_text(solution.amounts.get(part)))
         for part, motion in {**told, **dict.fromkeys(assembly.fixed, "fixed")}.items()
     ]  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.problem.fit import FAR
@@ -22,7 +23,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, off_drawn, proved_least
 from fcdm_opt.show.verdict import name_of
 from fcdm_opt.tolerances import DEFAULT
 
@@ -70,11 +71,16 @@ def beyond_tolerances(scene: Scene) -> list[str]:
     """Return which sizes made are outside of their tolerances, in a sentence: a slip of a digit looks like that."""
     found = []
     for size in scene.sizes if scene.made else ():
-        (low, high), off = size.tolerance or (-math.inf, math.inf), scene.made[size.name]
-        if not low <= off <= high:
-            ends = f"{low:+g} to {high:+g}"
-            found.append(f"{size.name} {measured(f'{off:+g}', scene.unit if size.is_length else '')} ({ends})")
+        off = scene.made[size.name]
+        if is_beyond(size, off):
+            low, high = (off_drawn(size, end, "") for end in size.tolerance or ())
+            found.append(f"{size.name} {off_drawn(size, off, scene.unit)} ({low} to {high})")
     return [f"made beyond the tolerance: {', '.join(found)}"] if found else []
+
+
+def is_beyond(size: Size, off: float) -> bool:
+    """Tell whether a deviation of a size is outside of its tolerance, if it has one."""
+    return size.tolerance is not None and not size.tolerance[0] <= off <= size.tolerance[1]
 
 
 def _frames(solution: Solution) -> list[str]:

@@ -129,7 +129,7 @@ def sizes_text(scene: Scene, of: str | None = None) -> str:
     return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
 
 
-def made_as(assembly: Assembly, part: str) -> str:
+def made_text(assembly: Assembly, part: str) -> str:
     """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
     scale = assembly.scales[part]
     return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"

@@ -12,7 +12,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.show.remarks import known_gaps
+from fcdm_opt.show.remarks import is_beyond, known_gaps
 from fcdm_opt.show.texts import NONE, listed, off_drawn, shown
 
 STACKED = 3.0  # seconds that a stack-up may take: beside an answer
@@ -34,7 +34,7 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
             "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
             "made": NONE if np.isnan(made) else f"{made:.{PLACES}g}",
-            "off": off_drawn(size, off, "") if off else "", "beyond": bool(ends and not ends[0] <= off <= ends[1]),
+            "off": off_drawn(size, off, "") if off else "", "beyond": is_beyond(size, off),
         })  # fmt: skip
     return rows
 
@@ -70,7 +70,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         return {"notes": [f"no stack-up: {'left out for time, `fcdm-opt stack` has it' if late else reason}"]}
     if found.known_to:
         low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
-        notes.append(f"the mesh leaves open gaps from {low} to {high} in the worst cases")
+        notes.append(f"worst cases of the true round parts are from {low} to {high}")
     return {
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
