@@ -86,7 +86,7 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Arra
     depth = DEEP * min(width, faces.depth(point, -middle))
     if not min(width, depth) > SMALL * size:
         return None
-    if len(patches) == 1:
+    if len(patches) == 1 or norms(cross(normals[0], normals[1])) < DEFAULT.sharp:  # a face, or smooth along an edge
         _, frame = np.linalg.eigh(patches[0].bends(point[None])[0])
         one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
         directions = [one, -one, two, -two]

@@ -109,6 +109,9 @@ def test_a_slot_of_half_rounds_is_a_round_face_that_goes_on_in_planes() -> None:
     """Surfaces that are smooth along an edge have one normal there: it was a singular system of equations."""
     rounds = [fo.Cylinder(5.1, 20, base=(x, 0, -10)) for x in (-3, 3)]
     base = fo.cut(fo.Box((40, 40, 10)), *rounds, fo.Box((6, 10.2, 20)))
+    made = exact_at(base, [[3.0, 5.1, 0.0]])  # on such an edge: it was an error
+    assert made is not None
+    assert len(made.parts) == len(base.parts) + 1
     assert usable(asked(fo.Cylinder(5.0, 30, base=(1, 0, -15)), base, Y)).amount == pytest.approx(0.1, **NEAR)
 
 
