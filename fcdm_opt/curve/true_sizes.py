@@ -21,8 +21,9 @@ from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
-from fcdm_opt.geometry.patches import Patch, TrueFaces, nearest_on_faces, onto, true_faces
+from fcdm_opt.geometry.patches import Patch, TrueFaces, nearest_on_faces, true_faces
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.tessellation import onto
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
@@ -263,7 +264,7 @@ class TrueSizes:
     def _drawn(self, role: int, own: _TrueContact) -> Array:
         """Return the point as drawn that a contact's point at sizes is of."""
         patches = true_faces(self.facets[role]).patches
-        return onto(own.points[role][None], [patches[k] for k in own.patches[role]])[0]
+        return onto(own.points[role][None], [patches[k].surface for k in own.patches[role]])[0]
 
 
 def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[list[int], Array]:

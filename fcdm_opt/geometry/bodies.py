@@ -34,13 +34,13 @@ from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
-from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh
+from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces
+from fcdm_opt.geometry.tessellation import RoundFaces, centroid_within, errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.tolerances import DEFAULT
@@ -403,19 +403,21 @@ class Body(_Sealed, NotebookRepr):
         """
         if faces is None:
             return as_body(vertices, decomposition=decomposition, seed=seed, name=name, unit=unit)
-        mesh = checked_mesh(vertices, faces, name=name)
+        return cls._of_mesh(checked_mesh(vertices, faces, name=name), decomposition, seed)._in(unit)
+
+    @classmethod
+    def _of_mesh(cls, mesh: Mesh, decomposition: Method, seed: Seed) -> Body:
+        name = mesh.name
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
         pacing.check()
         made = decompose(mesh, origin, method=decomposition)
         pacing.check()
         apart = made.method == "coacd"
         if made.made is not None:
-            body = cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)
-            return body._in(unit)
+            return cls._of_surface(made.made, origin, name, notes=(made.why, *mesh.repairs), moved=mesh.moved)
         body = cls._made(made.points, list(made.parts), None, origin, name, surface=made.surface, apart=apart)
         out, short = made.deviation
-        body = replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
-        return body._in(unit)
+        return replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
 
     @classmethod
     @known_arguments
@@ -462,7 +464,11 @@ class Body(_Sealed, NotebookRepr):
         own_name = called(path) if name is None else name
         pacing.at(f"making a solid of {own_name}: {len(read.faces)} faces")
         try:
-            body = cls.from_mesh(read.vertices, read.faces, decomposition=decomposition, seed=seed, name=own_name)
+            mesh, origin = checked_mesh(read.vertices, read.faces, name=own_name), seed
+            if read.surfaces is not None and isinstance(seed, str) and seed == "centroid":
+                middle = centroid_within(mesh.vertices[mesh.triangles], mesh.triangle_faces, read.surfaces)
+                origin = seed if middle is None else middle
+            body = cls._of_mesh(mesh, decomposition, origin)
         except InputError as reason:
             try:  # each may be a solid by itself
                 alone = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]

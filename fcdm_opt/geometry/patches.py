@@ -21,7 +21,7 @@ from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.polygons import distances
-from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.geometry.tessellation import Swept, inverse_of, onto, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -30,7 +30,6 @@ FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
-TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
 
 
 class Patch(NamedTuple):
@@ -85,23 +84,15 @@ class TrueFaces:
     def __init__(self, body: Body) -> None:
         self.body = body
         self.corners, self.rows = body.face_triangles
-        self.owners = np.full(len(self.rows), -1)
-        patches, normals = list[Patch](), unit_normals(self.corners)
-        for surface, faces in round_surfaces(body):
-            own = np.isin(self.rows, faces)
-            looks = surface.misses(self.corners[own].mean(axis=1))[1]
-            side = 1.0 if (looks * normals[own]).sum() > 0.0 else -1.0
-            self.owners[own] = len(patches)
-            patches.append(Patch(surface, side))
-        self.is_round = np.zeros(len(patches) + len(body.faces), bool)
-        self.is_round[: len(patches)] = True
-        flat = self.owners < 0
-        for face in np.unique(self.rows[flat]).tolist():
-            own = flat & (self.rows == face)
-            k = int(np.flatnonzero(own)[0])
-            self.owners[own] = len(patches)
-            patches.append(Patch(Swept(self.corners[k, 0], normals[k], (0.0, -1.0), 0.0, 0.0), 1.0))
-        self.patches, self.is_round = tuple(patches), self.is_round[: len(patches)]
+        rounds, normals = round_surfaces(body), unit_normals(self.corners)
+        surfaces, self.owners = surfaces_of_triangles(self.corners, self.rows, rounds)
+        self.is_round = np.arange(len(surfaces)) < len(rounds)
+        patches = list[Patch]()
+        for k, surface in enumerate(surfaces):
+            own = self.owners == k
+            looks = surface.misses(self.corners[own].mean(axis=1))[1] if self.is_round[k] else normals[own]
+            patches.append(Patch(surface, 1.0 if (looks * normals[own]).sum() > 0.0 else -1.0))
+        self.patches = tuple(patches)
         self._join(normals)
 
     def _join(self, normals: Array) -> None:
@@ -374,7 +365,8 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
     """
     if not on:
         return points  # corners
-    points = onto(points, on)
+    surfaces = [own.surface for own in on]
+    points = onto(points, surfaces)
     gap, normal = against.gaps(points)
     moving = np.arange(len(points))
     for _ in range(STEPS):
@@ -386,7 +378,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
         moving, here, own, tangents, slope, pulled = (x[steep] for x in (moving, here, own, tangents, slope, pulled))
         if not len(moving):
             break
-        pull = _inverse(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
+        pull = inverse_of(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
         bends = against.bends(here) - sum(pull[:, k, :, None] * each.bends(here) for k, each in enumerate(on))
         values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
         share = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
@@ -395,7 +387,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
         move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
-            trial = onto(here[trying] + 0.5**halved * move[trying], on)
+            trial = onto(here[trying] + 0.5**halved * move[trying], surfaces)
             its_gap, its_normal = against.gaps(trial)
             less = its_gap < gap[moving[trying]]
             rows = moving[trying[less]]
@@ -406,22 +398,3 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
                 break
         moving = moving[lower]
     return points
-
-
-def onto(points: Array, on: Sequence[Patch]) -> Array:
-    """Return points moved onto surfaces, the nearest way."""
-    for _ in range(8 if on else 0):
-        off, normals = zip(*(each.gaps(points) for each in on), strict=True)
-        rows, gap = np.stack(normals, axis=1), np.stack(off, axis=1)
-        step = rows.transpose(0, 2, 1) @ _inverse(rows @ rows.transpose(0, 2, 1)) @ gap[:, :, None]
-        points = points - step[..., 0]
-        if np.abs(gap).max(initial=0.0) < 1e-14 * np.abs(points).max(initial=0.0):
-            break
-    return points
-
-
-def _inverse(products: Array) -> Array:
-    """Return the inverses of the products of one or two normals; of surfaces that touch along an edge as if of one."""
-    if products.shape[-1] == 1:
-        return 1.0 / products
-    return np.asarray(np.linalg.pinv(products, rcond=TANGENT, hermitian=True))

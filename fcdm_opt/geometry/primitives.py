@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, numbers
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
-from fcdm_opt.geometry.tessellation import Surfaces, Swept, errors_of_faces
+from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.tessellation import Surfaces, Swept, centroid_within, errors_of_faces
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.tolerances import DEFAULT
 
@@ -170,7 +171,8 @@ def Cone(  # noqa: N802
     line = (tall / slope, (high - low) / slope)
     apex = 0.0 if low == high else -low * tall / (high - low)
     surface = Swept(start + apex * frame[2], frame[2], line, 0.0, low if low == high else 0.0)
-    return _with_surfaces(body, [_plane(start, -frame[2]), _plane(start + tall * frame[2], frame[2]), surface])
+    ends = Swept.plane(start, -frame[2]), Swept.plane(start + tall * frame[2], frame[2])
+    return _with_surfaces(body, [*ends, surface])
 
 
 @known_arguments
@@ -307,8 +309,11 @@ def _combined(
     if not len(triangles):
         raise InputError("nothing is left of it", key=what, found=body.name)
     points, surfaces = _onto_surfaces(points, triangles, (body, *others))
-    made = Body.from_mesh(points, triangles, name=body.name if name is None else name, unit=body.unit)
-    return _with_surfaces(made, surfaces)
+    mesh = checked_mesh(points, triangles, name=body.name if name is None else name)
+    within = DEFAULT.cut * float(norms(np.ptp(points, axis=0)))
+    middle = centroid_within(mesh.vertices[mesh.triangles], mesh.triangle_faces, Surfaces(tuple(surfaces), 0.0, within))
+    seed: Seed = "centroid" if middle is None else middle
+    return _with_surfaces(Body.from_mesh(points, triangles, name=mesh.name, seed=seed, unit=body.unit), surfaces)
 
 
 def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> tuple[Array, list[Swept]]:
@@ -331,7 +336,7 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
             of[((np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (off <= near)).any(axis=1)] = len(surfaces)
             surfaces.append(surface)
     (flat,) = np.nonzero(of < 0)
-    planes = [_plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
+    planes = [Swept.plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
     touched = np.unique(corners[owners < len(surfaces)])
@@ -342,10 +347,6 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
             misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)
             moved[v] -= np.linalg.lstsq(np.concatenate(slopes), np.concatenate(misses), rcond=DEFAULT.sharp)[0]
     return moved, [*surfaces, *planes]
-
-
-def _plane(point: Array, normal: Array) -> Swept:
-    return Swept(point, normal, (0.0, -1.0), 0.0, 0.0)
 
 
 def _with_surfaces(body: Body, surfaces: Sequence[Swept]) -> Body:

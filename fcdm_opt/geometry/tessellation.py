@@ -7,16 +7,20 @@ a point is from the axis, and along it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, volume_and_centroid
+from fcdm_opt.tolerances import DEFAULT
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
 CUTS = 8  # of a side of a triangle on a torus, at whose corners it is looked at
+SPLITS = 1, 2, 4, 8  # of the sides of triangles, from which the true volume is extrapolated
 ALONG = 0.7  # cosine: triangles of a surface are turned against it by less
+TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -44,6 +48,11 @@ class Swept(NamedTuple):
     def flat(self) -> bool:
         """Whether it is a plane."""
         return self.line == (0.0, -1.0)
+
+    @classmethod
+    def plane(cls, point: Array, normal: Array) -> Self:
+        """Return a plane through a point with a unit normal."""
+        return cls(point, normal, (0.0, -1.0), 0.0, 0.0)
 
     @classmethod
     def of(cls, primitive: Any) -> Self:
@@ -228,3 +237,105 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
     np.maximum.at(found, owners, errors)
     own = tuple((each, tuple(np.flatnonzero(chosen == k).tolist())) for k, each in enumerate(rounds))
     return np.where(found > surfaces.within, found, 0.0), tuple(each for each in own if each[1])
+
+
+def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tuple[list[Swept], Ints]:
+    """Return surfaces, round ones first, then planes of other faces, and which of them each triangle is of, (t,).
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) array
+        Triangles of the faces, wound outwards.
+    rows : (t,) int array
+        The face that each is of.
+    rounds : RoundFaces
+    """
+    surfaces, owners = [surface for surface, _ in rounds], np.full(len(rows), -1)
+    for k, (_, faces) in enumerate(rounds):
+        owners[np.isin(rows, faces)] = k
+    flat = np.flatnonzero(owners < 0)
+    _, first, which = np.unique(rows[flat], return_index=True, return_inverse=True)
+    owners[flat] = len(surfaces) + which.reshape(-1)
+    normals = unit_normals(corners[flat[first]])
+    surfaces += map(Swept.plane, corners[flat[first], 0], normals)
+    return surfaces, owners
+
+
+def centroid_within(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | None:
+    """Return the centroid of the true solid, (3,); None where no face is round. See `errors_of_faces`."""
+    rounds = errors_of_faces(corners, rows, int(rows.max()) + 1, surfaces)[1]
+    return true_centroid(corners, *surfaces_of_triangles(corners, rows, rounds)) if rounds else None
+
+
+def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
+    """Return the centroid of the solid that is bounded by the surfaces that triangles stand for, (3,).
+
+    Triangles are split, with new corners on the surface, or at the sides of two on both; volumes and moments of ever
+    smaller ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) array
+        Of a closed surface, on the surfaces.
+    surfaces : sequence of Swept
+    owners : (t,) int array
+        The surface of each triangle.
+    """
+    _, same = distinct_rows(corners.reshape(-1, 3))
+    ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
+    _, side = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    side = side.reshape(-1, 3)
+    least, most = np.full(side.max() + 1, len(surfaces)), np.full(side.max() + 1, -1)
+    for end, own in ((np.minimum, least), (np.maximum, most)):
+        end.at(own, side, owners[:, None])
+    on_sides = np.stack([least, most], axis=1)[side]  # the surfaces on both sides of each
+    table = list[Array]()
+    for n in SPLITS:
+        shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)])
+        points = np.einsum("pc,tcx->tpx", shares / n, corners)
+        inside = np.flatnonzero((shares > 0).all(axis=1))
+        where = [(inside, np.stack([owners, owners], axis=1))]
+        for k in range(3):  # the side from corner k to the next
+            on = np.flatnonzero((shares[:, (k + 2) % 3] == 0) & (shares[:, k] > 0) & (shares[:, (k + 1) % 3] > 0))
+            where.append((on, on_sides[:, k]))
+        for rows, pairs in where:
+            for pair in np.unique(pairs, axis=0).tolist() if len(rows) else ():
+                found = np.flatnonzero((pairs == pair).all(axis=1))
+                both = [surfaces[k] for k in dict.fromkeys(pair)]
+                if not all(own.flat for own in both):
+                    moved = onto(points[found[:, None], rows].reshape(-1, 3), both)
+                    points[found[:, None], rows] = moved.reshape(len(found), len(rows), 3)
+        number = {tuple(own): k for k, own in enumerate(shares.tolist())}
+        small = [
+            [number[i + a, j + b, n - i - j - a - b] for a, b in steps]
+            for steps in (((0, 0), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 1)))
+            for i, j in np.ndindex(n, n)
+            if i + j + max(a + b for a, b in steps) <= n
+        ]
+        volume, middle, _ = volume_and_centroid(points[:, small].reshape(-1, 3, 3))
+        table.append(volume * np.append(middle, 1.0))
+        weight = 1.0
+        for k in range(len(table) - 2, -1, -1):
+            weight *= 4.0
+            table[k] = table[k + 1] + (table[k + 1] - table[k]) / (weight - 1.0)
+    drawn, found = volume_and_centroid(corners)[1], table[0][:3] / table[0][3]
+    return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+
+
+def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
+    """Return points (n, 3) moved onto one or two surfaces, the nearest way."""
+    for _ in range(8 if surfaces else 0):
+        off, normals = zip(*(each.misses(points) for each in surfaces), strict=True)
+        rows, gap = np.stack(normals, axis=1), np.stack(off, axis=1)
+        step = rows.transpose(0, 2, 1) @ inverse_of(rows @ rows.transpose(0, 2, 1)) @ gap[:, :, None]
+        points = points - step[..., 0]
+        if np.abs(gap).max(initial=0.0) < 1e-14 * np.abs(points).max(initial=0.0):
+            break
+    return points
+
+
+def inverse_of(products: Array) -> Array:
+    """Return the inverses of the products of one or two normals; of surfaces that touch along an edge as if of one."""
+    if products.shape[-1] == 1:
+        return 1.0 / products
+    return np.asarray(np.linalg.pinv(products, rcond=TANGENT, hermitian=True))

@@ -16,7 +16,8 @@ import numpy as np
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
-from fcdm_opt.geometry.patches import Patch, TrueFaces, onto
+from fcdm_opt.geometry.patches import Patch, TrueFaces
+from fcdm_opt.geometry.tessellation import onto
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
@@ -68,7 +69,7 @@ class FacePieces(NamedTuple):
         middles, on = self.middles(patches), (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
         for k in np.unique(self.patches).tolist():
             own = self.patches == k
-            on[own] = onto(on[own].reshape(-1, 3), [patches[k]]).reshape(-1, 3, 3)
+            on[own] = onto(on[own].reshape(-1, 3), [patches[k].surface]).reshape(-1, 3, 3)
         trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
         return self._replace(errors=errors + TRIM * trimmed)
 
@@ -79,7 +80,7 @@ class FacePieces(NamedTuple):
         flat = found.reshape(-1, 3)
         for one, two in np.unique(pairs, axis=0).tolist():
             own = (pairs == (one, two)).all(axis=1)
-            flat[own] = onto(flat[own], [patches[one], *([patches[two]] if two >= 0 else [])])
+            flat[own] = onto(flat[own], [patches[k].surface for k in (one, two) if k >= 0])
         return flat.reshape(-1, 3, 3)
 
     def cut(self, rows: Flags, patches: Sequence[Patch]) -> tuple[FacePieces, Ints]:

@@ -41,6 +41,15 @@ def usable(problem: fo.Problem, **how) -> fo.Solution:
     return solution
 
 
+def test_the_seed_of_a_round_body_was_that_of_its_facets() -> None:
+    """Half a ball, and a block with a hole beside its middle: centroids of closed forms."""
+    half = fo.cut(fo.Sphere(10.0, facets=24), fo.Box((30, 30, 30), centre=(0, 0, 15)))
+    np.testing.assert_allclose(half.seed, (0.0, 0.0, -3.75), atol=1e-8)
+    hole, block = math.pi * 25.0, 600.0
+    seed = fo.cut(fo.Box((30, 20, 10)), fo.Cylinder(5, 20, base=(5, 1, -10))).seed
+    np.testing.assert_allclose(seed, np.array([-5.0, -1.0, 0.0]) * hole / (block - hole), atol=1e-8)
+
+
 @pytest.mark.parametrize(("play", "facets"), [(0.1, 32), (0.01, 28)])
 @pytest.mark.parametrize("angle", [0.1, 2.3])
 def test_a_pin_meets_its_bore_after_its_play_along_any_direction(play: float, facets: int, angle: float) -> None:
