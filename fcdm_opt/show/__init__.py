@@ -161,7 +161,12 @@ def inline_svg(figure: Figure, name: str) -> str:
     used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda own: f' id="{name}-{own[1]}"' if own[1] in used else "", svg)
     svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", svg)
-    return re.sub("|".join(INKS), lambda own: f"var(--{INKS[own[0].upper()]})", svg, flags=re.IGNORECASE)
+    return in_scheme(svg)
+
+
+def in_scheme(text: str) -> str:
+    """Return a text of a page with the colours in it that follow its colour scheme."""
+    return re.sub("|".join(INKS), lambda own: f"var(--{INKS[own[0].upper()]})", text, flags=re.IGNORECASE)
 
 
 MIDDLE = "#7B7B7B"

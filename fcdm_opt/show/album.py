@@ -170,8 +170,6 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
         rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
         view = view_of(curve, tuple(at.tolist()))
-    shown = ShownPair.of(
-        problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
-    )
+    shown = ShownPair.of(problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view)
     contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
     return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

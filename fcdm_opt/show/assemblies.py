@@ -15,7 +15,7 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import beyond_tolerances
-from fcdm_opt.show.scene import VIEW, ShownPair, contacts_of, numbered_contacts, parts_figure
+from fcdm_opt.show.scene import VIEW, ShownPair, ShownParts, contacts_of, numbered_contacts, parts_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
@@ -144,24 +144,31 @@ def touching(solution: AssemblySolution) -> list[Touching]:
     return found
 
 
-def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
-    """Draw the parts as made, after their motions; as drawn where none were found."""
+ARROWS = "where each part goes, with what carries it"
+"""What arrows of its picture tell."""
+
+
+def parts_of(solution: AssemblySolution) -> ShownParts:
+    """Return the parts as made, after their motions, and what touches then; unmoved where none were found."""
     assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
+    least = NOTHING * assembly.size
     for part, body in assembly.bodies_made.items():
         made = body.scaled(assembly.scales[part])
         pose: Any = solution.transforms.get(part)
         bodies.append(made if pose is None else made.moved(pose))
-        ways.append(bodies[-1].vertices.mean(axis=0) - made.vertices.mean(axis=0))
+        way = bodies[-1].vertices.mean(axis=0) - made.vertices.mean(axis=0)
+        ways.append(way if np.linalg.norm(way) > least else np.zeros(3))
     bodies += [keep_out.body for keep_out in assembly.keep_out]
-    ways += [np.zeros(3)] * len(assembly.keep_out)
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    moved = "after these motions; arrows: where each part goes, with what carries it"
-    state = moved if solution.status.found else "as made, not moved"
+    return ShownParts(bodies, names, ways, touching(solution), assembly.unit)
+
+
+def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
+    """Draw the parts as made, after their motions; unmoved where none were found."""
+    parts = parts_of(solution)
+    state = f"after these motions; arrows: {ARROWS}" if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
-    contacts = touching(solution)
-    if texts := numbered_contacts(contacts):
+    if texts := numbered_contacts(parts.contacts):
         caption += f"\ncontacts: {'; '.join(texts)}"
-    least = NOTHING * max(body.size for body in bodies)
-    ways = [way if np.linalg.norm(way) > least else np.zeros(3) for way in ways]
-    return parts_figure(bodies, names, ways, contacts=contacts, unit=assembly.unit, title=title, caption=caption)
+    return parts_figure(parts, title=title, caption=caption)

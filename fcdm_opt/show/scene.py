@@ -17,12 +17,15 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import unit_normals
+from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, section_plane, surface_of
 from fcdm_opt.show.texts import shortened
+from fcdm_opt.tolerances import DEFAULT
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
 """Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
@@ -37,14 +40,19 @@ WIDE, LOW = 3.1, 0.36
 FINE = 180
 """Pixels an inch of what is drawn as pixels."""
 
+AROUND = 30  # places to each side of a body where the arrow of its motion may stand
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
 
 COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
 """Of parts of an assembly, one after the other."""
 
-MOST_TOLD, LONGEST_NAME = 8, 44
-"""Contacts that are numbered and told, letters of a body's name in the legend."""
+MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
+"""Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
+fit in one of its lines."""
+
+THIN = 0.7
+"""Points: lines that are drawn thinner are so in the key of a page, too."""
 
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
@@ -69,8 +77,9 @@ OVERLAP, CUT = "where they overlap", "cut open"
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
-TANGENT = 0.93
-"""Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
+TANGENT, SMOOTH = 0.93, 0.99
+"""Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge; the same
+where one is known to be round, and how it is turned there."""
 
 LEAST_SEEN, MOST_LED = 1.5, 16
 """Pixels from the middle of a face to its outline from which on it is seen; numbers in a panel that lines lead to."""
@@ -108,7 +117,8 @@ def scene_figure(
     """
     insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
-    rows = 3 + len(shown.keep_out) + (len(contacts) > 0)
+    names = [body.name for body in (*shown.bodies, *shown.keep_out)]
+    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + (len(contacts) > 0) + (moved is not None)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
@@ -133,10 +143,9 @@ class ScenePieces(NamedTuple):
         `WIDE` inches across.
     insets : tuple of matplotlib Figure
         Contacts magnified, to be shown at the scene's scale.
-    numbered : list of str
-        What numbers of contacts stand for.
-    key : tuple of str
-        What is drawn: "movable: ...", "static: ...", "keep-out: ...", "before the motion", what touches.
+    key : tuple of (str, str, str)
+        What is drawn: its mark ("swatch", "stroke", "stroke dashed", else a sign or the number of a contact), its
+        colour, and what it is.
     facing : (3,) array
         Direction to the reader from where the bodies are cut open, or would be.
     view : (elevation, azimuth)
@@ -145,15 +154,14 @@ class ScenePieces(NamedTuple):
 
     scene: Figure
     insets: tuple[Figure, ...]
-    numbered: list[str]
-    key: tuple[str, ...]
+    key: tuple[tuple[str, str, str], ...]
     facing: Array
     view: tuple[float, float]
 
     @property
     def cut(self) -> bool:
         """Whether bodies are cut open, as they would hide what touches; an overlap shows through them."""
-        return any(text.startswith(CUT) and OVERLAP not in text for text in self.key)
+        return any(text.startswith(CUT) and OVERLAP not in text for *_, text in self.key)
 
 
 @styled
@@ -161,9 +169,8 @@ def scene_pieces(
     shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
-    sheet = Sheet.of(WIDE, height + LOW)
-    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
+    sheet, area = _narrow_sheet(shown)
+    axes = draw_scene(sheet, area, shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
@@ -172,8 +179,30 @@ def scene_pieces(
         facing = draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit)
         insets.insert(0, part.figure)
     cut = Cut.through(contacts, shown.bodies, page)[0] if contacts else None
-    facing, key = facing if cut is None else cut.facing, tuple(axes.get_legend_handles_labels()[1])
-    return ScenePieces(sheet.figure, tuple(insets), numbered_contacts(contacts), key, facing, shown.view)
+    facing = facing if cut is None else cut.facing
+    return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts), facing, shown.view)
+
+
+def _narrow_sheet(shown: ShownPair) -> tuple[Sheet, tuple[float, float, float, float]]:
+    """Return a sheet for a scene in a page, and the area that the scene fills."""
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
+    return Sheet.of(WIDE, height + LOW), (0.0, LOW, WIDE, height)
+
+
+def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str], ...]:
+    """Return what a page says of what is drawn, see `ScenePieces.key`."""
+    from matplotlib.colors import to_hex
+    from matplotlib.lines import Line2D
+
+    found = list[tuple[str, str, str]]()
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        if isinstance(handle, Line2D):
+            look = f"stroke{' dashed' * (handle.get_linestyle() != '-')}{' thin' * (handle.get_linewidth() < THIN)}"
+            found.append((look, to_hex(handle.get_color()), label))
+        else:
+            found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
+    numbered = (text.partition(" ") for text in numbered_contacts(contacts))
+    return *found, *((number, "", told) for number, _, told in numbered)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
@@ -202,45 +231,85 @@ def body_figure(body: Body) -> Figure:
     return sheet.figure
 
 
-@styled
-def parts_figure(
-    bodies: Sequence[Body], names: Sequence[str], ways: Sequence[Array] = (), *, contacts: Sequence[Touching] = (),
-    unit: str = "", title: str = "", caption: str = "",
-) -> Figure:  # fmt: skip
-    """Draw several bodies where they are, each in its colour, with its name in the legend, and what touches.
+class ShownParts(NamedTuple):
+    """Several bodies where they are.
 
-    `ways`, (3,) each: where each came from, shown by an arrow of one length, pointing away from there; none where 0.
+    Attributes
+    ----------
+    bodies : list of Body
+    names : list of str
+    ways : list of (3,) arrays
+        Where each came from: an arrow of one length points away from there; none where 0, or for bodies beyond these.
+    contacts : list of Touching
+    unit : str
     """
-    points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
-    shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
-    foot = max(FOOT, 0.16 * (len(bodies) + 1 + 2 * bool(contacts)))
+
+    bodies: Sequence[Body]
+    names: Sequence[str]
+    ways: Sequence[Array] = ()
+    contacts: Sequence[Touching] = ()
+    unit: str = ""
+
+    @property
+    def seen(self) -> ShownPair:
+        """All of them, and the view."""
+        points = np.vstack([np.vstack([body.vertices, body.seed]) for body in self.bodies])
+        return ShownPair((self.bodies[0], self.bodies[1]), (), points, VIEW)
+
+
+@styled
+def parts_figure(parts: ShownParts, *, title: str = "", caption: str = "") -> Figure:
+    """Draw several bodies, each in its colour, with its name in the legend, and what touches."""
+    shown = parts.seen
+    foot = max(FOOT, 0.16 * (sum(1 + len(name) // LETTERS for name in parts.names) + 1 + 2 * bool(parts.contacts)))
     wide = 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
     sheet = Sheet.of(wide, height + foot, title=title, caption=caption)
-    axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
-    colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
-    labels = [shortened(name, LONGEST_NAME) for name in names]
-    raster, cut = _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)), contacts)
-    places, page = raster.roomiest(), page_directions(*shown.view)
-    arrows = list[Array]()
-    for k, way in enumerate(ways):
+    _add_legend(sheet, _draw_parts(sheet, (0.0, foot, wide, height), parts)[0], foot)
+    return sheet.figure
+
+
+@styled
+def parts_pieces(parts: ShownParts) -> ScenePieces:
+    """Draw what `parts_figure` draws, for a page that has its own words."""
+    sheet, area = _narrow_sheet(parts.seen)
+    axes, cut = _draw_parts(sheet, area, parts)
+    normal = parts.contacts[0].normal if parts.contacts else np.eye(3)[2]
+    facing = section_plane(normal, np.zeros(3), page_directions(*VIEW))[0] if cut is None else cut.facing
+    return ScenePieces(sheet.figure, (), _key(axes, parts.contacts), facing, VIEW)
+
+
+def _draw_parts(sheet: Sheet, area: tuple[float, float, float, float], parts: ShownParts) -> tuple[Any, Cut | None]:
+    """Draw several bodies into an area of a sheet; return its axes, and where they are cut open."""
+    shown = parts.seen
+    axes, page = _axes_for(sheet, area, shown), page_directions(*shown.view)
+    colours = [COLOURS[k % len(COLOURS)] for k in range(len(parts.bodies))]
+    labels = [shortened(name, LONGEST_NAME) for name in parts.names]
+    raster, cut = _draw_solids(axes, shown, list(zip(parts.bodies, colours, labels, strict=True)), parts.contacts)
+    places, arrows = raster.roomiest(), list[Array]()
+    for k, way in enumerate(parts.ways):
         flat = way @ page
         if k in places and np.linalg.norm(flat) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
             arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
-    if contacts:
-        _draw_contacts(axes, page, raster, contacts, "in contact", cut, arrows)
-    draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
-    _add_legend(sheet, axes, foot)
-    return sheet.figure
+    if parts.contacts:
+        _draw_contacts(axes, page, raster, parts.contacts, "in contact", cut, arrows)
+    draw_directions(sheet, axes, shown, (0.0, 0.0), parts.unit)
+    return axes, cut
 
 
 def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
-    labels = [*map(literal, labels)]
+    x, y, *_ = sheet.place(LEGEND, foot / 2, 0.0, 0.0)
+    room = axes.get_position().width * sheet.figure.get_figwidth() - LEGEND - 0.4
+    labels = [literal("\n".join(fitted(sheet.figure, label, NOTE, room))) for label in labels]
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.0)
+
+
+def solid_body(body: Body) -> Body:
+    """Return a body as it is drawn: the one of facets of one that is exact at points of round faces."""
+    return body if body.exact is None else body.exact.facets
 
 
 @dataclass(frozen=True)
@@ -250,18 +319,22 @@ class ShownPair:
     Attributes
     ----------
     bodies : (movable, static)
+        As they are drawn, see `solid_body`.
     keep_out : tuple of Body
         Those near enough to be shown.
     points : (n, 3) array
         What must be on the page.
     view : (elevation, azimuth)
         Degrees.
+    named : (movable, static), optional
+        Those whose elements features name.
     """
 
     bodies: tuple[Body, Body]
     keep_out: tuple[Body, ...]
     points: Array
     view: tuple[float, float]
+    named: tuple[Body, Body] | None = None
 
     @classmethod
     def of(
@@ -288,15 +361,18 @@ class ShownPair:
             Further static bodies, as they are; those far away are left out.
         """
         sizes = np.asarray(rho, dtype=float)
-        one, two = movable.scaled(float(sizes[0])), static.scaled(float(sizes[1]))
-        one = one if transform is None else one.moved(transform)
+        placed = np.eye(4) if transform is None else transform
+        named, (one, two) = (
+            (first.scaled(float(sizes[0])).moved(placed), second.scaled(float(sizes[1])))
+            for first, second in ((movable, static), (solid_body(movable), solid_body(static)))
+        )
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
         view = view or _best_view(points, two.seed - one.seed)
         reach = np.ptp(points, axis=0).max()
         low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
-        return cls((one, two), tuple(near), points, view)
+        return cls((one, two), tuple(near), points, view, named)
 
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
@@ -352,8 +428,7 @@ def draw_scene(
     ]
     raster, cut = _draw_solids(axes, shown, named, contacts)
     if old is not None:
-        _draw_old(axes, raster, shown, old, times, cut)
-        _draw_arrow(axes, raster, shown, old, said)
+        _draw_arrow(axes, [raster, _draw_old(axes, raster, shown, old, times, cut)], shown, old, said)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)
     return axes
@@ -401,7 +476,7 @@ def _draw_solids(
     page, ((left, right), (bottom, top)) = page_directions(*shown.view), (axes.get_xlim(), axes.get_ylim())
     inches = axes.get_position().width * axes.figure.get_figwidth()
     raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
-    solids = [(own_polygons(body), list(sharp_edges(body)), list[Array]()) for body, *_ in bodies]
+    solids = [_cut_open(body, None) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
     corners = [corner for each in contacts for own in each.pieces for corner in own]
@@ -429,23 +504,23 @@ def _draw_solids(
     return raster, cut
 
 
-def _cut_open(body: Body, cut: Cut) -> tuple[list[Array], list[Array], list[Array]]:
+def _cut_open(body: Body, cut: Cut | None, toward: Array | None = None) -> tuple[list[Array], list[Array], list[Array]]:
     """Return what is left of a body: polygons, edges and what is laid open; the whole of one that is all before it."""
     points, triangles = surface_of(body, cut)
-    if not len(triangles):
-        return own_polygons(body), list(sharp_edges(body)), []
+    if cut is None or not len(triangles):
+        return own_polygons(body), list(sharp_edges(body, toward)), []
     opened = (np.abs(cut.heights(points)[triangles]) == 0.0).all(axis=1)
-    edges = _sharp(points, triangles, unit_normals(points[triangles]))
+    edges = _sharp(body, points, triangles, unit_normals(points[triangles]), toward)
     return list(points[triangles[~opened]]), list(edges), list(points[triangles[opened]])
 
 
-def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> None:
-    """Draw the old place of body 1 in dashes, where nothing hides it."""
+def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> Raster:
+    """Draw the old place of body 1 in dashes, where nothing hides it; return where it is."""
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
     width, alone = float(np.ptp(axes.get_xlim())), raster.empty()
-    polygons, edges, opened = _cut_open(old, cut) if cut else (own_polygons(old), list(sharp_edges(old)), [])
+    polygons, edges, opened = _cut_open(old, cut, np.cross(page[:, 0], page[:, 1]))
     alone.fill(polygons + opened, BLUE, 0)
     pieces = _joined(alone.visible(edges), width)
     look = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
@@ -456,7 +531,9 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
     ahead = np.array([[0.02], [0.1]]) * width * away / np.linalg.norm(away)
     ends = sorted((end for line in pieces for end in line if raster.free(end + ahead)), key=lambda end: -(end @ away))
-    Names(axes).put("before", ends, away, colour=BLUE)
+    dashes = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in pieces] or [np.empty((0, 2, 2))])
+    Names(axes, dashes).put("before", ends, away, colour=BLUE)
+    return alone
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
@@ -478,8 +555,8 @@ def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
     return [np.array(line) for line in lines.values()]
 
 
-def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: str) -> None:
-    """Draw the motion as an arrow beside the bodies, and say it in words above them."""
+def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body, said: str) -> None:
+    """Draw the motion as an arrow beside body 1, clear of all that is drawn, and say it in words above them."""
     page = page_directions(*shown.view)
     here, there = old.vertices @ page, shown.bodies[0].vertices @ page
     steps = there - here
@@ -490,24 +567,24 @@ def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: st
     way = steps[far] / lengths[far]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     gap = 0.03 * (right - left)
-    long = max(float(lengths[far]), 2.5 * gap)
-    middle = there.mean(axis=0)
-    places = [
-        np.array([middle - way * long / 2.0, middle + way * long / 2.0])
-        + off * gap * sign * np.array([-way[1], way[0]])
-        for off in range(1, 60)
-        for sign in (1.0, -1.0)
-    ]
-    within = [
-        line for line in places if ((line >= (left + gap / 3, bottom)) & (line <= (right - gap / 3, top - gap))).all()
-    ]
-    aside = 0.6 * gap * np.array([[0.0, 0.0], [-way[1], way[0]], [way[1], -way[0]]])  # so far from all bodies
-    clear = [line for line in within if all(raster.free(line + shift) for shift in aside)]
-    start, tip = (clear or within or places)[0]
+    half = max(float(lengths[far]), 2.5 * gap) / 2.0 * way
+    across = np.array([-way[1], way[0]])
+    grid = np.array([(x, y) for x in range(-AROUND, AROUND + 1) for y in range(-AROUND, AROUND + 1)])
+    grid = grid[np.argsort(np.abs(grid) @ (0.6, 1.0), kind="stable")]
+    places = there.mean(axis=0) + gap * grid @ np.array([way, across])
+    low, high = np.array([left + gap / 3.0, bottom]), np.array([right - gap / 3.0, top - gap])
+    within = [at for at in places if all(((end >= low) & (end <= high)).all() for end in (at - half, at + half))]
+    aside = 0.6 * gap * np.array([[0.0, 0.0], across, -across])  # so far from all bodies
+    every = (np.array([at - half, at + half]) for at in within)
+    clear = (line for line in every if all(own.free(line + shift) for own in drawn for shift in aside))
+    middle = (within or places)[0]
+    start, tip = next(clear, np.array([middle - half, middle + half]))
     head = "-|>,head_width=0.28,head_length=0.55"
     style = {"arrowstyle": head, "color": BLUE, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     if float(np.ptp(steps, axis=0).max()) > 0.2 * lengths[far]:
-        style["connectionstyle"] = "arc3,rad=-0.35"  # it turns
+        arms = here - here.mean(axis=0)
+        turn = float((arms[:, 0] * steps[:, 1] - arms[:, 1] * steps[:, 0]).sum())
+        style["connectionstyle"] = f"arc3,rad={0.35 if turn > 0.0 else -0.35}"  # it turns that way
     axes.annotate("", tip, start, arrowprops=style, annotation_clip=False, zorder=6)
     if said:
         width = axes.get_position().width * axes.figure.get_figwidth()
@@ -558,24 +635,41 @@ def _draw_contacts(
         names.put(str(number), place, (0.0, 1.0), colour=BLACK)
 
 
-def sharp_edges(body: Body) -> Array:
+def sharp_edges(body: Body, toward: Array | None = None) -> Array:
     """Return the edges at which a body has a corner, (m, 2, 3): none where faces nearly go on one in another.
 
-    Nor those that lie within the body, where it was cut into parts.
+    Nor those that lie within the body, where it was cut into parts, nor between facets of one round face. Seen from
+    the direction `toward` the reader, if one is given, outlines of its smooth faces too.
     """
     points, triangles = surface_of(body)
     looks = body.face_planes[0][body.face_triangles[1]] if body.triangles else unit_normals(points[triangles])
-    return _sharp(points, triangles, looks)
+    return _sharp(body, points, triangles, looks, toward)
 
 
-def _sharp(points: Array, triangles: Ints, looks: Array) -> Array:
+def _sharp(body: Body, points: Array, triangles: Ints, looks: Array, toward: Array | None = None) -> Array:
     """Return the edges, (m, 2, 3), at which triangles with these normals do not nearly go on in one another."""
     ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, own, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     sides = np.argsort(own.reshape(-1), kind="stable") // 3
     last = np.cumsum(counts) - 1
-    both = looks[sides[last - counts + 1]], looks[sides[last]]
-    return points[edges[(counts != 2) | ((both[0] * both[1]).sum(axis=1) < TANGENT)]]
+    both, middles = np.array([sides[last - counts + 1], sides[last]]), points[edges].mean(axis=1)
+    normals, on_round = looks[both], np.full(both.shape, -1)
+    corners = points[triangles]
+    room = DEFAULT.touch * body.size + 2.0 * max(deviation_of(body))
+    for k, (surface, _) in enumerate(round_surfaces(body)):
+        off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, 3)
+        alike = (surface.misses(corners.mean(axis=1))[1] * looks).sum(axis=1)
+        of = (off <= room).all(axis=1) & (np.abs(alike) > ALONG)
+        true = surface.misses(middles)[1]
+        for side in (0, 1):
+            here = of[both[side]]
+            on_round[side, here] = k
+            normals[side, here] = np.sign(alike[both[side]])[here, None] * true[here]
+    least = np.where((on_round < 0).all(axis=0), TANGENT, SMOOTH)
+    sharp = ((normals[0] * normals[1]).sum(axis=1) < least) & ((on_round[0] < 0) | (on_round[0] != on_round[1]))
+    if toward is not None:
+        sharp |= (looks[both[0]] @ toward) * (looks[both[1]] @ toward) < 0.0
+    return points[edges[(counts != 2) | sharp]]
 
 
 def own_polygons(body: Body) -> list[Array]:
@@ -660,16 +754,16 @@ def contacts_of(
 
     Several are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
     """
-    features = [*counted]
+    features, bodies = [*counted], shown.named or shown.bodies
     met = [(contact.feature, own) for contact, own in pacing.in_time(curve.touching, rho, late=())]
-    near = 1e-6 * max(body.size for body in shown.bodies)
-    whole = {feature: _shared_by_faces(feature, shown.bodies) for feature, _ in met}
-    made = {feature: [Touching.of(feature, list(own), *shown.bodies)] for feature, own in whole.items() if len(own)}
+    near = 1e-6 * max(body.size for body in bodies)
+    whole = {feature: _shared_by_faces(feature, bodies) for feature, _ in met}
+    made = {feature: [Touching.of(feature, list(own), *bodies)] for feature, own in whole.items() if len(own)}
     for feature, corners in sorted(met, key=lambda own: own[0] not in features):
         if len(whole[feature]):
             continue
         if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for own in made.values() for one in own):
-            made.setdefault(feature, []).append(Touching.of(feature, [corners], *shown.bodies))
+            made.setdefault(feature, []).append(Touching.of(feature, [corners], *bodies))
     features += [feature for feature in made if feature not in features]
     found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
     if len(found) == 1:

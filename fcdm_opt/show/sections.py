@@ -12,8 +12,11 @@ from numpy.typing import ArrayLike
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.polygons import fans
+from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.patches import Patch, onto, true_faces
+from fcdm_opt.geometry.polygons import distances, fans
 from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped
 from fcdm_opt.tolerances import DEFAULT
@@ -33,6 +36,10 @@ ALONG_AXIS = 1.0 - 1e-6
 
 SLIVER = 0.15
 """Share of a body's extent that a cut leaves at least."""
+
+ON_CURVE, ROUNDED = 12, 4.0
+"""Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
+what facets leave of round faces stay where they are."""
 
 BESIDE = 1e-6
 """Share of the size by which bodies are cut before a contact: faces in the plane itself are neither cut nor left."""
@@ -203,13 +210,14 @@ def draw_section(
         (static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35}),
     ):  # fmt: skip
         if cut := [
-            Path(polygon[[*range(len(polygon)), 0]], closed=True) for polygon in section(body, middle, facing, plane)
+            Path(polygon[[*range(len(polygon)), 0]], closed=True)
+            for polygon in section(body, middle, facing, plane, 1.5 * half)
         ]:
             whole = Path.make_compound_path(*cut)
             axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", **look))
             axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, linewidth=1.1))
     if long > 1e-9 * size:
-        for polygon in section(was, middle, facing, plane):
+        for polygon in section(was, middle, facing, plane, 1.5 * half):
             axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
         arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
@@ -269,11 +277,44 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
     return facing, np.column_stack([np.cross(up, facing), up])
 
 
-def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
-    """Return the outlines of what a plane cuts of a body, (k, 2) each, along it; of holes clockwise."""
+def section(body: Body, point: Array, normal: Array, plane: Array, half: float = np.inf) -> list[Array]:
+    """Return the outlines of what a plane cuts of a body, (k, 2) each, along it; of holes clockwise.
+
+    So near to the point, `half`, round faces are as round as they are, not as their facets.
+    """
     frame = np.column_stack([plane, normal]).T
     placed = solid_of(body).transform(np.column_stack([frame, frame @ (body.seed - point)]))
-    return list(map(np.asarray, placed.slice(0.0).simplify(DEFAULT.nominal * body.size).to_polygons()))
+    loops = map(np.asarray, placed.slice(0.0).simplify(DEFAULT.nominal * body.size).to_polygons())
+    return [_rounded(own, body, point, normal, plane, half) for own in loops]
+
+
+def _rounded(loop: Array, body: Body, point: Array, normal: Array, plane: Array, half: float) -> Array:
+    """Return an outline (k, 2) with what is near its middle brought from facets onto the round faces they stand for."""
+    after = np.roll(loop, -1, axis=0)
+    near = clipped(np.stack([loop, after], axis=1), [[-half, half]] * 2)[1]
+    if not round_surfaces(body) or not near.any():
+        return loop
+    faces, level = true_faces(body), Patch(Swept(point, normal, (0.0, -1.0), 0.0, 0.0), 1.0)
+    spots = point + loop @ plane.T
+    middles = (spots + np.roll(spots, -1, axis=0)) / 2.0
+    owners = np.full(len(spots), -1)
+    for k in np.flatnonzero(near).tolist():
+        owners[k] = faces.owners[distances(middles[k][None], faces.corners)[:, 0].argmin()]
+    known = owners >= 0
+    ends = spots.copy()
+    for k in np.flatnonzero(known | np.roll(known, 1)).tolist():
+        meet = [faces.patches[own] for own in {int(owners[k - 1]), int(owners[k])} if own >= 0]
+        ends[k] = onto(spots[k][None], [*meet, level])[0]
+    room = DEFAULT.touch * body.size + ROUNDED * max(deviation_of(body))
+    ends = np.where(np.linalg.norm(ends - spots, axis=1)[:, None] <= room, ends, spots)
+    found = list[Array]()
+    for k, own in enumerate(owners.tolist()):
+        line = ends[[k]]
+        if own >= 0 and faces.is_round[own]:
+            straight = ends[k] + np.arange(ON_CURVE)[:, None] / ON_CURVE * (ends[(k + 1) % len(ends)] - ends[k])
+            line = np.concatenate([line, onto(straight[1:], [faces.patches[own], level])])
+        found.append(line)
+    return (np.concatenate(found) - point) @ plane
 
 
 @lru_cache(maxsize=64)

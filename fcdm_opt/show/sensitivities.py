@@ -15,6 +15,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.show.verdict import name_of
 
@@ -36,8 +37,9 @@ MOST, LEAST = 16, 4
 NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
 """Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
 
-ROOM, HATCH, LETTERS, LISTED = 1.36, "////", 40, 240
-"""How far the axis goes, largest bar 1; hatch of what lowers the amount; letters of a name, of a list of names."""
+ROOM, HATCH, LETTERS, LINE, LISTED = 1.36, "////", 36, 0.7, 240
+"""How far the axis goes, largest bar 1; hatch of what lowers the amount; letters in a line of a name; what
+one line more takes, in bars; letters of a list of names."""
 
 
 class Bar(NamedTuple):
@@ -96,13 +98,15 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
         notes.append("derivatives are missing, one-sided or not unique: " + "; ".join(derivatives.reasons))
-    sheet = Sheet.of(PAGE, BELOW + ROW * max(len(rows), 2), title=title, caption="\n".join(notes))
+    named = [wrapped(row.name, LETTERS) if isinstance(row, Bar) else "" for row in rows]
+    places = np.cumsum([0.0, *(1.0 + LINE * text.count("\n") for text in named)])
+    middles, end = (places[1:] + places[:-1]) / 2.0, max(places[-1], 2.0)
+    sheet = Sheet.of(PAGE, BELOW + ROW * end, title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
-    axes.set(ylim=(max(len(rows), 2) - 0.5, -0.5))
+    axes.set(ylim=(end, 0.0))
     unit = problem.amount_unit or "length units"
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
-    named = [literal(shortened(row.name, LETTERS)) if isinstance(row, Bar) else "" for row in rows]
-    axes.set_yticks(range(len(rows)), named)
+    axes.set_yticks(middles, [*map(literal, named)])
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:
@@ -115,7 +119,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
     beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
-    for row, item in enumerate(rows):
+    for row, item in zip(middles.tolist(), rows, strict=True):
         if isinstance(item, str):
             axes.annotate(literal(item), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
                           fontweight="bold", annotation_clip=False, **beside)  # fmt: skip

@@ -26,7 +26,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
-from fcdm_opt.show.printing import print_rows, print_text
+from fcdm_opt.show.printing import print_rows, print_text, wrapped
 from fcdm_opt.show.scene import ShownPair, draw_directions, draw_numbered
 from fcdm_opt.show.texts import numbers, shortened
 from fcdm_opt.tolerances import DEFAULT
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.spread import GapYield
     from fcdm_opt.design.stack.stack_up import SizeShare, StackUp
 
-MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 64
+MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
 DRAWN, DRAWN_ZERO = "as drawn", 2e-3
-"""Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, and corners of a face
-that are listed, letters of a name; and what a mean over pairs drawn is zero below, of the largest."""
+"""Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, corners of a face that
+are listed, letters of a name and of a line of one; and what a mean over pairs drawn is zero below, of the largest."""
 
 SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back, below"}
 """Degrees from which faces are shown, so that all of them are seen that nothing hides."""
@@ -246,7 +246,7 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
     for row, own in enumerate(shown):
         bars.barh(row - 0.2, 100.0 * own.worst, 0.38, color=BLUE, label="worst case" if row == 0 else None)
         bars.barh(row + 0.2, 100.0 * own.variance, 0.38, color=GREY, label="variance" if row == 0 else None)
-    bars.set_yticks(range(len(shown)), [literal(shortened(own.size, LONGEST)) for own in shown])
+    bars.set_yticks(range(len(shown)), [literal(wrapped(own.size, SIZE)) for own in shown])
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))

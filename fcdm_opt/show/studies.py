@@ -74,7 +74,7 @@ def study_figure(result: StudyResult) -> Figure:
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
     data = _StudyAmounts.of(result)
     counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
-    title = result.definition.get("title") or f"Amount over {listed([_told(axis.label) for axis in axes])}"
+    title = result.definition.get("title") or f"Amount over {listed([axis_text(axis.label) for axis in axes])}"
     words = title, f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
         return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
@@ -113,7 +113,7 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
     keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
-    sheet, spots = _panels(panels, (_told(along.label), data.amount), words, keys)
+    sheet, spots = _panels(panels, (axis_text(along.label), data.amount), words, keys)
     for place, axes in spots:
         for k, (at, name) in enumerate(_combinations(lines)):
             part = data.at([*panels, *lines], [*place, *at])
@@ -141,7 +141,7 @@ def _fields(
     from matplotlib.colors import Normalize
 
     markers = _markers(data)
-    labels = _told(along.label), _told(across.label)
+    labels = axis_text(along.label), axis_text(across.label)
     sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], beside=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
@@ -251,7 +251,7 @@ def _value(axis: _StudyAxis, value: Any) -> str:
     return shortened(named, NAME)
 
 
-def _told(label: str) -> str:
+def axis_text(label: str) -> str:
     """Return the label of an axis with its unit, which a key says at its end, or with what it is relative to."""
     last = label.replace("]", "").split("_")[-1]
     if last in UNITS and "_" in label:

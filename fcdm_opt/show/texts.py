@@ -101,18 +101,19 @@ def shortened(text: str, longest: int) -> str:
 
 def asked_text(scene: Scene) -> str:
     """Return requirement and signs, or the sizes made, or the target; of an assembly the scales and sizes made."""
+    made = sizes_text(scene)
     if isinstance(scene, Assembly):
-        told = [f"{part} {100.0 * (scale - 1.0):+.6g} %" for part, scale in scene.scales.items() if scale != 1.0]
-        told += [f"{name} {x:+.6g}" for name, x in scene.made.items() if x]
-        return f"made {', '.join(told)}" if told else "parts as drawn"
+        scales = (f"{part} {100.0 * (scale - 1.0):+.6g} %" for part, scale in scene.scales.items() if scale != 1.0)
+        told = ", ".join(filter(None, [*scales, made]))
+        return f"made {told}" if told else "parts as drawn"
     problem: Any = scene
-    made = ", ".join(f"{name} {x:+.6g}" for name, x in (problem.made or {}).items() if x)
+    more = f", made {made}" if made else ""
     if problem.requirement:
         signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
-        return f"{problem.requirement} ({signs}){f', made {made}' if made else ''}"
+        return f"{problem.requirement} ({signs}){more}"
     if (problem.target == 1.0).all():
         return f"made {made or 'as drawn'}" if problem.made is not None else "parts as drawn"
-    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{f', made {made}' if made else ''}"
+    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{more}"
 
 
 def off_drawn(size: Size, off: float, unit: str) -> str:
@@ -259,7 +260,7 @@ def advised(case: SolvedCase) -> str:
 def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
     """Return name, value and small print of what a study found: points, amounts, yield, time."""
     amounts = sorted(row["amount"] for row in result.rows() if row["usable"])
-    counts = ", ".join(f"{count} {status}" for status, count in result.counts.items())
+    counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
     told = [("points", str(len(result.points)), counts)]
     if amounts:
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))

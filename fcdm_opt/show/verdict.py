@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Solution
 
-CONTACTS, NAME = 3, 32
+CONTACTS, NAME = 3, 72
 """Contacts that are told one by one, and letters of a body's name."""
 
 EXACT = 1e-3

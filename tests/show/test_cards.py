@@ -156,11 +156,11 @@ def test_study_counts_its_points(tmp_path: Path) -> None:
     study = fo.Study(probe_problem(), {"tolerance": [0.01, 0.02, 0.03]}, title=WILD, budget=0.012)
     result = fo.run_study(study, tmp_path, jobs=1)
     words = read(result).words
-    for text in ("\u2713 complete", "0.005", "0.01", "0.015", "66.67%", "2 of 3", "SOLVED", "tolerance: 3 values"):
+    for text in ("\u2713 complete", "0.005", "0.01", "0.015", "66.67%", "2 of 3", "3 solved", "tolerance: 3 values"):
         assert text in words
     pending = replace(result, points=(*result.points, (None, {"tolerance": 0.04})))
     assert "! 1 not worked out yet" in read(pending).words
-    assert "PENDING" in read(replace(result, answers={})).words
+    assert "3 pending" in read(replace(result, answers={})).words
 
 
 def test_names_are_text(tmp_path: Path) -> None:

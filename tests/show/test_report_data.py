@@ -300,7 +300,7 @@ def test_where_parts_overlap_that_no_motion_parts_is_drawn():
     corners = np.reshape(case["poses"]["rescaled"]["overlap"], (-1, 3, 3))
     assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(0.05, rel=1e-9)  # times 1 x 1, as large as the other is
     assert np.ptp(corners.reshape(-1, 3), axis=0) == pytest.approx([0.05, 1.0, 1.0])
-    assert "where they overlap" in case["picture"]["key"]
+    assert "where they overlap" in [text for *_, text in case["picture"]["key"]]
     assert "overlap, cut open" in case["picture"]["insets"][0]
 
 

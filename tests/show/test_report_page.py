@@ -67,8 +67,8 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "settled": [f"settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
-        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "key": [text], "numbered": [f"1 {text}"],
-                    "high": 2.0},
+        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "high": 2.0,
+                    "key": [("swatch", "var(--movable)", text), ("1", "", text)]},
         "sizes": [
             {"name": f"width {text}", "body": text, "what": "+x by 1", "low": "-0.1", "high": "0", "off": "-0.2",
              "drawn": "8", "made": "7.8", "beyond": True}

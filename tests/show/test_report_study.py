@@ -55,14 +55,14 @@ def test_every_point_is_there_as_it_was_found() -> None:
     assert data["usable"] == [True] * 7 + [False]
     assert data["varied"] == ["case", "tolerance"]
     text = " ".join(reader.text)
-    assert "7 SOLVED, 1 INFEASIBLE" in text
+    assert "7 solved, 1 infeasible" in text
     assert "5" * 64 in text
     assert len(reader.ids) == len(set(reader.ids))
 
 
 def test_what_is_not_worked_out_yet_is_said() -> None:
     reader, data = read(study_page(result(["A", "B"], pending=3)))
-    assert "3 PENDING" in " ".join(reader.text)
+    assert "3 pending" in " ".join(reader.text)
     assert data["usable"][-3:] == [False] * 3
 
 

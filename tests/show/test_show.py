@@ -22,6 +22,8 @@ from PIL import Image
 
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.exact_points import exact_at
+from fcdm_opt.geometry.primitives import Cylinder
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import MIDDLE, bare_pixels, inline_svg, new_figure, save
@@ -32,6 +34,7 @@ from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     MOVES,
     ShownPair,
+    ShownParts,
     _cut_open,
     _joined,
     contacts_of,
@@ -325,7 +328,8 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
     assert times > 10.0
     figure = scene_figure(shown, moved=motion, said="0.001 along -x")
-    assert f"before the motion: the same part, drawn {times:g} times as far off" in texts(figure)
+    words = [" ".join(text.split()) for text in texts(figure)]
+    assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
     assert shown.before(motion)[1] == 1.0
 
@@ -335,6 +339,20 @@ def test_a_section_is_what_a_plane_cuts_out() -> None:
     (square,) = section(box((0.0, 0.0, 0.0), 2.0), np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 1.0]), plane)
     assert sorted(map(tuple, square.tolist())) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
     assert section(box((0.0, 0.0, 9.0), 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), plane) == []
+
+
+def test_facets_of_round_faces_were_drawn_with_edges_and_corners() -> None:
+    """Twelve facets a turn meet at 30 degrees; points at which a body is exact stood out of it as small pyramids."""
+    pin = Cylinder(2.0, 3.0, facets=12)
+    assert len(sharp_edges(pin)) == 24  # of both ends, none between facets
+    across = np.array([0.0, 0.0, 1.0]), np.eye(3)[:, :2]
+    (circle,) = section(pin, np.array([0.0, 0.0, 1.0]), *across)
+    assert len(circle) > 100
+    assert np.linalg.norm(circle, axis=1) == pytest.approx([2.0] * len(circle), abs=1e-12)
+    exact = exact_at(pin, np.array([[2.0 * np.cos(0.3), 2.0 * np.sin(0.3), 1.0]]))
+    assert exact is not None
+    assert len(exact.parts) == 2
+    assert len(ShownPair.of(exact, exact).bodies[0].parts) == 1
 
 
 def peg_in_a_blind_hole() -> tuple[Body, Body]:
@@ -537,7 +555,7 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
     bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
     ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
-    figure = parts_figure(bodies, ["up", "fixed", "along x"], ways)
+    figure = parts_figure(ShownParts(bodies, ["up", "fixed", "along x"], ways))
     arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
     steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
     assert len(steps) == 2

@@ -17,7 +17,7 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import drawn_bodies, misfit
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show import inline_svg
+from fcdm_opt.show import in_scheme, inline_svg
 from fcdm_opt.show.album import solution_pieces
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
@@ -71,12 +71,16 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
         "sensitivities": _sensitivities(solution),
     }
     pieces = solution_pieces(solution)
-    parts = [inline_svg(figure, f"{name}-{k}") for k, figure in enumerate((pieces.scene, *pieces.insets))]
-    high = round(pieces.scene.get_figheight(), 2)
-    keys = {"key": list(pieces.key), "numbered": pieces.numbered}
-    picture = {"scene": parts[0], "insets": parts[1:], **keys, "high": high}
+    picture = picture_of(pieces, name)
     told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_report(problem)}
     return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
+
+
+def picture_of(pieces: ScenePieces, name: str) -> dict[str, Any]:
+    """Return what a page shows of a scene in pieces; `name` begins the identifiers in it."""
+    scene_, *insets = (inline_svg(own, f"{name}-{k}") for k, own in enumerate((pieces.scene, *pieces.insets)))
+    key = [[mark, in_scheme(colour), text] for mark, colour, text in pieces.key]
+    return {"scene": scene_, "insets": insets, "key": key, "high": round(pieces.scene.get_figheight(), 2)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:

@@ -7,7 +7,7 @@ contact are plain arrays, in the coordinates that they are drawn in.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,10 +26,9 @@ from fcdm_opt.plain import drawn
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.assemblies import touching
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import COLOURS, VIEW, ScenePieces, face_polygons, own_polygons, page_directions, sharp_edges
-from fcdm_opt.show.sections import section_plane
+from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges, solid_body
+from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -222,22 +221,25 @@ def scene(problem: Problem, pieces: ScenePieces) -> dict[str, Any]:
     parts = [("movable", problem.movable), ("static", problem.static)]
     keep_outs = [("keep-out", keep_out.body.scaled(keep_out.ends[1])) for keep_out in problem.keep_out]
     objects = [{"name": own.name, **_solid(k, role, own)} for k, (role, own) in enumerate([*parts, *keep_outs])]
-    seen = {"view": list(pieces.view), "section": drawn(pieces.facing), "cut": pieces.cut}
-    return {"size": problem.size, "objects": objects, **seen}
+    return {"size": problem.size, "objects": objects, **_seen(pieces)}
+
+
+def _seen(pieces: ScenePieces) -> dict[str, Any]:
+    return {"view": list(pieces.view), "section": drawn(pieces.facing), "cut": pieces.cut}
 
 
 def _solid(number: int, role: str, body: Body) -> dict[str, Any]:
     """Return a body as triangles and true edges."""
-    rows: Rows = {}
+    rows, body = Rows(), solid_body(body)
     triangles = _triangles(rows, own_polygons(body))
     edges = [_rows(rows, ends) for ends in sharp_edges(body)]
     shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
     return {"body": number, "role": role, **shape}
 
 
-def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
+def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pieces: ScenePieces) -> dict[str, Any]:
     """Return what scripts draw of an assembly: its parts in their colours, as made and after their motions."""
-    assembly, contacts = solution.assembly, touching(solution)
+    assembly = solution.assembly
     roles = ("static" if part in assembly.fixed else "movable" for part in assembly.parts)
     shown = [*zip(assembly.parts, roles, assembly.bodies_made.values(), strict=True)]
     shown += [(keep_out.name, "keep-out", keep_out.body) for keep_out in assembly.keep_out]
@@ -252,12 +254,10 @@ def assembly_scene(solution: AssemblySolution) -> dict[str, Any]:
         "contacts": [drawn(each.middle) for each in contacts],
         "areas": [drawn(piece) for each in contacts for piece in each.pieces if len(piece) > 1],
     }
-    normal = contacts[0].normal if contacts else np.eye(3)[2]
-    facing, _ = section_plane(normal, np.zeros(3), page_directions(*VIEW))
     return {
         "name": assembly.name,
-        "scene": {"size": assembly.size, "objects": objects, "view": [*VIEW], "section": drawn(facing)},
-        "normal": drawn(normal),
+        "scene": {"size": assembly.size, "objects": objects, **_seen(pieces)},
+        "normal": drawn(contacts[0].normal if contacts else np.eye(3)[2]),
         "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.status.found else None},
         "feature_shapes": [],
     }

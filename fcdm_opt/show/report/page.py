@@ -6,18 +6,23 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fcdm_opt.design.question import canonical, digest
+from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import inline_svg
-from fcdm_opt.show.assemblies import assembly_figure, assembly_verdict, part_texts
+from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of
 from fcdm_opt.show.rendering import whole_page
+from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
-from fcdm_opt.show.studies import study_figure
+from fcdm_opt.show.scene import parts_pieces
+from fcdm_opt.show.studies import EVEN, axis_text, study_figure
 from fcdm_opt.show.texts import amount_text, asked_text, bound_line, shown, study_facts
 
 if TYPE_CHECKING:
@@ -35,6 +40,16 @@ FIGURES = (  # what the scripts draw of a case; all else is text
 
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
+
+FEW, _TINY = 4, float(np.finfo(float).tiny)
+"""Values that are listed even where they are a grid."""
+
+COLUMNS = {
+    "draw": "number of the draw", "pair_state": "parts made are", "features": "what touches", "stage": "settled by",
+    "active": "what holds the motion", "message": "remark",
+}  # fmt: skip
+LENGTHS = {"amount": "amount", "lower_bound": "proved at least", "pair_gap": "gap of the parts made"}
+"""What columns of a study are called, and those of lengths."""
 
 ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
 """Columns of a row besides what was varied, status, amount and the motion's parameters."""
@@ -83,13 +98,24 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     solutions : sequence of AssemblySolution
     """
     titles = [file["title"] or file["file"] for file in files]
+    cases, figures, stacks = [], [], list[dict[str, Any]]()
+    for number, solution in enumerate(solutions):
+        contacts = (parts := parts_of(solution)).contacts
+        pieces = parts_pieces(parts)
+        figures.append(assembly_scene(solution, contacts, pieces))
+        cases.append(_assembly_case(solution, picture_of(pieces, f"case-{number}")))
+        stack = stack_report(solution.assembly)  # of the parts as drawn: alike for all cases of a file
+        if stack and stack not in stacks:
+            stacks.append(stack)
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
-        figures={"cases": list(map(assembly_scene, solutions))},
+        figures={"cases": figures},
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
-        cases=[_assembly_case(solution, f"case-{number}") for number, solution in enumerate(solutions)],
+        cases=cases,
+        stacks=stacks,
+        arrows=ARROWS,
         inputs=_inputs(files),
         sources=", ".join(file["file"] for file in files),
         versions=(versions := made()).items(),
@@ -106,7 +132,7 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
     return inputs
 
 
-def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
+def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
     certificate = solution.certificate
     told = [*(() if solution.usable else solution.active), *filter(None, [solution.doubt])]
@@ -117,14 +143,14 @@ def _assembly_case(solution: AssemblySolution, name: str) -> dict[str, Any]:
         "sha256": digest(canonical(assembly.to_dict())),
         "usable": solution.usable,
         "verdict": assembly_verdict(solution),
-        "picture": inline_svg(assembly_figure(solution), name),
+        "picture": picture,
+        "moved": solution.status.found,
         "amount": amount_text(solution.amount, unit),
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": told,
         "asked": asked_text(assembly),
         "sizes": size_rows(assembly),
-        "stack": stack_report(assembly),
         "motions": part_texts(solution),
         "contacts": [
             (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")
@@ -164,6 +190,7 @@ def study_page(result: StudyResult) -> str:
         "study.html",
         scripts=("study.js",),
         figures={
+            "words": (words := _words(varied, result.unit)),
             "columns": columns,
             "varied": varied,
             "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
@@ -177,9 +204,9 @@ def study_page(result: StudyResult) -> str:
         note=result.definition.get("note"),
         summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
         picture=inline_svg(study_figure(result), "picture"),
-        varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
+        varied=[_varied(label, values) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
-        heads=("number", *columns),
+        heads=("number", *(words.get(name, name) for name in columns)),
         rows=[(str(k), *(_cell(name, finite(rows[k][name])) for name in columns)) for k in printed],
         study=result.study,
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
@@ -198,6 +225,24 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     varied = names[names.index("number") + 1 : names.index("status")]
     motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
     return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
+
+
+def _words(varied: Sequence[str], unit: str) -> dict[str, str]:
+    """Return what columns are called where their names in files say little."""
+    lengths = {name: f"{text} ({unit or 'length units'})" for name, text in LENGTHS.items()}
+    return {**COLUMNS, **lengths, **{name: axis_text(name) for name in varied if name not in COLUMNS}}
+
+
+def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
+    """Return what was varied, how many values it took, and which: of a grid its ends."""
+    told, count = axis_text(label), str(len(values))
+    if label == DRAW:
+        return "parts drawn at random", count, "from the distributions in the definition below"
+    if len(values) > FEW and all(type(value) in (int, float) for value in values):
+        for alike, steps in (("steps", np.diff(values)), ("ratios", np.diff(np.log(np.maximum(values, _TINY))))):
+            if np.ptp(steps) <= EVEN * np.abs(steps).max():
+                return told, count, f"{shown(values[0])} to {shown(values[-1])} in equal {alike}"
+    return told, count, _listed(values)
 
 
 def _listed(values: Sequence[Any]) -> str:

@@ -29,7 +29,7 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
         body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
         drawn = size.drawn(body)
         made = drawn + off * (1.0 if size.is_length else drawn)
-        low, high = ((NONE, NONE) if ends is None else (off_drawn(size, end, "") for end in ends))
+        low, high = (NONE, NONE) if ends is None else (off_drawn(size, end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
             "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
@@ -67,11 +67,13 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
             shares, notes = contributions_of(found), [*stack_notes(found), *known_gaps(scene)]
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
-        return {"notes": [f"no stack-up: {'left out for time, `fcdm-opt stack` has it' if late else reason}"]}
+        why = "left out for time, `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
+        return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
         low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
         notes.append(f"worst cases of the true round parts are from {low} to {high}")
     return {
+        "unit": scene.unit,
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
             for what, gap, at in (

@@ -9,6 +9,9 @@ const EDGE = 0.025; // of the height: where points without a value stand
 
 let study, moving = false;
 
+/** What a column is called. */
+const called = name => study.words[name] ?? name;
+
 /** Values of a column, in the order of the points. */
 const column = name => study.rows.map(row => row[study.columns.indexOf(name)]);
 const isNumeric = name => column(name).some(value => typeof value === "number");
@@ -19,7 +22,7 @@ const reads = value => (typeof value === "number" ? digits(value) : value == nul
 
 function fillChoices() {
   const numeric = study.columns.filter(isNumeric);
-  const varied = study.varied.filter(name => numeric.includes(name));
+  const varied = study.varied.filter(name => numeric.includes(name) && name !== "draw");
   const longest = [...varied].sort((one, two) => distinct(two).length - distinct(one).length)[0];
   choices("x-axis", [...new Set([...study.varied, ...numeric])], longest ?? study.varied[0] ?? numeric[0]);
   choices("y-axis", [...new Set(["amount", ...numeric])], "amount");
@@ -30,7 +33,7 @@ function fillChoices() {
 
 function choices(id, names, chosen) {
   const select = element(id);
-  for (const name of names) select.append(new Option(name, name, name === chosen, name === chosen));
+  for (const name of names) select.append(new Option(called(name), name, name === chosen, name === chosen));
   select.addEventListener("change", draw);
 }
 
@@ -40,7 +43,7 @@ function groups() {
   const values = name === NOTHING ? study.rows.map(() => "") : column(name).map(value => JSON.stringify(value));
   const found = [...new Set(values)];
   return found.map((value, k) => ({
-    name: value === "" ? "usable motion" : `${name} = ${reads(JSON.parse(value))}`,
+    name: value === "" ? "usable motion" : `${called(name)}: ${reads(JSON.parse(value))}`,
     colour: COLOURS[k % COLOURS.length],
     symbol: SYMBOLS[k % SYMBOLS.length],
     places: values.flatMap((own, place) => (own === value ? [place] : [])),
@@ -86,13 +89,13 @@ function draw() {
   const shapes = up === "amount" && study.budget != null ? [{
     type: "line", xref: "paper", x0: 0, x1: 1, y0: study.budget, y1: study.budget,
     line: { color: colours.quiet, width: 1.5, dash: "dot" },
-    label: { text: `budget ${digits(study.budget)}`, textposition: "start", font: { size: 12, color: colours.quiet } },
+    label: { text: `budget ${digits(study.budget)} ${study.unit}`, textposition: "start", font: { size: 12, color: colours.quiet } },
   }] : [];
   Plotly.react("chart", traces, {
     uirevision: `${across} ${up}`, margin: { l: 8, r: 10, t: 8, b: 8 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: colours.paper,
     font: { family: FONT, size: 13, color: colours.ink },
-    xaxis: { ...axis(across), type: isNumeric(across) ? "linear" : "category" },
-    yaxis: axis(up === "amount" ? `amount (${study.unit || "length units"})` : up), showlegend: false, hovermode: "closest",
+    xaxis: { ...axis(called(across)), type: isNumeric(across) ? "linear" : "category" },
+    yaxis: axis(called(up)), showlegend: false, hovermode: "closest",
     yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true },
     hoverlabel: hoverStyle(colours), dragmode: "pan", shapes,
   }, { displayModeBar: false, responsive: true, doubleClick: "reset", scrollZoom: false });
@@ -130,7 +133,7 @@ function fillKey() {
   const marks = { circle: "\u25cf", square: "\u25a0", diamond: "\u25c6", "triangle-up": "\u25b2", "triangle-down": "\u25bc", star: "\u2605", hexagon: "\u2b22", pentagon: "\u2b1f" };
   const items = groups().map(group => [marks[group.symbol], group.name, `c-${group.colour}`]);
   if (study.usable.some(usable => !usable)) items.push(["\u2715", "no usable motion", "c-ink"]);
-  items.push(["\u25ef", "the point below", "c-ink"]);
+  items.push(["\u25ef", "chosen with the slider", "c-ink"]);
   if (study.of > study.rows.length) items.push(["", `${study.rows.length} of ${study.of} points, evenly chosen`, "c-ink"]);
   element("key").replaceChildren(...items.map(([mark, words, kind]) => {
     const item = document.createElement("li"), sign = document.createElement("i");
@@ -142,7 +145,7 @@ function fillKey() {
 }
 
 const hover = place => [...study.varied, "status", "amount"]
-  .map(name => `${plain(name)}: ${plain(shortened(reads(study.rows[place][study.columns.indexOf(name)])))}`).join("<br>");
+  .map(name => `${plain(called(name))}: ${plain(shortened(reads(study.rows[place][study.columns.indexOf(name)])))}`).join("<br>");
 const shortened = text => (text.length > 60 ? `${text.slice(0, 57)}...` : text);
 
 /** A bound to six digits, never more than it is. */
@@ -155,12 +158,14 @@ function floored(bound) {
 /** Show the chosen point in full. */
 function showPoint() {
   const place = Number(element("slider").value), row = study.rows[place];
-  element("slider-value").textContent = `number ${study.numbers[place]}; ${place + 1} of ${study.rows.length}`;
-  element("slider").setAttribute("aria-valuetext", `point ${study.numbers[place]}`);
-  element("now").replaceChildren(...study.columns.map((name, k) => {
+  const where = `${place + 1} of ${study.rows.length}`;
+  element("slider-value").textContent = where;
+  element("slider").setAttribute("aria-valuetext", where);
+  const told = [["number in study.csv", study.numbers[place]], ...study.columns.map((name, k) => [name, row[k]])];
+  element("now").replaceChildren(...told.map(([name, found]) => {
     const item = document.createElement("div"), term = document.createElement("dt"), value = document.createElement("dd");
-    term.textContent = name;
-    value.textContent = reads(name === "lower_bound" ? floored(row[k]) : row[k]);
+    term.textContent = called(name);
+    value.textContent = reads(name === "lower_bound" ? floored(found) : found);
     if (value.textContent.length > 40) item.className = "wide";
     item.append(term, value);
     return item;
