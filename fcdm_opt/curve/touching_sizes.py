@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, facing
 from fcdm_opt.curve.features import Feature
@@ -491,6 +492,7 @@ def _all_corners(part: MovingPart) -> _Corners:
 
 def _pair(parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float) -> PairRows:
     """Return the rows of a pair that some row elsewhere does not outdo all over the box."""
+    pacing.check()
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
     if not len(values):
@@ -593,6 +595,7 @@ def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
 
 def _binding(pair: PairRows, box: Array) -> PairRows:
     """Return the rows that are the largest somewhere in the box: seen at some sizes, else by a game over sizes."""
+    pacing.check()
     values, count = pair.values, len(box)
     if len(values) < 2:
         return pair

@@ -15,7 +15,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.remarks import is_beyond, known_gaps
 from fcdm_opt.show.texts import NONE, listed, off_drawn, shown
 
-STACKED = 3.0  # seconds that a stack-up may take: beside an answer
+STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
 PLACES = 6
 
 
@@ -61,13 +61,13 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
     if not scene.sizes:
         return None
     try:
-        with pacing.within(STACKED, share=1.0):
+        with pacing.looking(STACKED):
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
             shares, notes = contributions_of(found), [*stack_notes(found), *known_gaps(scene)]
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
-        why = "left out for time, `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
+        why = "left out, it takes long: `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
         return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
         low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
