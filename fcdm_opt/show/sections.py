@@ -13,10 +13,10 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
-from fcdm_opt.geometry.patches import Patch, onto, true_faces
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import distances, fans
 from fcdm_opt.geometry.solids import PlacedSolids
-from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.geometry.tessellation import Swept, onto
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped
 from fcdm_opt.tolerances import DEFAULT
@@ -294,7 +294,7 @@ def _rounded(loop: Array, body: Body, point: Array, normal: Array, plane: Array,
     near = clipped(np.stack([loop, after], axis=1), [[-half, half]] * 2)[1]
     if not round_surfaces(body) or not near.any():
         return loop
-    faces, level = true_faces(body), Patch(Swept(point, normal, (0.0, -1.0), 0.0, 0.0), 1.0)
+    faces, level = true_faces(body), Swept(point, normal, (0.0, -1.0), 0.0, 0.0)
     spots = point + loop @ plane.T
     middles = (spots + np.roll(spots, -1, axis=0)) / 2.0
     owners = np.full(len(spots), -1)
@@ -303,7 +303,7 @@ def _rounded(loop: Array, body: Body, point: Array, normal: Array, plane: Array,
     known = owners >= 0
     ends = spots.copy()
     for k in np.flatnonzero(known | np.roll(known, 1)).tolist():
-        meet = [faces.patches[own] for own in {int(owners[k - 1]), int(owners[k])} if own >= 0]
+        meet = [faces.patches[own].surface for own in {int(owners[k - 1]), int(owners[k])} if own >= 0]
         ends[k] = onto(spots[k][None], [*meet, level])[0]
     room = DEFAULT.touch * body.size + ROUNDED * max(deviation_of(body))
     ends = np.where(np.linalg.norm(ends - spots, axis=1)[:, None] <= room, ends, spots)
@@ -312,7 +312,7 @@ def _rounded(loop: Array, body: Body, point: Array, normal: Array, plane: Array,
         line = ends[[k]]
         if own >= 0 and faces.is_round[own]:
             straight = ends[k] + np.arange(ON_CURVE)[:, None] / ON_CURVE * (ends[(k + 1) % len(ends)] - ends[k])
-            line = np.concatenate([line, onto(straight[1:], [faces.patches[own], level])])
+            line = np.concatenate([line, onto(straight[1:], [faces.patches[own].surface, level])])
         found.append(line)
     return (np.concatenate(found) - point) @ plane
 
