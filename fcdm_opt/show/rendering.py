@@ -13,7 +13,7 @@ from typing import Any
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
-from fcdm_opt.show.texts import NONE, numbers, shortened, shown, status_text
+from fcdm_opt.show.texts import NONE, numbers, shown, status_text
 
 LONGEST = 160
 """Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
@@ -74,7 +74,6 @@ def environment() -> Any:
     )
     made.filters |= {
         "clean": cleaned,
-        "cut": cut,
         "explained": explained,
         "in_unit": in_unit,
         "numbers": numbers,
@@ -95,16 +94,6 @@ def cleaned(text: object, longest: int = LONGEST) -> str:
         whole = f"{whole[:half]} \u2026 {whole[-half:]}"
     kept = "".join(sign if sign.isprintable() or sign.isspace() else "\ufffd" for sign in whole)
     return " ".join(kept.split())
-
-
-def cut(text: object, longest: int = 40) -> Any:
-    """Return a text of at most so many letters, the whole of it on hover."""
-    from markupsafe import Markup
-
-    whole = str(text)
-    return (
-        Markup('<span title="{}">{}</span>').format(whole, shortened(whole, longest)) if len(whole) > longest else whole
-    )
 
 
 def explained(word: str, shown: str = "") -> Any:

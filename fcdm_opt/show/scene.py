@@ -118,7 +118,7 @@ def scene_figure(
     insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
     names = [body.name for body in (*shown.bodies, *shown.keep_out)]
-    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + (len(contacts) > 0) + (moved is not None)
+    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + bool(contacts) + (moved is not None and not insets)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
@@ -302,7 +302,7 @@ def _draw_parts(sheet: Sheet, area: tuple[float, float, float, float], parts: Sh
 def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
     handles, labels = axes.get_legend_handles_labels()
     x, y, *_ = sheet.place(LEGEND, foot / 2, 0.0, 0.0)
-    room = axes.get_position().width * sheet.figure.get_figwidth() - LEGEND - 0.4
+    room = axes.get_position().width * sheet.figure.get_figwidth() - LEGEND - 0.27
     labels = [literal("\n".join(fitted(sheet.figure, label, NOTE, room))) for label in labels]
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.0)
 

@@ -6,8 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
@@ -22,7 +20,7 @@ from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import parts_pieces
-from fcdm_opt.show.studies import EVEN, axis_text, study_figure
+from fcdm_opt.show.studies import axis_text, study_figure
 from fcdm_opt.show.texts import amount_text, asked_text, bound_line, shown, study_facts
 
 if TYPE_CHECKING:
@@ -41,8 +39,7 @@ FIGURES = (  # what the scripts draw of a case; all else is text
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
 
-FEW, _TINY = 4, float(np.finfo(float).tiny)
-"""Values that are listed even where they are a grid."""
+FEW = 4  # values that are listed even where they are a grid
 
 COLUMNS = {
     "draw": "number of the draw", "pair_state": "parts made are", "features": "what touches", "stage": "settled by",
@@ -238,10 +235,8 @@ def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
     told, count = axis_text(label), str(len(values))
     if label == DRAW:
         return "parts drawn at random", count, "from the distributions in the definition below"
-    if len(values) > FEW and all(type(value) in (int, float) for value in values):
-        for alike, steps in (("steps", np.diff(values)), ("ratios", np.diff(np.log(np.maximum(values, _TINY))))):
-            if np.ptp(steps) <= EVEN * np.abs(steps).max():
-                return told, count, f"{shown(values[0])} to {shown(values[-1])} in equal {alike}"
+    if len(values) > FEW and all(type(value) in (int, float) for value in values) and [*values] == sorted(values):
+        return told, count, f"{shown(values[0])} to {shown(values[-1])}"
     return told, count, _listed(values)
 
 
