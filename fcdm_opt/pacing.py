@@ -197,6 +197,11 @@ def left() -> float:
     return end - clock() if end < math.inf else math.inf
 
 
+def limited() -> bool:
+    """Tell whether a time is given."""
+    return _limit.get().end < math.inf
+
+
 def over() -> bool:
     """Tell whether the time given is over."""
     end, looks = _limit.get().end, _looks.get()

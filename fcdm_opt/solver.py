@@ -21,7 +21,7 @@ from fcdm_opt.model.mesh_error import facets_known, too_wide, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.model.true_faces import points_of_true_faces
+from fcdm_opt.model.true_faces import has_round_faces, points_of_true_faces
 from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -119,26 +119,23 @@ def _several(assembly: Assembly, how: _How) -> AssemblySolution:
     """Return the solution of an assembly, of which contacts are problems of their own."""
     quick = how._replace(certify=False, effort="quick")
     as_asked, at_once = (partial(_answered, how=own) for own in (how, quick))
-    return assembled(
-        assembly, as_asked, at_once, model=how.model, certify=how.certify, prove=how.effort == "proved"
-    )
+    return assembled(assembly, as_asked, at_once, model=how.model, certify=how.certify, prove=how.effort == "proved")
 
 
 def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
-    if how.effort != "quick":
+    if how.effort != "quick" and pacing.limited():
         facets_known(problem)
     solution = _solved_all(problem, how)
     at_once = partial(_solved_all, how=_at_once(how))
-    exact = solution.usable or not pacing.in_time(too_wide, problem, late=True)
-    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if exact else None
+    fits = has_round_faces(problem) and (solution.usable or not pacing.in_time(too_wide, problem, late=True))
+    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if fits else None
     if points is not None:
         found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
         refused = problem.goal == "clear" and found.status in IMPOSSIBLE
         solution = found if found.usable or refused else solution
-    if how.effort == "quick" and exact:
-        return solution
-    return with_mesh_error(solution, partial(_solved_again, how), certify=how.certify)
+    quick = how.effort == "quick"
+    return with_mesh_error(solution, partial(_solved_again, how), certify=how.certify, quick=quick)
 
 
 def _at_once(how: _How) -> _How:

@@ -16,15 +16,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import depth_as_drawn
+from fcdm_opt.geometry.solids import depth_as_drawn, kept_as_surface
 from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds
 from fcdm_opt.problem.keep_out import KeepOut
@@ -40,6 +41,11 @@ TURN, MOST_STEPS = 0.2, 32
 """A motion that turns is looked at in steps of at most so many radians, and in no more steps than this."""
 ALIKE = 0.1
 """Displacements that differ by less than this share of one of them are looked along once."""
+MOST_PAIRS = 256
+"""Pairs of convex parts up to which planes between them are looked for before anything else."""
+
+Sizes = list[tuple[Body, Body, float, float]]
+"""Of both bodies: as drawn, as made, and at which scale each."""
 
 
 def inside_fit(solution: Solution) -> Solution:
@@ -101,10 +107,14 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
     motion, seeds, size = problem.motion, (problem.movable.seed, problem.static.seed), problem.size
     turned = float(np.abs(q[motion.turning]).sum())
     steps = min(1 + int(turned / TURN), MOST_STEPS)
+    shares = np.linspace(0.0, 1.0, steps + 1).tolist()
+    poses = [motion.transform(share * q, *seeds) for share in shares]
+    if _stay_divided(_sizes(problem, keep_out), shares, poses, DEFAULT.nominal * size, not turned):
+        return False
     before = _corners(problem, 0.0, REST, keep_out)
-    for share in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
+    for share, pose in zip(shares[1:], poses[1:], strict=True):
         pacing.check()
-        after = _corners(problem, share, motion.transform(share * q, *seeds), keep_out)
+        after = _corners(problem, share, pose, keep_out)
         one, two = zip(before, after, strict=True)
         if any(passes(one, two, way, DEFAULT.snap * size) for way in _displacements(one, two, size, turned > 0.0)):
             return True
@@ -112,23 +122,83 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
     return False
 
 
-def _corners(
-    problem: Problem, share: float, pose: Array, keep_out: KeepOut | None = None
-) -> tuple[Array, Array]:
-    """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed.
-
-    Those of a keep-out, at its largest scale, in place of the static body's where one is given.
-    """
-    found, made, ends = list[Array](), (problem.movable, problem.static), (problem.nominal_pair, problem.target)
-    asked = list(zip(drawn_bodies(problem), made, *ends, strict=True))
-    if keep_out is not None:
-        asked[1] = keep_out.body, keep_out.body, keep_out.ends[1], keep_out.ends[1]
-    for drawn, own, *scales in asked:
+def _corners(problem: Problem, share: float, pose: Array, keep_out: KeepOut | None = None) -> tuple[Array, Array]:
+    """Return the corners of both bodies' facets, (t, 3, 3), at sizes between those drawn and those made, and posed."""
+    found = list[Array]()
+    for drawn, own, *scales in _sizes(problem, keep_out):
         before, after = (
             own.seed + rho * (corners - own.seed) for rho, corners in zip(scales, _facets(drawn, own), strict=True)
         )
         found.append((1.0 - share) * before + share * after)
     return found[0] @ pose[:3, :3].T + pose[:3, 3], found[1]
+
+
+def _sizes(problem: Problem, keep_out: KeepOut | None = None) -> Sizes:
+    """Return both bodies as drawn and as made, with their scales before and after.
+
+    A keep-out, at its largest scale, in place of the static body where one is given.
+    """
+    made, ends = (problem.movable, problem.static), (problem.nominal_pair.tolist(), problem.target.tolist())
+    asked = list(zip(drawn_bodies(problem), made, *ends, strict=True))
+    if keep_out is not None:
+        asked[1] = keep_out.body, keep_out.body, keep_out.ends[1], keep_out.ends[1]
+    return asked
+
+
+class _HalfSpaces(NamedTuple):
+    """Convex parts about a body's seed: corners, (n, 3), facets' normals and levels, (f, 3), (f,); the parts' first."""
+
+    seed: Array
+    points: Array
+    normals: Array
+    levels: Array
+    corners: Ints
+    facets: Ints
+
+    def is_like(self, other: _HalfSpaces) -> bool:
+        """Tell whether another body has as many corners and facets, and these look alike."""
+        same = self.points.shape == other.points.shape and np.array_equal(self.facets, other.facets)
+        same = same and np.array_equal(self.seed, other.seed) and self.normals.shape == other.normals.shape
+        return same and np.abs(self.normals - other.normals).max() <= DEFAULT.tie
+
+
+@lru_cache(maxsize=16)
+def _half_spaces(body: Body) -> _HalfSpaces:
+    normals, points = np.concatenate([part.normals for part in body.parts]), [part.vertices for part in body.parts]
+    levels = np.concatenate([part.levels for part in body.parts]) - normals @ body.seed
+    firsts = (np.cumsum([0, *own[:-1]]) for own in ([*map(len, points)], [len(part.loops) for part in body.parts]))
+    return _HalfSpaces(body.seed, np.concatenate(points) - body.seed, normals, levels, *firsts)
+
+
+def _stay_divided(sizes: Sizes, shares: list[float], poses: list[Array], slack: float, shifts: bool) -> bool:
+    """Tell whether every two convex parts have the plane of a facet between them at both ends of each step.
+
+    Corners go straight on, and so do planes that do not turn: then it is between them all along, and nothing passes.
+    """
+    (drawn, made, *_), (other, others, *_) = sizes
+    if kept_as_surface(drawn, other) or len(made.parts) * len(others.parts) > MOST_PAIRS:
+        return False
+    was, now = ([_half_spaces(own) for own in both] for both in ((drawn, other), (made, others)))
+    if not all(map(_HalfSpaces.is_like, was, now)):
+        return False
+    (one, two), before = now, None
+    for share, T in zip(shares, poses, strict=True):
+        factors = [((1.0 - share) * own[2], share * own[3]) for own in sizes]
+        points, its = (a * x.points + b * y.points for (a, b), x, y in zip(factors, was, now, strict=True))
+        levels, heights = (a * x.levels + b * y.levels for (a, b), x, y in zip(factors, was, now, strict=True))
+        offset = T[:3, :3] @ one.seed + T[:3, 3] - two.seed
+        above = [np.minimum.reduceat((points @ T[:3, :3].T + offset) @ two.normals.T - heights, one.corners) >= -slack]
+        if shifts:
+            above.append(np.minimum.reduceat((its - offset) @ one.normals.T - levels, two.corners) >= -slack)
+        if before is not None:
+            kept = [x & y for x, y in zip(before, above, strict=True)]
+            divided = np.logical_or.reduceat(kept[0], two.facets, axis=1)
+            if shifts:
+                divided |= np.logical_or.reduceat(kept[1], one.facets, axis=1).T
+            if not divided.all():
+                return False
+        before = above
+    return True
 
 
 def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:

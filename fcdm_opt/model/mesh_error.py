@@ -11,7 +11,8 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import decision_curve
@@ -48,9 +49,11 @@ def facets_known(problem: Problem) -> None:
 
 
 def with_mesh_error(
-    solution: Solution, solve: Callable[[Problem, str], Solution] | None, *, certify: bool = False
+    solution: Solution, solve: Callable[[Problem, str], Solution] | None, *, certify: bool = False, quick: bool = False
 ) -> Solution:
     """Return a solution with the amounts that its bodies' facets leave open, see `Solution.amount_low`.
+
+    They are worked out when they are read, as that takes solves; at once where a time is given.
 
     Parameters
     ----------
@@ -60,7 +63,27 @@ def with_mesh_error(
         is not needed, as contacts are of plane faces.
     certify : bool
         Go on for longer where a bound of parts that are apart takes long.
+    quick : bool
+        Only tell that parts do not fit whatever their mesh is.
     """
+    if quick and solution.usable:
+        return solution
+    ends: Any = partial(_ends, solution, solve, certify, quick)
+    low, high = ends() if pacing.limited() else (ends, ends)
+    return replace(solution, amount_low=low, amount_high=high)
+
+
+def _ends(
+    solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool, quick: bool
+) -> tuple[float, float]:
+    """Return both amounts."""
+    if quick and not too_wide(solution.problem):
+        return math.nan, math.nan
+    found = _with_ends(solution, solve, certify)
+    return found.amount_low, found.amount_high
+
+
+def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool) -> Solution:
     problem = solution.problem
     if problem.exact_at is not None:
         return _at_exact_points(solution, solve, certify)
@@ -94,9 +117,7 @@ def with_mesh_error(
     return solution
 
 
-def _at_exact_points(
-    solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool
-) -> Solution:
+def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool) -> Solution:
     """Return a solution whose parts are exact where they meet, and elsewhere within the true ones.
 
     The motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart

@@ -61,7 +61,7 @@ class Exchange:
         near, plane = (facets.movable, facets.static), DEFAULT.drawn * facets.size
         if any(max(deviation_of(own.body)) > plane or own.ends[0] < own.ends[1] for own in facets.keep_out):
             return None
-        found = any(map(round_surfaces, near)) and all(bounding_bodies(own) is not None for own in near)
+        found = has_round_faces(problem) and all(bounding_bodies(own) is not None for own in near)
         return cls(problem) if found else None
 
     @property
@@ -119,6 +119,11 @@ class Exchange:
             bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
             for there, point in zip(self.points.values(), own.points, strict=False)
         )
+
+
+def has_round_faces(problem: Problem) -> bool:
+    """Tell whether faces of either part are told to stand for round ones."""
+    return any(map(round_surfaces, problem.of_facets.bodies[:2]))
 
 
 def points_of_true_faces(

@@ -122,7 +122,7 @@ class Motion:
 
     def ways(self, movable_seed: Any, static_seed: Any) -> Array:
         """Return what each parameter shifts a body that never turns, (k, 3), see `shifts`."""
-        return np.array([self.transform(step, movable_seed, static_seed)[:3, 3] for step in np.eye(len(self.names))])
+        return _ways(self, (*map(float, movable_seed), *map(float, static_seed)))
 
     def shifts_by(self, q: Array) -> bool:
         """Tell whether it does so all the way to parameters q."""
@@ -772,6 +772,12 @@ def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
     from fcdm_opt.motion.kinematics import Kinematics
 
     return Kinematics(motion, np.array(seeds))
+
+
+@lru_cache(maxsize=64)
+def _ways(motion: Motion, seeds: tuple[float, ...]) -> Array:
+    steps = np.eye(len(motion.names))
+    return frozen([motion.transform(step, seeds[:3], seeds[3:])[:3, 3] for step in steps])
 
 
 def _changed(step: Step, **values: Any) -> Any:

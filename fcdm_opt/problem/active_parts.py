@@ -217,6 +217,8 @@ def with_insides(problem: Problem, transform: Array) -> Problem | None:
     Parts that are a solid's surface alone bar the way into it, not a place in the middle of it: a convex body there
     does, as a further keep-out, or as a further part of body 1.
     """
+    if not kept_as_surface(*problem.bodies):
+        return None
     partner = (KeepOut(problem.static, float(problem.target[1])),)
     others = (*(partner if {"clear", "touch"} & {problem.goal, problem.pair} else ()), *problem.keep_out)
     movable, rho = problem.movable, problem.target[0]

@@ -85,6 +85,9 @@ UNJUDGED = "A motion was found, but was not judged in the time given: allow more
 IN_TIME = "judged in time"
 """Name of the one check of what the time given did not do for judging."""
 
+ENDS = ("amount_low", "amount_high")
+"""What facets of round faces leave open of the amount."""
+
 IMPOSSIBLE = (Status.OUTSIDE_FIT, Status.INFEASIBLE)
 """What says that nothing can be done, which facets that stick out of round faces may be the only cause of."""
 
@@ -241,6 +244,27 @@ class Sensitivity(Plain):
         return super().from_dict({**unknown, **data})
 
 
+class _WhenRead:
+    """One of `ENDS`, which may be set to what works out both: that is done when one is read, as it takes solves."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, solution: Any, owner: type) -> Any:
+        if solution is None:
+            return math.nan
+        if callable(own := vars(solution)[self._name]):
+            vars(solution).update(zip(ENDS, own(), strict=True))
+        return vars(solution)[self._name]
+
+    def __set__(self, solution: Any, value: Any) -> None:
+        vars(solution)[self._name] = value
+
+
+def _when_read() -> Any:
+    return _WhenRead()
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bounded(Plain, NotebookRepr):
     """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
@@ -248,8 +272,8 @@ class Bounded(Plain, NotebookRepr):
     status: Status
     amount: float = float("nan")
     lower_bound: float = 0.0
-    amount_low: float = float("nan")
-    amount_high: float = float("nan")
+    amount_low: float = _when_read()
+    amount_high: float = _when_read()
     active: tuple[str, ...] = ()
     stopped: str = ""
     certificate: Certificate | None = field(default=None, repr=False)
@@ -387,6 +411,7 @@ class Solution(Bounded):
         far as the facets that stand for them leave it open: the amount for bodies that the true ones hold, and for
         bodies that hold them. Both are `amount` where all faces that matter are plane; nan where it is not known, and
         of effort "quick", which does not look; infinite where the larger bodies may not do at all, or neither does.
+        Worked out when first read or printed, as that takes further solves; within a time that is given at once.
     rho : (2,) array or None
         The tracked contact point after the motion; for "touch" and "clear" the target pair.
     features : tuple of Feature

@@ -7,7 +7,7 @@ of alternatives unmet has the least of all.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import count
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.stages import compiled
 from fcdm_opt.tolerances import DEFAULT
 
-BATCH_SIZE = 4  # rows that are tried together at first
 MOST_NODES, FARTHEST = 2000, 1e6  # nodes that `nearest_on` looks at, and the length beyond which nothing is of interest
 
 
@@ -122,20 +121,27 @@ class Nearest(NamedTuple):
     complete: bool = True
 
 
-class _Branch(NamedTuple):
-    """Nodes that add to rows one of further ones, of different ways to meet a group; and their y by distance."""
+class _Branch:
+    """Nodes that add to rows one of further ones, of different ways to meet a group, from alternative `first` on."""
 
-    rows: Rows
-    further: Rows
-    chosen: dict[int, int]
-    group: int
-    ways: Ints
-    steps: Iterator[tuple[float, int, Array]]
+    def __init__(
+        self, rows: Rows, further: Rows, centre: Array, chosen: dict[int, int], group: int, first: int
+    ) -> None:
+        self.rows, self.further, self.chosen, self.group, self.first = rows, further, chosen, group, first
+        arranged = compiled.arranged(*rows, *further, centre)
+        self._arranged, self._done = (*arranged, np.argsort(np.maximum(arranged[3], 0.0), kind="stable")), 0
+        self._found, self._lengths = np.empty_like(further.normals), np.full(len(further.levels), np.inf)
+
+    def next(self) -> tuple[float, int, Array] | None:
+        """Return length, number and x of the node left whose y = x + centre is the nearest; None without any."""
+        k, self._done = compiled.next_nearest(*self._arranged, self._done, self._found, self._lengths)
+        if k < 0:
+            return None
+        length, self._lengths[k] = float(self._lengths[k]), np.inf
+        return length, k, self._found[k]
 
 
-def nearest(
-    choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf
-) -> Nearest:
+def nearest(choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf) -> Nearest:
     """Return the y nearest to a point that meets some rows and one alternative of every group.
 
     Parameters
@@ -152,40 +158,35 @@ def nearest(
         Only what is nearer is of interest.
     """
     (normals, levels), firsts, groups = choices
-    sizes, lasts = np.diff(firsts, append=len(levels)), np.append(groups[1:], len(firsts))
-    number, heap = count(), list[tuple[float, int, int, Array, _Branch]]()
+    number, heap, lasts = count(), list[tuple[float, int, int, Array, _Branch]](), [*groups[1:].tolist(), len(firsts)]
     kept = np.full(len(groups), -1)  # the alternative of each group, -1 where any will do
 
     def push(branch: _Branch) -> None:
         """Add the nearest node of a branch that is left."""
-        length, k, x = next(branch.steps, (np.inf, 0, centre))
-        if length < most:
-            heapq.heappush(heap, (length, next(number), k, x, branch))
+        if (found := branch.next()) is not None and found[0] < most:
+            heapq.heappush(heap, (found[0], next(number), *found[1:], branch))
 
     rows, further = Rows(start.normals[1:], start.levels[1:]), Rows(start.normals[:1], start.levels[:1])
-    push(_Branch(rows, further, {}, -1, np.empty(0, np.int64), _by_distance(rows, further, centre)))
+    push(_Branch(rows, further, centre, {}, -1, 0))
     for _ in range(nodes):
         if not heap or pacing.over():
             break
         _, _, k, x, branch = heapq.heappop(heap)
         y, chosen = x + centre, branch.chosen
         if branch.group >= 0:
-            chosen = {**chosen, branch.group: int(branch.ways[k])}
+            chosen = {**chosen, branch.group: branch.first + k}
         rows = branch.rows.and_also(branch.further.normals[k : k + 1], branch.further.levels[k : k + 1])
-        kept[list(chosen)] = list(chosen.values())
+        for group, alternative in chosen.items():
+            kept[group] = alternative
         worst, missed = compiled.worst_group(normals, levels, firsts, groups, kept, y)
-        kept[list(chosen)] = -1
         if missed <= slack:
             return Nearest(y, rows, chosen)
-        ways = np.array([chosen[worst]]) if worst in chosen else np.arange(groups[worst], lasts[worst])
-        own = slice(firsts[ways[0]], firsts[ways[-1]] + sizes[ways[-1]])
-        short, starts_of_ways = levels[own] - normals[own] @ y, firsts[ways] - firsts[ways[0]]
-        of_ways = np.maximum.reduceat(short, starts_of_ways)
-        longest = np.flatnonzero(short == np.repeat(of_ways, sizes[ways]))  # the row that a way is furthest from
-        places = firsts[ways[0]] + longest[np.searchsorted(longest, starts_of_ways)]
-        further = Rows(normals[places], levels[places])
+        first, last = (chosen[worst], chosen[worst] + 1) if worst in chosen else (int(groups[worst]), lasts[worst])
+        places = compiled.furthest_rows(normals, levels, firsts, first, last, y)
+        for group in chosen:
+            kept[group] = -1
         push(branch)
-        push(_Branch(rows, further, chosen, worst, ways, _by_distance(rows, further, centre)))
+        push(_Branch(rows, Rows(normals[places], levels[places]), centre, chosen, worst, first))
     return Nearest(None, Rows(normals[:0], levels[:0]), {}, not heap)
 
 
@@ -235,32 +236,3 @@ def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
     normals = rows.normals @ free.T
     flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
     return Rows(normals, rows.about(centre).levels), np.asarray(flat)
-
-
-def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[float, int, Array]]:
-    """Yield (length, k, x), by length: x + centre is the y nearest to the centre that meets all rows and further row k.
-
-    Only those are looked at that can be next.
-    """
-    sizes = _lengths(further.normals)
-    levels = further.levels - further.normals @ centre
-    bounds = np.maximum(levels / np.where(sizes > 0.0, sizes, 1.0), 0.0)
-    order = np.argsort(bounds, kind="stable")
-    order = order[sizes[order] > 0.0]
-    G, h = np.ascontiguousarray(rows.normals), rows.levels - rows.normals @ centre
-    waiting, first, many = list[tuple[float, int, Array]](), 0, BATCH_SIZE
-    while first < len(order) or waiting:
-        some = order[first : first + many]
-        found = compiled.least_distance(G, h, -further.normals[some], -levels[some])
-        for k, x, length in zip(some.tolist(), found, _lengths(found).tolist(), strict=True):
-            if length < np.inf:  # nan where there is none
-                heapq.heappush(waiting, (length, k, x))
-        first, many = first + many, 2 * many
-        following = bounds[order[first]] if first < len(order) else np.inf
-        while waiting and waiting[0][0] <= following:
-            yield heapq.heappop(waiting)
-
-
-def _lengths(rows: Array) -> Array:
-    """Return the lengths of some rows, of few of them in half the time that numpy's norm takes."""
-    return np.asarray(np.sqrt((rows * rows).sum(axis=1)))

@@ -102,6 +102,21 @@ def worst_group(normals, levels, alternatives, groups, kept, y):
     return worst, most
 
 
+@light
+@kernel
+def furthest_rows(normals, levels, alternatives, first, last, y):
+    """Return of each of the alternatives from one to another the row that y misses by most."""
+    rows = np.empty(last - first, np.int64)
+    for a in range(first, last):
+        end = alternatives[a + 1] if a + 1 < len(alternatives) else len(levels)
+        most = -np.inf
+        for row in range(alternatives[a], end):
+            short = levels[row] - inner(normals[row], y)
+            if short > most:
+                most, rows[a - first] = short, row
+    return rows
+
+
 @kernel
 def run(table, constants, work, q, seeds, flat, count):
     """Run a motion's first instructions: fill `flat` with the pose (12,), then its derivatives by each parameter."""
@@ -366,20 +381,57 @@ def evaluate(scene, rows, count, only, z, g, G):
 
 @light
 @kernel
-def least_distance(G, h, walls, levels):
-    """Return for each wall the least x with G x >= h and wall . x <= level, (n, k); nan where there is none."""
-    count, k = G.shape
-    rows, sides, equal = np.empty((count + 1, k)), np.empty(count + 1), np.zeros(count + 1, np.bool_)
-    for c in range(count):
-        length = norm(G[c])
-        rows[c], sides[c] = G[c] / length, h[c] / length
-    found, x, duals = np.full((len(walls), k), np.nan), np.empty(k), np.empty(count + 1)
-    for r in range(len(walls)):
-        length = norm(walls[r])
-        rows[count], sides[count] = -walls[r] / length, -levels[r] / length
-        if nearest(rows, sides, equal, count + 1, x, duals):
-            found[r] = x
-    return found
+def arranged(G, h, walls, levels, centre):
+    """Return rows G x >= h, with room for one more, and further ones, walls, over x - centre, all of length one.
+
+    Normals and levels of both, (m + 1, k), (m + 1,), (n, k), (n,); walls of no direction have an infinite level.
+    """
+    count, k = len(h), len(centre)
+    rows, sides, own, bounds = np.empty((count + 1, k)), np.empty(count + 1), np.empty((len(levels), k)), levels.copy()
+    for r in range(count + len(levels)):
+        n, level = (G[r], h[r]) if r < count else (walls[r - count], levels[r - count])
+        length = norm(n)
+        level = (level - inner(n, centre)) / length if length > 0.0 else np.inf
+        for m in range(k):
+            if r < count:
+                rows[r, m] = n[m] / length
+            else:
+                own[r - count, m] = n[m] / length
+        if r < count:
+            sides[r] = level
+        else:
+            bounds[r - count] = level
+    return rows, sides, own, bounds
+
+
+@light
+@kernel
+def next_nearest(rows, sides, walls, bounds, order, first, found, lengths):
+    """Return a wall whose least x, under the rows, is the shortest that is left, -1 for none, and how many are done.
+
+    `found` is filled with the x of those done, and `lengths` with these; it is infinite where there is none, or was
+    returned. Walls are looked at in an order of lower bounds, and only those that can be next.
+    """
+    last, best = len(sides) - 1, -1
+    equal, x, duals = np.zeros(last + 1, np.bool_), np.empty(rows.shape[1]), np.empty(last + 1)
+    for k in order[:first]:
+        if lengths[k] < np.inf and (best < 0 or lengths[k] < lengths[best]):
+            best = k
+    while first < len(order) and bounds[order[first]] < np.inf:
+        k = order[first]
+        if best >= 0 and lengths[best] <= max(bounds[k], 0.0):
+            break
+        for m in range(len(x)):
+            rows[last, m] = walls[k, m]
+        sides[last] = bounds[k]
+        if nearest(rows, sides, equal, last + 1, x, duals):
+            for m in range(len(x)):
+                found[k, m] = x[m]
+            lengths[k] = norm(x)
+            if best < 0 or lengths[k] < lengths[best]:
+                best = k
+        first += 1
+    return best, first
 
 
 @kernel

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, product
 from typing import Literal
 
 import numpy as np
@@ -214,14 +214,17 @@ def translations(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    shifts = task.motion.ways(task.movable.seed, task.static.seed)
-    walls, clearances = dict[Parts, Rows](), ForbiddenShifts(task)
+    shifts, limits = task.motion.ways(task.movable.seed, task.static.seed), System(task, ()).limits()
     later = _touching(task, shifts)
+    first = product(range(len(task.movable.parts)), range(len(task.obstacles))) if task.part_pairs <= BATCH_SIZE else ()
+    lines = {parts: _lines(task, parts, shifts) for parts in first}
+    walls = {parts: _wall(own) for parts, own in lines.items() if _may_overlap(task, parts, own)}
     closings = dict[Parts, Rows]() if later else None
+    clearances = ForbiddenShifts(task)
     stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
     while sharpened < SHARPENED:
         pacing.check()
-        least = _least(task, walls, closings)
+        least = _least(task, limits, walls, closings)
         if least is None:
             return None
         x, pairs, constraints = least
@@ -229,7 +232,7 @@ def translations(task: Task) -> Answer | None:
         sooner = [parts for bound, parts in later[: max(BATCH_SIZE, len(closings or ()))] if bound < length]
         if closings is not None and sooner:
             later = later[len(sooner) :]
-            rows = {parts: _closing(_lines(task, parts, shifts)) for parts in sooner}
+            rows = {parts: _closing(lines.get(parts) or _lines(task, parts, shifts)) for parts in sooner}
             closings |= {parts: own for parts, own in rows.items() if own is not None}
             continue
         if x is None:
@@ -240,7 +243,7 @@ def translations(task: Task) -> Answer | None:
             walls |= new
             continue
         known, sharpened = {*clearances.points}, sharpened + 1
-        grown = clearances.grow(q)
+        grown = clearances.grow(q) if task.needs.max() > 0.0 else set()
         curved = curved or bool(grown & known)  # not at a facet moved out, where all is exact
         for parts in grown:
             wall = clearances.walls[parts]
@@ -262,6 +265,12 @@ def translations(task: Task) -> Answer | None:
             amount = polished.amount
             best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
     return best
+
+
+def _may_overlap(task: Task, parts: Parts, lines: Rows) -> bool:
+    """Tell whether some motion may make a pair overlap."""
+    flat = np.linalg.norm(lines.normals, axis=1) <= DEFAULT.tie
+    return bool(np.isfinite(task.needs[parts[1]])) and not (lines.levels[flat] >= -DEFAULT.cut).any()
 
 
 def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
@@ -319,17 +328,17 @@ def _distinct(rows: Array) -> Ints:
 
 
 def _least(
-    task: Task, walls: dict[Parts, Rows], closings: dict[Parts, Rows] | None
+    task: Task, limits: Rows, walls: dict[Parts, Rows], closings: dict[Parts, Rows] | None
 ) -> tuple[Array | None, list[Parts], int] | None:
     """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
 
     At it one of `closings`, if given, is met. None alone where too many nodes were looked at.
     """
-    count, pairs = len(task.weights), [*walls, *(closings or ())]
-    everywhere = System(task, ()).limits().and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
-    choices = Choices.of_single_rows(list(walls.values()), count)
     if closings is not None and not closings:
         return None, [], 0
+    count, pairs = len(task.weights), [*walls, *(closings or ())]
+    everywhere = limits.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
+    choices = Choices.of_single_rows(list(walls.values()), count)
     if closings and all(len(own.levels) for own in closings.values()):  # without rows one is met in any case
         choices = choices.and_also(Choices.of([[*closings.values()]], count))
     ways = max((len(wall.levels) for wall in walls.values()), default=1) if task.part_pairs > 1 else 1

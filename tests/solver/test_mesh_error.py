@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -406,7 +407,12 @@ def test_a_press_fit_that_no_smaller_parts_mend_passes_the_judge() -> None:
 def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))
+    unread = pickle.loads(pickle.dumps(solution))
+    assert callable(vars(solution)["amount_low"])  # it takes two solves more, and was worked out where nobody reads it
     again = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert (unread.amount_high, unread.amount_low) == (solution.amount_high, solution.amount_low)
+    timed = fo.solve(solution.problem, time=1000.0)
+    assert vars(timed)["amount_low"] == solution.amount_low
     assert (again.amount_low, again.amount_high) == (solution.amount_low, solution.amount_high)
     assert fo.verify(again).passed
     wrong: list[dict[str, Any]] = [
