@@ -226,7 +226,7 @@ def test_factors_that_would_leave_no_body_are_left_out():
     case = of_problem(problem.changed(tolerance=0.6, requirement="D"), frames=1.0)
     family = case["families"]["tolerance"]
     assert family["values"] == [factor for factor in FACTORS if 0.6 * factor < 1]
-    assert "at 1.7 times" in family["note"]
+    assert "at 1.8 times" in family["note"]
 
 
 @pytest.mark.parametrize("name", ["example1", "example2"])

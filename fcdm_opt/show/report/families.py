@@ -20,7 +20,7 @@ from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-FACTORS = tuple(k / 10 for k in range(21))
+FACTORS = tuple(k / 5 for k in range(11))
 """Multiples of the tolerance: none, as asked, and up to twice as much."""
 
 SHARES = tuple(k / 20 for k in range(31))
