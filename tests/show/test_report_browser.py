@@ -514,7 +514,9 @@ def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
 @pytest.mark.parametrize("options", [{}, {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}])
 def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
     path = tmp_path / "study.html"
-    path.write_text(study_page(result(["A", HOSTILE], budget=11.5)), encoding="utf-8")
+    made = result(["A", HOSTILE], budget=11.5)
+    path.write_text(study_page(made), encoding="utf-8")
+    names = "case", "tolerance  (relative; 0.01 = 1 %)", f"amount ({made.unit or 'length units'})"
     opened = Opened(browser, path.as_uri(), **options)
     try:
         opened.drawn("tolerance|amount|case|0")
@@ -524,17 +526,17 @@ def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
             told = opened.page.evaluate(
                 "() => [...document.querySelectorAll('#now div')].map(own => [...own.children].map(e => e.textContent))"
             )
-            assert dict(told) | {"case": case, "tolerance": str(tau), "amount": amount} == dict(told)
+            assert dict(told) | dict(zip(names, (case, str(tau), amount), strict=True)) == dict(told)
         chosen = opened.trace("chart", "chosen point")
         assert (chosen["x"], chosen["y"]) == ([0.03], [3.0])
-        drawn = opened.trace("chart", "case = A")
+        drawn = opened.trace("chart", "case: A")
         assert (drawn["x"], drawn["y"]) == (TAUS, [1.0, 2.0, 3.0, 4.0])
         opened.page.focus("#slider")
         opened.page.keyboard.press("ArrowRight")
         opened.drawn("tolerance|amount|case|3")
         opened.page.select_option("#y-axis", "TZ")
         opened.drawn("tolerance|TZ|case|3")
-        assert opened.trace("chart", "case = A")["y"] == [-1.0, -2.0, -3.0, -4.0]
+        assert opened.trace("chart", "case: A")["y"] == [-1.0, -2.0, -3.0, -4.0]
         assert opened.page.evaluate(OVERLAPS) == []
         assert opened.page.evaluate(CUT_OFF) == []
         assert opened.wrong == []
