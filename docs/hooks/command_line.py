@@ -1,7 +1,4 @@
-"""Writes the reference of the command line from the commands themselves.
-
-A page holds markers, `<!-- exit codes -->` and `<!-- commands -->`, whose places are taken.
-"""
+"""The reference of the command line, from the commands themselves."""
 
 from __future__ import annotations
 
@@ -10,14 +7,6 @@ from typing import Any
 
 PROGRAM = "fcdm-opt"
 OPTIONS = "Options"  # group of the options that have none
-
-
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the reference in place of its markers; called by mkdocs for every page."""
-    for marker, written in (("<!-- exit codes -->", exit_codes), ("<!-- commands -->", commands)):
-        if marker in markdown:
-            markdown = markdown.replace(marker, written())
-    return markdown
 
 
 def exit_codes() -> str:
@@ -63,7 +52,7 @@ def _section(command: Any, context: Any) -> Iterator[str]:
     ends = "; ".join(f"{code} {meaning}" for code, meaning in ROWS[command.name or ""].ends.items())
     yield from ("", f"Exit codes: {_plain(ends)}.")
     if command.epilog:
-        yield from ("", "```console", *(f"$ {line}" for line in command.epilog.strip().splitlines()), "```")
+        yield from ("", "```text", *command.epilog.strip().splitlines(), "```")
 
 
 def _records(parameters: Iterable[Any], context: Any) -> Iterator[tuple[str, str]]:

@@ -1,7 +1,4 @@
-"""Writes the reference of problem files, study files and files of assemblies, from the models that read them.
-
-A page holds a marker, `<!-- keys: problem file -->`; a section for each kind of table takes its place.
-"""
+"""The reference of problem files, study files and files of assemblies: a section for each kind of table."""
 
 from __future__ import annotations
 
@@ -14,18 +11,14 @@ from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 
 SCHEMAS = {"problem file": ProblemFile, "study file": StudyFile, "assembly file": AssemblyFile}
-MARKER = "<!-- keys: {} -->"
 SHARED = 3  # keys: a table with as many of another's refers to it, fewer are said again
 WORDS = {"number": "number", "string": "text", "boolean": "true or false"}
 Schema = Mapping[str, Any]
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the reference in place of its marker; called by mkdocs for every page."""
-    for kind, model in SCHEMAS.items():
-        if MARKER.format(kind) in markdown:
-            markdown = markdown.replace(MARKER.format(kind), reference(model.model_json_schema()))
-    return markdown
+def reference_of(kind: str) -> str:
+    """Return the reference of a kind of file, from the model that reads it."""
+    return reference(SCHEMAS[kind].model_json_schema())
 
 
 def reference(schema: Schema) -> str:

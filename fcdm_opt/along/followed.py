@@ -83,8 +83,11 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
         return _together(problem)
     contact = problem.nominal_contact
     if contact is None:
-        what = "a coherent range follows the nominal contact, but the nominal pair is not on the decision curve"
-        allowed = "a switching point, or a pair on the curve"
+        what = (
+            "at their nominal sizes the parts do not touch, so that there is no contact to follow: the nominal pair is "
+            "not on the decision curve"
+        )
+        allowed = "a switching point, or a pair on the curve; contact_times tells when the parts made touch"
         raise InputError(what, key="nominal", found=problem.nominal_pair.tolist(), allowed=allowed)
     pieces: tuple[Piece, ...] = (
         contact.pieces if isinstance(contact, SwitchingPoint) else (contact.piece_at(problem.nominal_pair),)

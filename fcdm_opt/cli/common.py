@@ -191,8 +191,9 @@ class Inquiry:
     too; `finish` writes the document and exits with the most severe code.
 
     Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, the folder for
-    pictures and whether these are light on dark make one. Its `pictures` are an album, made once the files were read
-    and only where there is a case to show; `codes` are the exit codes so far.
+    pictures and whether these are light on dark make one; `first` refuses cases before a folder that is none is. Its
+    `pictures` are an album, made once the files were read and only where there is a case to show; `codes` are the exit
+    codes so far.
     """
 
     def __init__(
@@ -203,6 +204,7 @@ class Inquiry:
         as_json: bool,
         out: Path | None = None,
         dark: bool = False,
+        first: Callable[[Any], object] | None = None,
     ) -> None:
         row = ROWS.get(manner.get().command)
         self._opened = opened_files(paths, cases or (), assemblies=row is not None and row.assemblies)
@@ -214,7 +216,13 @@ class Inquiry:
         if out is not None and any(file.problems for file in self._opened):
             from fcdm_opt.show.album import Album
 
-            self.pictures = Album(out, self.wrote, dark=dark)
+            try:
+                self.pictures = Album(written("--out")(out) or out, self.wrote, dark=dark)
+            except InputError:
+                for problem in (each for file in self._opened for each in file.problems if first is not None):
+                    assert first is not None
+                    first(problem)
+                raise
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""
@@ -222,6 +230,11 @@ class Inquiry:
             self._document.append(file.head())
             if not file.error:
                 yield file
+
+    @property
+    def count(self) -> int:
+        """How many cases there are."""
+        return sum(len(file.problems) for file in self._opened)
 
     def wrote(self, text: str) -> None:
         """Keep a line about a file that was written; all are said after the answers."""
@@ -249,7 +262,7 @@ class Inquiry:
         `answered` gets file, case and the case's entry in the document; what it returns is printed by `print_all`, a
         file at a time. Without it cases are printed as they are asked. Each gets an equal share of the time left.
         """
-        waiting = sum(len(file.problems) for file in self._opened)
+        waiting = self.count
         for file in self:
             entries, rows, refused = self.say_of("cases", []), [], dict[str, tuple[InputError, list[str]]]()
             for problem in file.problems:

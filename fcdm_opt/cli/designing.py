@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Bounded
 
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
-JUDGED = ("yield", "best pose")  # what is judged where parts are made anew; with a yield the stack-up it is of
+JUDGED = ("map", "yield", "as drawn", "best pose")
+"""What is judged where parts are made anew; with a yield the stack-up it is of."""
 LEAST = 0.1  # seconds that a map gets in any case
+MAPS = "Write the map, its grid for the shop floor and pictures into this folder."
 RESULTS = "Write results and pictures into this folder."
 Results = Annotated[Path, option("--out", "DIR", RESULTS, callback=written("--out"))]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
@@ -153,12 +155,14 @@ def whatif_command(
 
 def map_command(
     files: Files,
-    out: Results,
+    out: Annotated[Path | None, option("--out", "DIR", MAPS)] = None,
     dark: Dark = False,
     error: Annotated[
         float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
     ] = None,
-    seconds: Annotated[float, option("--seconds", "S", "Time after which a map is left as accurate as it is.")] = 120.0,
+    seconds: Annotated[
+        float, option("--seconds", "S", "Time for all maps, a share each, after which they are left as they are.")
+    ] = 120.0,
     time: Time = None,
     budget: Annotated[
         float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
@@ -189,23 +193,25 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
-    pictures = inquiry.pictures
+    known = partial(chosen_sizes, over=names)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=known)
+    pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        assert pictures is not None  # there is a case
         if pairs is not None:  # refused before a map is made
-            sources(pairs, positive=[name in problem.nominal_scales for name in chosen_sizes(problem, names)])
-        spent = min(seconds, max(pacing.left(), LEAST))
+            sources(pairs, positive=[name in problem.nominal_scales for name in known(problem)])
+        spent = min(each, max(pacing.left(), LEAST))
         with pacing.unlimited():  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
-        stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, problem, title=title), ending="-map")
-        for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
-            write(out / f"{stem}.{ending}")
-            inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
-        for path in write_grids(found, problem, out / stem, title=title):
-            inquiry.wrote(f"wrote {path}")
+        if pictures is not None and out is not None:
+            stem = f"{file.path.stem}-{problem.name}"
+            stem = pictures.add(stem, map_figure(found, problem, title=title), ending="-map")
+            for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
+                write(out / f"{stem}.{ending}")
+                inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
+            for path in write_grids(found, problem, out / stem, title=title):
+                inquiry.wrote(f"wrote {path}")
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
@@ -215,7 +221,8 @@ def map_command(
             }
             scattered: Any = tuple(told.values()) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
-            pictures.add(f"{stem}-yield", yield_figure(share, title=title))
+            if pictures is not None:
+                pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
 
     _each_case(inquiry, asked)
@@ -346,7 +353,7 @@ def _each_case(
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
-            of_facets |= not getattr(answer, "on_true_faces", number > 0)
+            of_facets |= not (key == "map" or getattr(answer, "on_true_faces", number > 0))  # a map says it itself
             if not inquiry.as_json:
                 printed(answer)
             if key in JUDGED:

@@ -114,18 +114,25 @@ def range_command(
 ) -> None:
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides.
 
-    Of a file of an assembly that of each contact whose parts move against each other; parameters are "part.parameter".
+    Parts drawn with play, or overlapping, have no such contact: along which motions the parts made touch is told alone.
+    Of a file of an assembly it is told of each contact whose parts move against each other; parameters are
+    "part.parameter".
     """
     from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range
     from fcdm_opt.along.contact_times import contact_times
+    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.family import family_figure
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
 
-    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange, Any]]:
+    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange | None, Any]]:
         along = _default_direction(file, problem) if asked is None else asked
+        if isinstance(problem, Problem) and not problem.contacts and problem.nominal_contact is None:
+            touching = contact_times(problem, along)
+            entry |= {"contact_times": touching.to_dict()}
+            return [(None, touching)]
         found = coherent_range(problem, along)
         times = contact_times_or_refusal(problem, along)
         entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}

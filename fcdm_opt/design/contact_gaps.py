@@ -178,6 +178,10 @@ class ContactGaps:
         """Return a contact in words."""
         return feature.in_words(self.tasks[relation].movable, self.tasks[relation].static)
 
+    def in_words(self, feature: Feature) -> str:
+        """Return the contact of a feature in words."""
+        return self.words(next(own.relation for own in self.lines if own.feature is feature), feature)
+
     def claim(self, relation: Problem, columns: list[int], transform: Array) -> GapClaims:
         """Return the claims of two parts without what is told of their gap."""
         drawn, listed = relation.request if self.own else vars(relation), self.sizes.pairs

@@ -49,6 +49,7 @@ class _Drawn(Plain):
         object.__setattr__(self, "high", high)
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Uniform(_Drawn):
     """Every number of a range alike.
@@ -122,6 +123,7 @@ class Normal(_Drawn):
         return np.clip(self.mean + turned * ndtri(np.minimum(below, above)), self.low, self.high)
 
 
+@known_arguments
 @dataclass(frozen=True, eq=False)
 class Measured(_Drawn):
     """Measured values, each drawn as often as any other.

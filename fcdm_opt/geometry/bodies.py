@@ -217,6 +217,7 @@ class ExactPoints(NamedTuple):
     pieces: tuple[PointPiece, ...]
 
 
+@known_arguments
 @dataclass(frozen=True, eq=False)
 class Body(_Sealed, NotebookRepr):
     """A solid made of convex parts, scaled as a whole about one seed: X -> s + rho (X - s).
@@ -490,6 +491,24 @@ class Body(_Sealed, NotebookRepr):
         body = replace(body, deviation=own_deviation, facet_errors=errors, surfaces=known, notes=notes)
         return replace(body, rounding=read.rounding)._in(unit)
 
+    def to_file(self, path: str | Path) -> None:
+        """Write the body's surface, in triangles, to an STL, OBJ or OFF file, digit for digit as text.
+
+        Numbers are in the body's `unit`, which such files do not say: `Body.from_file(path, unit=...)` reads them. Of
+        a union whose own surface is not known each part is a solid of the file. Round faces are written as facets.
+
+        Raises
+        ------
+        InputError
+            For another kind of file, and where it cannot be written.
+        """
+        from fcdm_opt.geometry.files import mesh_text
+
+        whole = self.full_body or self
+        parts = [part.vertices[fans(part.loops)] for part in whole.parts]
+        text = mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name)
+        imported("design.moved_files:write")(path, text)
+
     @classmethod
     def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:
         """Return solids whose surfaces cross or touch as one body: the parts of all of them."""
@@ -557,9 +576,7 @@ class Body(_Sealed, NotebookRepr):
         triangles = made.surface.triangles_of_faces()
         points = frozen(made.points)
         off = moved, moved
-        return cls(
-            name, points, seed, parts, faces, outlines, off, notes=notes, triangles=triangles, is_surface=True
-        )
+        return cls(name, points, seed, parts, faces, outlines, off, notes=notes, triangles=triangles, is_surface=True)
 
     @cached_property
     def corners(self) -> tuple[int, ...]:

@@ -48,6 +48,9 @@ USUAL = 0.6  # of the facets of a round face, at least so many are no flats
 ALL_OUT = 1.5  # times what faces stand out: where one meets a plane face aslant, as much is not enough
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
+TAKEN = "round = true takes them as round"
+"""What is said of facets where that key of a body is a cure."""
+
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
 _ROUND: WeakKeyDictionary[Body, _OfRound | None] = WeakKeyDictionary()
 _BOUNDS: WeakKeyDictionary[Body, tuple[Body, Body] | None] = WeakKeyDictionary()
@@ -492,9 +495,7 @@ def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
     return [[base[0], *base[k : k + 2]] for k in range(1, len(base) - 1)]
 
 
-def _moves(
-    corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int
-) -> Array | None:
+def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int) -> Array | None:
     """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved.
 
     It stays in the planes of flat faces. None where there is no such move.
@@ -549,4 +550,17 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
             reasons.setdefault(reason, []).append(body.name)
     told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
-    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"]
+    cure = f"; {TAKEN}" * any(map(may_be_rounded, (movable, *others)))
+    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them{cure}"]
+
+
+def may_be_rounded(body: Body) -> bool:
+    """Tell whether facets are taken as they are, and `rounded` would take them for round faces."""
+    found = _of_round_faces(body) if body.surfaces is None and body.full_body is None else None
+    return found is not None and bool(found.surfaces)
+
+
+def all_told(body: Body) -> bool:
+    """Tell whether all faces that are off the solid stand for round faces that are told, see `round_surfaces`."""
+    errors, told = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
+    return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= told

@@ -26,7 +26,7 @@ from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
-from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.measures import norms, unit_normals
 from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
@@ -35,6 +35,7 @@ from fcdm_opt.lazy_import import extra
 from fcdm_opt.tolerances import DEFAULT
 
 STEP = (".step", ".stp")
+WRITTEN = (".stl", ".obj", ".off")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
 SINGLE_DIGITS = 9  # digits that tell all numbers of single precision apart
@@ -217,6 +218,38 @@ def drawn_mesh(
         surfaces = Surfaces(known, *(float(scale) * length for length in surfaces[1:]))
     remarks, vertices = (*remarks, *several), vertices * scale.numerator / scale.denominator
     return ReadMesh(vertices, faces, remarks, (out, short), rounding * float(scale), surfaces, names)
+
+
+def mesh_text(path: str | Path, solids: Sequence[Array], name: str) -> str:
+    """Return the text of a file with solids of triangles, (t, 3, 3) each, of the kind that its suffix says."""
+    suffix = checked_path(path, "path").suffix.lower()
+    if suffix not in WRITTEN:
+        raise InputError("no kind of file that is written", file=path, found=suffix, allowed=", ".join(WRITTEN))
+    names = [name] if len(solids) == 1 else [f"{name} {k}" for k in range(1, len(solids) + 1)]
+    lines, corners, faces = list[str](), list[str](), list[str]()
+    for own, triangles in zip(names, solids, strict=True):
+        if suffix == ".stl":
+            lines.append(f"solid {own}")
+            for points in triangles:
+                n = unit_normals(points[None])[0]
+                vertices = [f"      vertex {_digits(point)}" for point in points]
+                lines += [f"  facet normal {_digits(n)}", "    outer loop", *vertices, "    endloop", "  endfacet"]
+            lines.append(f"endsolid {own}")
+            continue
+        first, same = distinct_rows(triangles.reshape(-1, 3))
+        rows = (same.reshape(-1, 3) + len(corners) + (suffix == ".obj")).tolist()
+        faces += [f"o {own}"] if suffix == ".obj" else []
+        faces += [f"{'f' if suffix == '.obj' else '3'} {a} {b} {c}" for a, b, c in rows]
+        corners += [_digits(point) for point in triangles.reshape(-1, 3)[first]]
+    if suffix == ".obj":
+        lines = [*(f"v {own}" for own in corners), *faces]
+    elif suffix == ".off":
+        lines = ["OFF", f"{len(corners)} {len(faces)} 0", *corners, *faces]
+    return "\n".join(lines) + "\n"
+
+
+def _digits(point: Array) -> str:
+    return " ".join(map(repr, (point + 0.0).tolist()))
 
 
 def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...], tuple[str, ...]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
@@ -27,6 +27,7 @@ NAMED = re.compile(rf"({'|'.join(SIDES)}|({'|'.join(ROUND_KINDS)}) radius \S+( t
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
 
+@known_arguments
 @dataclass(frozen=True, eq=False)
 class Size(Plain):
     """One named way in which a body can come out different from drawn; 0 is as drawn.

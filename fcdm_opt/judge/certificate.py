@@ -54,11 +54,11 @@ FINER = 4  # smaller changes of the scales that are tried
 
 @known_arguments
 def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
-    """Judge a solution, a stack-up, a yield or one pose for all sizes.
+    """Judge a solution, a stack-up, a map, a yield, or the gaps of all sizes at a pose.
 
     Parameters
     ----------
-    solution : Solution, AssemblySolution, StackUp, GapYield, AssemblyYield or BestPose
+    solution : Solution, AssemblySolution, StackUp, GapYield, CompensationMap, AssemblyYield, BestPose or Clearances
         Taken at its word in nothing: every claim of a solution is recomputed from the question and the parameters; what
         is said of many sizes is looked at where parts are made anew, see `judge.sampled_sizes`.
     tolerances : Tolerances

@@ -9,11 +9,14 @@ far as one likes. A motion leaves the fit in one of two ways.
   parts, or whether they are; and only where as much of them passes as their sizes do not explain.
 - It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
   drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
-  way out. Drawing a part out on an open way is no re-positioning either.
+  way out. Drawing a part out on an open way is no re-positioning either. Where two widths of the parts made do not go
+  together, a collar and its seat, the convex parts that have them are looked at by themselves too: the rest of a
+  stepped pin may still be in the bore.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -27,7 +30,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn, kept_as_surface
 from fcdm_opt.judge.passing import passes, past_after
-from fcdm_opt.problem.fit import REST, drawn_bodies, holds
+from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -68,7 +71,7 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
         return False  # of two convex parts neither holds the other
     try:
         T = problem.motion.transform(q, *(body.seed for body in bodies))
-        return (goes_through(problem, parameters) or _comes_off(problem, T)) and holds(problem)
+        return (goes_through(problem, parameters) or _any_comes_off(problem, T)) and holds(problem)
     except InputError:  # a screw whose axis has vanished on the way
         return False
 
@@ -237,17 +240,33 @@ def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: flo
     return found
 
 
-def _comes_off(problem: Problem, T: Array) -> bool:
-    """Tell whether body 1 reaches into the other's hull as drawn, deeper than the sizes change, and then no more."""
+def _any_comes_off(problem: Problem, T: Array) -> bool:
+    """Tell whether body 1 comes off body 2, or convex parts of it do that do not go together with parts of that."""
     bodies = problem.movable, problem.static
-    start, others = (body.placed_vertices(rho, REST) for body, rho in zip(bodies, problem.target, strict=True))
-    end = problem.movable.placed_vertices(problem.target[0], T)
+    if _comes_off(problem, T, [body.vertices for body in bodies]):
+        return True
+    if (found := misfit(problem)) is None:
+        return False
+    pairs = zip(bodies, found.parts, strict=True)
+    return _comes_off(problem, T, [np.concatenate([body.parts[k].vertices for k in own]) for body, own in pairs])
+
+
+def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
+    """Tell whether points of body 1 reach into the hull of others as drawn, deeper than the sizes change, then no more.
+
+    `points` are those of both bodies as made, (n, 3) and (m, 3).
+    """
+    seeds = problem.movable.seed, problem.static.seed
+    drawn, (start, others) = (
+        [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, points, strict=True)]
+        for scales in (problem.nominal_pair, problem.target)
+    )
+    end = start @ T[:3, :3].T + T[:3, 3]
     way = (end - start).mean(axis=0)
     length = float(np.linalg.norm(way))
     if not length > DEFAULT.side * problem.size:
         return False
     ahead = way / length
-    drawn = [body.placed_vertices(rho, REST) for body, rho in zip(bodies, problem.nominal_pair, strict=True)]
     change = sum(float(np.abs((now - was) @ ahead).max()) for now, was in zip((start, others), drawn, strict=True))
     if not length > GROWTH * change:
         return False

@@ -21,12 +21,13 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import scaled_pair
-from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import solids_gap
 from fcdm_opt.judge.true_faces import gap_of_true_faces
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
@@ -112,6 +113,8 @@ class GapClaims:
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of it."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies)
+        if self.permanent_faces is not None:  # surfaces are taken from corners with the digits of files
+            slack += max(body.rounding for body in self.bodies)
         others = _spread(self.box) if self.listed is None else self.listed
         most = SAMPLED + CORNERS if self.permanent_faces is None else FEW
         others = others[np.linspace(0, len(others) - 1, min(len(others), most)).astype(np.int64)]
@@ -239,7 +242,7 @@ class GapClaims:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionClaims:
-    """What is told of the motions at sizes: a share of them within a budget.
+    """What is told of the motions at sizes, and of the share of them within a budget.
 
     Attributes
     ----------
@@ -251,7 +254,9 @@ class MotionClaims:
         The motions told there; nan where there is none.
     errors : (n, 2) array
         Of the amount, and of the displacement of a vertex of a part that moves.
-    share : ShareClaim
+    share : ShareClaim, optional
+    on_true_faces : bool
+        Whether motions are those of the faces that facets stand for.
     """
 
     scene: Scene
@@ -260,7 +265,8 @@ class MotionClaims:
     parameters: Array
     amounts: Array
     errors: Array
-    share: ShareClaim = field(repr=False)
+    share: ShareClaim | None = field(default=None, repr=False)
+    on_true_faces: bool = False
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of the parts made and moved so, every two that are to meet."""
@@ -277,7 +283,7 @@ class MotionClaims:
         return (
             _at_most("gap after the motion", worst[0], slack, note),
             _at_most("amount of the motion", worst[1], slack + DEFAULT.nominal * self.scene.size, note),
-            _share(self.share),
+            *([] if self.share is None else [_share(self.share)]),
         )
 
     def _missed(self, place: Array, q: Array, displaced: float) -> float:
@@ -289,11 +295,19 @@ class MotionClaims:
         for pair, problem in scene.relations.items():
             one, two = (made[part] for part in pair)
             rho, T = np.array([scales[part] for part in pair]), problem.motion.transform(q, one.seed, two.seed)
-            gap = solids_gap(one, two, rho, T, problem.contact_slack)
+            gap = self._gap(problem, (one, two), rho, T, displaced)
             state = problem.goal if problem.goal in ("touch", "clear") else problem.pair
             off = abs(gap) if state == "touch" else max(problem.clearance - gap, 0.0) if state == "clear" else 0.0
             most = max(most, off - displaced * sum(part in scene.moving for part in pair))
         return most
+
+    def _gap(self, problem: Problem, bodies: tuple[Body, Body], rho: Array, T: Array, displaced: float) -> float:
+        """Return the gap of two bodies made; infinite of true faces that are further apart than any answer has them."""
+        if not (self.on_true_faces and any(map(round_surfaces, bodies))):
+            return solids_gap(*bodies, rho, T, problem.contact_slack)
+        off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, rho.tolist(), strict=True))
+        band = problem.clearance + problem.contact_slack + 2.0 * (off + displaced)
+        return gap_of_true_faces([*map(true_faces, bodies)], rho, T, band)
 
 
 def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:

@@ -691,6 +691,7 @@ class Screw(Straight):
         return f"Screw {measured(f'{along:.{digits}g}', unit)}, {math.degrees(about):.{digits}g} deg"
 
 
+@known_arguments
 @dataclass(frozen=True)
 class Free(Step):
     """Any rigid motion: a translation, and a rotation about the seed by a rotation vector, world axes.

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.function_text import TEXTS, function_of, text_of
 from fcdm_opt.motion.instructions import interpreted
@@ -20,6 +20,7 @@ PROBES = 8  # parameters at which a motion is looked at when it is made
 SPREAD = (1e-3, 1.0)  # of these parameters, least and most
 
 
+@known_arguments
 class OwnMotion(Step):
     """A motion of the user's own, a step like any other.
 

@@ -158,12 +158,14 @@ class Misfit(NamedTuple):
 
     `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `faces` are
     those between which they are, of the movable and of the static part as drawn; None where only a cut made one.
+    `parts` are the numbers of the convex parts that have them, of both bodies.
     """
 
     inside: int
     inner: float
     outer: float
     faces: tuple[tuple[Element | None, ...], tuple[Element | None, ...]] = ((), ())
+    parts: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
 
 
 @lru_cache(maxsize=4)
@@ -209,7 +211,8 @@ def misfit(problem: Problem) -> Misfit | None:
             tuple(_wall(drawn.parts[places[each, body]], side * normals[each]) for each in (k, j))
             for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
         )
-        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two))
+        first_parts, second_parts = (tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1))
+        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (first_parts, second_parts))
     return found
 
 

@@ -15,7 +15,7 @@ from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.facet_errors import known_to
+from fcdm_opt.geometry.facet_errors import TAKEN, known_to, may_be_rounded
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
@@ -37,7 +37,8 @@ SURE = 0.01
 
 MOST_CORNERS = 8  # of a face, which are listed where derivatives are printed
 FACETED = "their round faces are facets here"
-"""Why an answer about a mesh may not be that about the parts."""
+OPEN = "less is not ruled out on their round faces"
+"""Why an answer about a mesh may not be that about the parts, and why one about round faces may not be the least."""
 
 UNLOOKED = 'it is not worked out with effort "quick", for contacts that share motions, nor when time is over'
 """Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
@@ -318,13 +319,20 @@ class Bounded(Plain, NotebookRepr):
             return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f", moved by {measured(f'{low:.4g}', unit)}" if low > 0.0 else ""
-            return f"but true parts may fit{needed}: {FACETED}" if low < math.inf else ""
+            return f"but true parts may fit{needed}: {self._why_open}" if low < math.inf else ""
         if high - low <= SURE * self.amount:
             return ""
         if math.isinf(high):
             least = f"need {measured(f'{low:.4g}', unit)} or more, or do" if low > 0.0 else "may"
-            return f"true parts {least} not fit: {FACETED}"
-        return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {FACETED}"
+            return f"true parts {least} not fit: {self._why_open}"
+        return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {self._why_open}"
+
+    @property
+    def _why_open(self) -> str:
+        """Why true parts may need less or more than meshes, and what cures it."""
+        if any(map(may_be_rounded, self.question.bodies)):
+            return f"{FACETED}; {TAKEN}"
+        return FACETED if any(body.surfaces is None for body in self.question.bodies) else OPEN
 
     @property
     def _why_unknown(self) -> str:

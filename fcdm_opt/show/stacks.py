@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -117,22 +117,41 @@ def _place(face: dict[str, Any]) -> tuple[int, str]:
     return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
 
 
+def _printed(printing: Callable[[Any], None], what: Any) -> str:
+    """Return what is printed, as through a pipe."""
+    with redirect_stdout(StringIO()) as stream:
+        printing(what)
+    return "\n".join(map(str.rstrip, stream.getvalue().rstrip().splitlines()))
+
+
 def stack_text(stack: StackUp) -> str:
-    """Return what `print_stack` prints without a yield, as through a pipe."""
-    with redirect_stdout(StringIO()) as said:
-        print_stack(stack)
-    return "\n".join(map(str.rstrip, said.getvalue().rstrip().splitlines()))
+    """Return what `print_stack` prints without a yield."""
+    return _printed(print_stack, stack)
+
+
+def allocation_text(found: Allocation) -> str:
+    """Return what `print_allocation` prints."""
+    return _printed(print_allocation, found)
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
-    print_rows([
-        {"": "worst case, least gap", "gap": f"{worst.least:+.4g}", "at": _sizes(worst.at_least) or DRAWN},
-        {"": "worst case, largest gap", "gap": f"{worst.largest:+.4g}", "at": _sizes(worst.at_largest) or DRAWN},
-        {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.4g}", "at": f"sigma {spread.deviation:.4g}"},
-        {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.4g}", "at": f"mean {spread.mean:+.4g}"},
-    ], numbers=("gap",))  # fmt: skip
+    rows = [
+        ("worst case, least gap", worst.least, _sizes(worst.at_least) or DRAWN),
+        ("worst case, largest gap", worst.largest, _sizes(worst.at_largest) or DRAWN),
+    ]
+    if share is not None:
+        rows += [
+            ("99.73 % of pairs drawn, least gap", share.low, f"mean {share.mean:+.4g}"),
+            ("99.73 % of pairs drawn, largest gap", share.high, f"sigma {share.deviation:.4g}"),
+        ]
+    one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
+    rows += [
+        (f"{one}, mean - 3 sigma", spread.low, f"mean {spread.mean:+.4g}, sigma {spread.deviation:.4g}"),
+        (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
+    ]
+    print_rows([{"": what, "gap": f"{gap:+.4g}", "at": at} for what, gap, at in rows], numbers=("gap",))
     if share is not None:
         _print_yield(stack, share)
     print_rows([
@@ -187,25 +206,16 @@ def commented_out_sizes(path: Path) -> str:
 def _print_yield(stack: StackUp, share: GapYield) -> None:
     """Print how many of the pairs drawn are within the limits."""
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
-    low, high = stack.limits
-    ends = share.interval
-    words = ("from", "to") if np.isfinite([low, high]).all() else ("of at least", "of at most")
-    told = zip(words, (low, high), strict=True)
-    within = [f"{word} {measured(f'{end:.4g}', unit)}" for word, end in told if abs(end) < np.inf]
-    print_text(
-        f"gap {' '.join(within) or 'of any size'}: {share.share:.4%} of "
-        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {100.0 * share.confidence:.6g} % confidence), "
-        f"{spread.share:.4%} by root sum square"
-    )
+    print_text(f"{share.share_text}, {spread.share:.4%} by root sum square")
     if stack.known_to:
         print_text(
             f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
             f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)}"
         )
-    if not ends[0] <= spread.share <= ends[1]:
+    if spread.elsewhere > 0.0 or not share.interval[0] <= spread.share <= share.interval[1]:
         print_text(
-            "they differ: root sum square takes one contact, that of the worst case, as normal; "
-            f"in {spread.elsewhere:.2%} of the pairs drawn another one decides"
+            "root sum square takes one contact, that of the worst case, as normal; in "
+            f"{spread.elsewhere:.2%} of the pairs drawn another one decides, and the gap is that: trust the pairs drawn"
         )
     print_text()
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
@@ -26,7 +27,14 @@ from fcdm_opt.show.texts import (
     steps_text,
     units_text,
 )
-from fcdm_opt.show.verdict import fit_text, labels_in_words, range_texts, verdict_text
+from fcdm_opt.show.verdict import (
+    contact_text,
+    fit_text,
+    labels_in_words,
+    no_contact_text,
+    range_texts,
+    verdict_text,
+)
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -181,31 +189,40 @@ def verdict_cell(solution: Bounded) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes | str]]) -> None:
+def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]) -> None:
     """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches.
 
-    The latter may be a reason why that is not told.
+    The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is.
     """
     for coherent, times in rows:
-        problem = coherent.problem
-        head, *ends = range_texts(coherent)
+        at_contact = list[str]()
+        if coherent is not None:
+            problem, direction = coherent.problem, coherent.direction
+            head, *ends = range_texts(coherent)
+            if not coherent.proved:
+                ends.append("a condition touches zero at rest: what is near there is not proved")
+        else:
+            assert not isinstance(times, str)
+            problem, direction, ends = cast("Problem", times.problem), times.direction, []
+            head = no_contact_text(problem)
+            steps = ((steps_text(problem, (touch.x * direction).tolist()), touch.features) for touch in times.touches)
+            at_contact = [f"at {at}, {contact_text(problem, features)}" for at, features in steps]
         print_text(f"{problem.name}: {head}", indent="   ")
-        for text in ends:
-            print_text(f"- {text}", indent="  ")
-        if not coherent.proved:
-            print_text("- a condition touches zero at rest: what is near there is not proved")
         scales = ", ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
         made = f"parts made, sizes ({scales})" if (problem.target != 1.0).any() else "parts made"
-        told = times if isinstance(times, str) else _spans(coherent, times.spans)
-        print_text(f"- {made}: {told}", indent="  ")
-        for name, spans in ({} if isinstance(times, str) else times.keep_outs).items():
-            print_text(f"- {name if ' - ' in name else f'keep-out {name}'}: {_spans(coherent, spans)}", indent="  ")
+        if isinstance(times, str):
+            ends.append(f"{made}: {times}")
+        else:
+            each = {made: times.spans}
+            each |= {name if " - " in name else f"keep-out {name}": own for name, own in times.keep_outs.items()}
+            ends += [f"{name}: {_spans(problem, direction, own)}" for name, own in each.items()]
+        for text in (*ends, *at_contact):
+            print_text(f"- {text}", indent="  ")
     print_text()
 
 
-def _spans(coherent: CoherentRange, spans: Sequence[StateSpan]) -> str:
+def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> str:
     """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
-    problem, direction = coherent.problem, coherent.direction
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
     starts = [steps_text(problem, (span.low * direction).tolist()) for span in seen[1:]]
@@ -327,7 +344,7 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
         {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text,
-         "between": labels_in_words(end.feature, problem)}
+         "between": end.between or labels_in_words(end.feature, problem)}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))

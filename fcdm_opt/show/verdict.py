@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
@@ -127,6 +128,16 @@ def range_texts(coherent: CoherentRange) -> list[str]:
             what = f"{steps}; there, {event.what}"
         told.append(f"{side}: {what}")
     return told
+
+
+def no_contact_text(problem: Problem) -> str:
+    """Return why no contact is followed along a motion: the parts are drawn with play, or overlap."""
+    gap = float(problem.curve.gap(problem.nominal_pair))
+    lie = f"are {length_text(problem, gap)} apart" if gap > 0.0 else f"overlap by {length_text(problem, -gap)}"
+    if any(map(round_surfaces, (problem.movable, problem.static))):  # by how much facets say
+        lie = "are apart" if gap > 0.0 else "overlap"
+    drawn = "as drawn" if (problem.nominal_pair == 1.0).all() else "at their nominal sizes"
+    return f"{drawn} the parts {lie}, so that no contact is there to be followed"
 
 
 def _across(coherent: CoherentRange) -> bool:

@@ -413,8 +413,15 @@ def test_the_command_refuses_what_it_cannot_read():
     assert (bad.exit_code, "--direction" in bad.stderr) == (2, True)
     other = run("range", PROBLEMS / "example2.toml", "--case", "B", "--direction", "TX=1")
     assert (other.exit_code, "TY" in other.stderr) == (2, True)
+
+
+def test_parts_drawn_with_play_were_refused_in_words_of_decision_curves():
+    """They have no contact to be followed; when they touch is told."""
     boxes = run("range", PROBLEMS / "boxes.toml", "--case", "close the gap")
-    assert (boxes.exit_code, "not on the decision curve" in boxes.stderr) == (2, True)
+    assert boxes.exit_code == 0
+    assert "as drawn the parts are 0.5 apart" in boxes.stdout
+    assert "apart, from TX 0.5 overlapping, from TX 2 apart" in boxes.stdout
+    assert "- at TX 0.5, its right face (facing +x) lies on the left face (facing -x) of plate" in boxes.stdout
 
 
 def test_the_picture_shows_the_family_and_the_events(tmp_path):

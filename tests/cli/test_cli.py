@@ -265,12 +265,12 @@ def test_the_most_severe_exit_code_wins(
         (SOLVED, "schema"),
         (SOLVED, "curve CUBES"),
         (SOLVED, "faces CUBES"),
+        (SOLVED, "range CUBES"),  # apart: no contact that could last, but times of contact
         (NO_MOTION, "solve SHORT"),
         (NO_MOTION, "whatif CUBES --set limits.TX=[-0.1,0.1]"),
         (BAD_INPUT, "stack CUBES"),  # no sizes
         (BAD_INPUT, "pose SHORT --clearance many"),
         (BAD_INPUT, "study MISSING --out OUT"),
-        (BAD_INPUT, "range CUBES"),  # apart: no contact that could last
         *((BAD_INPUT, f"{name} MISSING") for name in ("curve", "solve", "range", "whatif", "faces", "stack", "pose")),
         *((BAD_INPUT, f"{name} MISSING --out OUT") for name in ("report", "map")),
         (BAD_INPUT, "init MISSING MISSING"),

@@ -167,7 +167,10 @@ def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     assert names >= {"peg_tapered-A-map.json", "peg_tapered-A-map.csv", "peg_tapered-A-map.png"}
     assert case["map"]["reached"] <= case["map"]["error"]
     assert 0.0 < case["yield"]["share"] < 1.0
+    assert case["map"]["certificate"]["passed"]
     assert run("map", PROBLEMS / "example1.toml", "--case", "A", "--out", tmp_path)[0] == 2  # "beyond" jumps
+    code, _, said = run(*arguments, "--over", "nothing", "--out", tmp_path / "a.stl")  # which was complained of first
+    assert (code, said.count("over: not one to 6 sizes"), "--out" in said) == (2, 1, False)
 
 
 def test_a_pose_printed_a_table_before_it_refused() -> None:

@@ -338,15 +338,18 @@ def test_time_that_is_up_is_told():
 
 @pytest.mark.usefixtures("coarse_maps")
 def test_transforms_of_a_map_are_those_of_its_motions():
-    """Of the probe before a slab: a shift by the gap that 4 - rho_1 - 3 rho_2 leaves; nan outside the box."""
+    """Of the probe before a slab: a shift by the gap that 4 - rho_1 - 3 rho_2 leaves."""
     found = slab_map("touch")
-    rho = np.array([[1.01, 0.99], [1.0, 1.01], [9.0, 9.0]])
+    rho = np.array([[1.01, 0.99], [1.0, 1.01]])
     at = found.at(*rho.T)
-    assert at.transforms.shape == (3, 4, 4)
+    assert at.transforms.shape == (2, 4, 4)
     moved = np.tile(np.eye(4), (2, 1, 1))
-    moved[:, 0, 3] = at.parameters[:2, 0]
-    np.testing.assert_allclose(at.transforms[:2], moved, atol=1e-14)
-    assert np.isnan(at.transforms[2]).all()
+    moved[:, 0, 3] = at.parameters[:, 0]
+    np.testing.assert_allclose(at.transforms, moved, atol=1e-14)
     assert CompensationMap.from_dict(found.to_dict()).at(1.01, 0.99).transforms.shape == (4, 4)
     with pytest.raises(InputError, match="knows the transforms"):
         found.table.at(1.0, 1.0).transforms  # noqa: B018
+    assert str(at).splitlines()[1].startswith("TX ")
+    with pytest.raises(InputError, match=r"1 of 2 asked are sizes .* found \[9.0, 9.0\]"):  # was nan without a word
+        found.at([1.0, 9.0], [1.0, 9.0])
+    assert str(found.table.at(9.0, 9.0)) == "outside the sizes that the map is of"

@@ -456,6 +456,11 @@ def test_of_two_flanks_alike_one_had_all_the_contributions() -> None:
     alone = ndtr((0.1 - 0.05) / told.deviation)
     assert told.share == pytest.approx(alone, abs=1e-12)
     assert drawn.interval[0] <= alone**2 <= drawn.interval[1]
+    ends = ndtri([1.0 - np.sqrt(1.0 - 0.00135), 1.0 - np.sqrt(0.00135)])  # of the lesser of two, .135 % to each side
+    truth = told.mean + told.deviation * ends
+    assert (drawn.low, drawn.high) == pytest.approx(tuple(truth), abs=0.05 * told.deviation)
+    assert drawn.high < told.high - 0.5 * told.deviation  # which stood for the pairs drawn
+    assert "of 400000 pairs drawn" in str(drawn)
 
 
 def test_contributions_of_a_wall_cut_into_parts_are_those_of_the_whole_wall() -> None:
@@ -509,7 +514,9 @@ def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
     """87.2 and 98.4 % stood side by side without a word."""
     from fcdm_opt.show.stacks import print_stack
 
-    for stack, differ in ((flanks("block left", "block right"), True), (flanks("block left"), False)):
+    left = fo.Size("left", "movable", faces="-x", tolerance=0.01)
+    far = stacked(box((-9.95, -1, -1), (9.0, 1, 1)), channel(20.0), left)
+    for stack, differ in ((flanks("block left", "block right"), True), (far, False)):
         drawn = stack.yield_(200_000)
         with console().capture() as said:
             print_stack(stack, drawn)

@@ -157,6 +157,21 @@ def test_off_files_with_comments_and_colours(tmp_path):
     assert faces == QUADS
 
 
+@pytest.mark.parametrize("suffix", ["stl", "obj", "off"])
+def test_a_body_could_not_be_written(tmp_path, suffix):
+    """Digit for digit; of a union whose surface is not known each part, which are one solid again."""
+    points = np.array([(x, y, z) for x in (0.1, 1 / 3) for y in (0.0, 1.0) for z in (-1e-7, 2.0)])
+    body = fo.Body.convex(points, name="block")
+    body.to_file(tmp_path / f"block.{suffix}")
+    again = fo.Body.from_file(tmp_path / f"block.{suffix}", unit="mm")
+    assert sorted(map(tuple, again.vertices.tolist())) == sorted(map(tuple, points.tolist()))
+    halves = fo.Body.from_parts([points, points + np.array([1 / 3 - 0.1, 0.0, 0.0])], name="halves")
+    halves.to_file(tmp_path / f"halves.{suffix}")
+    assert len(fo.Body.from_file(tmp_path / f"halves.{suffix}", unit="mm").corners) == 8
+    with pytest.raises(InputError, match="no kind of file that is written"):
+        body.to_file(tmp_path / "block.step")
+
+
 def test_a_text_file_of_two_solids(tmp_path):
     text = text_stl(BOX, TRIANGLES) + text_stl(BOX + 10, TRIANGLES)
     mesh = checked_mesh(*read_mesh(written(tmp_path, "two.stl", text), unit="mm"))

@@ -197,6 +197,23 @@ def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -
     assert "peg 10.50 in plate 9.69" in solution.advice
 
 
+def test_a_stem_still_in_its_hole_hid_that_its_collar_does_not_fit() -> None:
+    """A collar .1 too wide for its seat was lifted out of it, by 5, as a success: the stem is in the hole then too."""
+    stem, collar = block((-5.0, 5.0), (-9.0, 9.0), (-18.0, 0.0)), block((-8.0, 8.0), (-9.0, 9.0), (0.0, 5.0))
+    walls = [block(x, (-20.0, 20.0), (-15.0, 0.0)) for x in ((-20.0, -5.1), (5.1, 20.0))]
+    walls += [block(x, (-20.0, 20.0), (0.0, 5.0)) for x in ((-20.0, -8.1), (8.1, 20.0))]
+    pin = fo.Body.from_parts([stem, collar], seed=(0, 0, 0), name="pin")
+    plate = fo.Body.from_parts(walls, seed=(0, 0, 0), name="plate")
+    sides = [{"through": (x, 0.0, 2.0)} for x in (-8.0, 8.0)]
+    size = fo.Size("collar", "movable", faces=sides, each=0.5, tolerance=0.1)
+    problem = fo.Problem(pin, plate, sizes=[size], made={"collar": 0.3}, goal="clear", motion=UP)
+    solution = fo.solve(problem)
+    assert solution.parameters["TZ"] == pytest.approx(5.0)
+    assert solution.status is Status.OUTSIDE_FIT
+    assert verdict(problem).startswith("does not fit: pin 16.30 in plate 16.20, between face ")
+    assert fo.solve(problem.changed(made={"collar": 0.1})).usable
+
+
 # ---------------------------------------------------------------------------------------------------- what is no fit
 
 

@@ -110,6 +110,9 @@ def test_the_floor_that_a_key_lies_on_hid_the_play_beside_it():
     assert "closed at all these sizes, and not counted: bottom face" in str(gaps)
     assert "not counted" in str(best)
     assert fo.verify(best).passed
+    assert fo.verify(gaps).passed
+    claimed = gaps.claims()
+    assert "largest gap" in failed(replace(gaps, claimed=replace(claimed, largest=(0.13, claimed.largest[1]))))
     assert "contacts not counted" in failed(replace(best, permanent_parts=((0, 1),)))
     lifted = fo.Translation("x") >> fo.Translation("z")
     limits = {"TX": (-0.2, 0.2), "TZ": (-0.1, 0.1)}
@@ -178,6 +181,7 @@ def test_a_map_whose_motions_are_off_is_refused(add):
     values[..., 1] += add
     wrong = replace(found, table=replace(found.table, values=values))
     assert "gap after the motion" in failed(replace(share(), sizes_map=wrong))
+    assert "gap after the motion" in failed(wrong)
     values = np.array(found.table.values)
     values[..., 0] += add
     wrong = replace(found, table=replace(found.table, values=values))

@@ -206,9 +206,7 @@ def test_what_the_command_prints_is_what_the_pages_are_written_from(kind):
     ("kind", "page"), [("problem", "problem-file.md"), ("study", "studies.md"), ("assembly", "assemblies.md")]
 )
 def test_the_page_of_a_file_names_every_table_and_key(kind, page):
-    text = (HOME / "docs" / page).read_text("utf-8")
-    written = hook("problem_file").on_page_markdown(text)
-    assert written != text
+    written = (HOME / "docs" / page).read_text("utf-8")
     for table in tables(kind).values():
         assert f"## {table['title']}\n" in written
         assert table["description"].rstrip(".") in written
@@ -233,8 +231,7 @@ def test_whole_files_on_the_page_are_read(tmp_path):
 
 
 def test_the_page_of_the_command_line_has_every_command_and_option():
-    text = (HOME / "docs" / "command-line.md").read_text("utf-8")
-    written = hook("command_line").on_page_markdown(text)
+    written = (HOME / "docs" / "command-line.md").read_text("utf-8")
     program: Any = typer.main.get_command(app)
     assert len(program.commands) > 8
     for name in program.commands:

@@ -184,6 +184,9 @@ def test_of_thousands_of_names_an_error_lists_the_first() -> None:
         (lambda wrong: fo.Body.from_file("lid.stl", **wrong("units")), "unit"),
         (lambda wrong: fo.Rotation("z", **wrong("center")), "centre"),
         (lambda wrong: fo.KeepOut(None, **wrong("clearence")), "clearance"),
+        (lambda wrong: fo.Size("width", "movable", **wrong("tol")), "tolerance"),
+        (lambda wrong: fo.Uniform(0.0, **wrong("hihg")), "high"),
+        (lambda wrong: fo.Study(PROBLEM, **wrong("samplng")), "sampling"),
     ],
 )  # fmt: skip
 def test_a_slip_in_an_argument_was_a_bare_type_error(call: Callable[[Any], Any], meant: str) -> None:

@@ -257,6 +257,8 @@ def test_one_pose_for_all_diameters_is_in_the_middle_of_the_bore() -> None:
     """Gaps of -.0075 to .0095 in the middle; .001 beside it they are as far off on either side."""
     problem = fit(((0.002, 0.015), (0.0, 0.021)))
     told = fo.clearances(problem, count=10)
+    assert fo.verify(told).passed
+    assert told.least.between == "cylinder of radius 10 of pin, bore of radius 10 of plate"
     assert told.range == pytest.approx((-0.0075, 0.0095), abs=1e-9)
     found = fo.best_pose(problem)
     assert found.worst_gap == pytest.approx(0.0085, abs=1e-7)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -150,16 +150,8 @@ class AssemblyYield(Plain, NotebookRepr):
         limits = {names.index(name): ends for name, ends in self.limits.items()}
         known = _looked_up(self.sizes_map, self.budget, limits, pairs)
         places = pairs[:: max(len(pairs) // SAMPLED, 1)]
-        points = self.sizes_map.at(*places.T)
-        return MotionClaims(
-            scene=self.sizes_map.scene,
-            over=self.sizes_map.over,
-            places=places,
-            parameters=points.parameters,
-            amounts=points.amount,
-            errors=np.column_stack([points.error, points.displacement_error]),
-            share=ShareClaim(share=self.share, interval=self.interval, passed=known.passed[~known.outside]),
-        )
+        share = ShareClaim(share=self.share, interval=self.interval, passed=known.passed[~known.outside])
+        return replace(self.sizes_map.claims_at(places), share=share)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan is None, and so is an end of a range that is open."""
@@ -302,7 +294,7 @@ def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, fl
     """Return what a map says of sizes, block by block; parameters that have limits are told by their number."""
     blocks = []
     for start in range(0, max(len(made), 1), BLOCK):
-        points = sizes_map.at(*made[start : start + BLOCK].T)
+        points = getattr(sizes_map, "table", sizes_map).at(*made[start : start + BLOCK].T)
         amount, error, kept = points.amount, points.error, np.ones(points.amount.shape, dtype=bool)
         for k, (low, high) in limits.items():
             kept &= (points.parameters[..., k] >= low) & (points.parameters[..., k] <= high)

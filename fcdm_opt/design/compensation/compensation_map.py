@@ -23,7 +23,9 @@ from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.sampled_sizes import MotionClaims
 from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real, positive, whole
 from fcdm_opt.problem.assembly import Assembly
@@ -32,6 +34,7 @@ from fcdm_opt.problem.problem import SCALES, Problem
 from fcdm_opt.problem.scene import Scene
 
 BUDGET = 20_000
+SAMPLED, SEED = 8, 20_011  # sizes at which the judge looks at the motions
 SECONDS = 120.0
 _FORMAT = "fcdm_opt compensation map 1"
 
@@ -106,7 +109,7 @@ class CompensationMap(Plain, NotebookRepr):
         Wall time of building.
     known_to : tuple of str
         How well gaps are known, in words, and why, where facets of round faces or approximate parts leave more open
-        than the digits of files: amounts are those of the meshes.
+        than the digits of files: amounts are those of the meshes. Nothing where they are those of the true faces.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
@@ -147,8 +150,44 @@ class CompensationMap(Plain, NotebookRepr):
         return frozen(np.asarray(self.nominal) > 0.0, np.bool_)
 
     def at(self, *sizes: ArrayLike) -> MapPoints:
-        """Return the motion at sizes, an argument each, with bounds of its error, see `Table.at`."""
-        return replace(self.table.at(*sizes), posed=None if self.problem is None else self._transforms)
+        """Return the motion at sizes, an argument each, with bounds of its error, see `Table.at`.
+
+        Raises
+        ------
+        InputError
+            As `Table.at`, and for sizes outside the map's box, of which `self.table.at` says nan and region -1.
+        """
+        points = self.table.at(*sizes)
+        if count := int(np.count_nonzero(points.region < 0)):
+            first = np.stack(np.broadcast_arrays(*sizes), axis=-1)[points.region < 0][0].tolist()
+            what = f"{count} of {points.region.size} asked are sizes of which the map says nothing"
+            allowed = f"{', '.join(self.over)} within {box_text(self.box)}; map.table.at(...) answers others with nan"
+            raise InputError(what, key="sizes", found=first, allowed=allowed)
+        return replace(points, posed=None if self.problem is None else self._transforms)
+
+    def claims(self, *, proof: bool = False) -> MotionClaims:
+        """Return what `verify` looks at: the motions at some sizes of the box.
+
+        Raises
+        ------
+        InputError
+            Where the map does not know what it is a map of.
+        """
+        shares = np.random.default_rng(SEED).random((SAMPLED, len(self.over)))
+        return self.claims_at(self.box[:, 0] + shares * np.ptp(self.box, axis=1))
+
+    def claims_at(self, places: Array) -> MotionClaims:
+        """Return the same of the motions at given sizes, (n, k)."""
+        points = self.table.at(*places.T)
+        return MotionClaims(
+            scene=self.scene,
+            over=self.over,
+            places=places,
+            parameters=points.parameters,
+            amounts=points.amount,
+            errors=np.column_stack([points.error, points.displacement_error]),
+            on_true_faces=on_true_faces(self.scene),
+        )
 
     @cached_property
     def scene(self) -> Problem | Assembly:
@@ -283,7 +322,7 @@ def compensation_map(
         reached=float(np.nan_to_num(smooth, nan=math.inf).max(initial=0.0)) if smooth else math.inf,
         solved=len(sampler.known),
         seconds=perf_counter() - start,
-        known_to=tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
+        known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
     )
 
 

@@ -24,6 +24,7 @@ KINDS = {1: "interval", 2: "triangle", 3: "tetrahedron"}
 FIRST = 3
 """Sizes up to which what is on a facet that simplices share belongs to the first of them; of more to any."""
 
+LISTED = 20  # points of which something is said in words
 _BUCKETS = 16  # a simplex: most points then have one simplex to look at, or two
 
 
@@ -85,6 +86,8 @@ class MapPoints:
         between this motion and the true one: length units.
     region : array of int (...)
         Number of the region, from 0; -1 outside the map's box.
+    names : tuple of str
+        Of the parameters.
     """
 
     parameters: Array
@@ -92,6 +95,7 @@ class MapPoints:
     error: Array
     displacement_error: Array
     region: Ints
+    names: tuple[str, ...] = ()
     posed: Callable[[Array], Array | dict[str, Array]] | None = field(default=None, repr=False)
 
     @property
@@ -108,6 +112,22 @@ class MapPoints:
         if self.posed is None:
             raise InputError("only a map that has its problem knows the transforms", key="transforms")
         return self.posed(self.parameters)
+
+    def __str__(self) -> str:
+        """Return a line for each point, of many for the first ones: its motion, lengths and radians, and amount."""
+        q = self.parameters.reshape(self.amount.size, -1)
+        amounts, errors = self.amount.ravel(), self.error.ravel()
+        regions, lines = self.region.ravel().tolist(), list[str]()
+        for values, amount, error, region in zip(q[:LISTED].tolist(), amounts, errors, regions[:LISTED], strict=False):
+            motion = ", ".join(f"{name} {x + 0.0:.6g}" for name, x in zip(self.names, values, strict=True))
+            if region < 0:
+                lines.append("outside the sizes that the map is of")
+            elif np.isnan(amount):
+                lines.append(f"{'undecided' if np.isnan(error) else 'no motion'}, region {region}")
+            else:
+                lines.append(f"{motion}, amount {amount:.6g} +- {error:.1g}, region {region}")
+        more = len(amounts) - len(lines)
+        return "\n".join([*lines, *([f"... and {more} more"] if more else [])])
 
     @property
     def undecided(self) -> Flags:
@@ -218,6 +238,7 @@ class Table(Plain):
             error=errors[0].reshape(shape),
             displacement_error=errors[1].reshape(shape),
             region=np.where(inside, self.regions.take(simplex), -1).reshape(shape),
+            names=self.names,
         )
 
     def __len__(self) -> int:

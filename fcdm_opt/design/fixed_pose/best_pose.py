@@ -398,7 +398,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
     """Return what is told of a pose."""
     worst, best, search = found.worst, found.found, found.search
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
-    least, most = (end.without_rounding(problem.size) for end in ends)
+    least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in ends)
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     told, gaps = transforms_of(problem, best.q), worst.scene
     return BestPose(

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.true_sizes import ROUNDS
+from fcdm_opt.curve.true_sizes import ROUNDS, touching_true_faces
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
-from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, OwnSizes, Scales, is_exact, true_sizes
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, Scales, is_exact, true_sizes
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -20,13 +21,14 @@ from fcdm_opt.design.sizes import (
     drawn_pairs,
     not_counted,
     proportion_interval,
-    tolerance_boxes,
 )
 from fcdm_opt.design.stack.spread import draws
+from fcdm_opt.design.stack.stack_up import StackUp
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
@@ -57,6 +59,8 @@ class EndOfRange(Plain):
         What of body 1 and body 2 faces each other there, 1-based as all labels.
     direction : (3,) array
         From body 1 to body 2, world axes.
+    between : str
+        The feature in words.
     """
 
     gap: float
@@ -65,10 +69,11 @@ class EndOfRange(Plain):
     feature: str
     direction: Array
     names: tuple[str, ...] = SCALES
+    between: str = ""
 
-    def without_rounding(self, size: float) -> EndOfRange:
-        """Return the same, touching where the gap is only what digits leave of coordinates of so large bodies."""
-        return replace(self, gap=0.0) if 0.0 < abs(self.gap) <= DEFAULT.weld * size else self
+    def without_rounding(self, most: float) -> EndOfRange:
+        """Return the same, touching where the gap is no more than digits leave open."""
+        return replace(self, gap=0.0) if 0.0 < abs(self.gap) <= most else self
 
     @property
     def sizes_text(self) -> str:
@@ -79,11 +84,14 @@ class EndOfRange(Plain):
         return ", ".join(told) or "as drawn"
 
     @classmethod
-    def of(cls, scene: BodyGaps, rows: GapRows, extreme: Extreme) -> EndOfRange:
+    def of(cls, scene: BodyGaps | ContactGaps, rows: Any, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
         gap, rho, parts, way = extreme
-        label = scene.feature(rows, extreme).label
-        return cls(gap=gap, rho=frozen(rho), parts=parts, feature=label, direction=frozen(way), names=scene.names)
+        feature = scene.feature(rows, extreme)
+        found = cls(
+            gap=gap, rho=frozen(rho), parts=parts, feature=feature.label, direction=frozen(way), names=scene.names
+        )
+        return replace(found, between=scene.in_words(feature))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,6 +131,8 @@ class Clearances(NotebookRepr):
         Contacts that are closed at all of these sizes, a flange on its plate: not counted in gaps, as in `stack_up`.
     on_true_faces : bool
         Whether gaps are those of the faces that facets stand for.
+    claimed : GapClaims
+        What is told of the range, which `verify` looks at.
     """
 
     transform: Array | None
@@ -141,6 +151,12 @@ class Clearances(NotebookRepr):
     unit: str = ""
     standing: tuple[str, ...] = ()
     on_true_faces: bool = False
+    claimed: GapClaims | None = field(default=None, repr=False)
+
+    def claims(self, *, proof: bool = False) -> GapClaims:
+        """Return what `verify` looks at: the range of the gap at the pose."""
+        assert self.claimed is not None
+        return self.claimed
 
     @property
     def range(self) -> tuple[float, float]:
@@ -200,72 +216,127 @@ def clearances(
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
     expected(problem, (Problem, Assembly), "problem")
-    own, true = by_name(problem, sizes, box), None
-    if by_contacts(problem, named=False):
-        asked, names = all_sizes(problem, sizes, box)
-        scene: Any = ContactGaps(problem, asked, names, own=own)
-        at, transform = _contacts_at(problem, scene, pose)
-        pairs, source = _drawn(problem, sizes, asked.box, count, seed, own=own)
-        extremes, gaps = scene.extremes(at), at.gaps(pairs)
-    else:
-        assert isinstance(problem, Problem)
-        transform = transform_of(problem, pose)
-        whole = tolerance_boxes(problem.sizes) if own else box_of(problem, sizes, box)
-        pairs, source = _drawn(problem, sizes, whole, count, seed, own=own)
-        true = true_sizes(problem, None if own else Sizes(whole))
-        for turn in range(ROUNDS + 1):
-            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
-            request = problem.request if own else vars(problem)
-            one, two = (request["movable"], request["static"]) if true is None else true.bodies
-            scene = OwnSizes(one, two, problem.sizes) if own else Scales(one, two, Sizes(whole))
-            here = scene.pose(transform)
-            scene.leave_out([here])
-            at = scene.rows(here)
-            extremes, rows = scene.extremes(at), at
-            if true is None or is_exact(true, transform, extremes, own=own):
-                break
-        if not own:
-            wider = Scales(one, two, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
-            wider.permanent = scene.permanent
-            rows = wider.rows(here)
-        gaps = rows.gaps(pairs)
-    least, most = (EndOfRange.of(scene, at, end).without_rounding(problem.size) for end in extremes[:2])
-    inside = int((gaps < -problem.contact_slack).sum())
-    shares = np.array(QUANTILES)
-    counts, edges = np.histogram(gaps, bins=BINS)
+    own = by_name(problem, sizes, box)
+    at: Callable[..., _Found] = _of_contacts
+    if not by_contacts(problem, named=False):
+        at = _of_sizes if own else _of_scales
+    found = at(problem, sizes, box, pose, partial(_drawn, problem, sizes, count=count, seed=seed, own=own))
+    digits = max(DEFAULT.weld * problem.size, found.on_true_faces * sum(body.rounding for body in problem.bodies[:2]))
+    inside = int((found.gaps < -max(problem.contact_slack, digits)).sum())
+    shares, count = np.array(QUANTILES), len(found.gaps)
+    counts, edges = np.histogram(found.gaps, bins=BINS)
     return Clearances(
-        transform=None if transform is None else frozen(transform),
-        box=scene.sizes.box,
-        least=least,
-        most=most,
-        doubt=extremes.doubt,
-        sizes=frozen(pairs),
-        source=source,
-        gaps=frozen(gaps),
-        interference=inside / len(gaps),
-        interference_interval=proportion_interval(inside, len(gaps), CONFIDENCE),
-        quantiles=frozen(np.column_stack([shares, np.quantile(gaps, shares, method="inverted_cdf")])),
+        transform=None if found.transform is None else frozen(found.transform),
+        box=found.claimed.box,
+        least=found.least.without_rounding(digits),
+        most=found.most.without_rounding(digits),
+        doubt=found.doubt,
+        sizes=frozen(found.pairs),
+        source=found.source,
+        gaps=frozen(found.gaps),
+        interference=inside / count,
+        interference_interval=proportion_interval(inside, count, CONFIDENCE),
+        quantiles=frozen(np.column_stack([shares, np.quantile(found.gaps, shares, method="inverted_cdf")])),
         counts=frozen(counts, np.int64),
         edges=frozen(edges),
         unit=problem.unit,
-        standing=scene.permanent_in_words,
-        on_true_faces=true is not None,
+        standing=found.permanent,
+        on_true_faces=found.on_true_faces,
+        claimed=found.claimed,
     )
 
 
-def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, count: int, seed: int, *, own: bool) -> tuple[Array, str]:
+class _Found(NamedTuple):
+    """What `clearances` tells of one pose, see `Clearances`; `pairs` are its `sizes`."""
+
+    transform: Array | None
+    least: EndOfRange
+    most: EndOfRange
+    pairs: Array
+    source: str
+    gaps: Array
+    claimed: GapClaims
+    permanent: tuple[str, ...] = ()
+    doubt: float = 0.0
+    on_true_faces: bool = False
+
+
+def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
+    """Return the gaps of contacts as drawn."""
+    asked, names = all_sizes(problem, sizes, box)
+    scene = ContactGaps(problem, asked, names, own=by_name(problem, sizes, box))
+    transform = transform_of(problem, pose) if isinstance(problem, Problem) else None
+    poses = [transform] if transform is not None else scene.transforms(_of_coordinates(problem, pose))
+    at, (pairs, source) = scene.rows(poses), drawn(asked.box)
+    extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
+    least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
+    whole = replace(first, beside=others)
+    return _Found(transform, least, most, pairs, source, at.gaps(pairs), whole, (), extremes.doubt)
+
+
+def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
+    """Return the gaps of a problem's own sizes, as its stack-up tells them."""
+    transform, bodies = transform_of(problem, pose), (problem.request["movable"], problem.request["static"])
+    touching = touching_true_faces(*bodies, problem.sizes, transform=transform, permanent=False)
+    stack, (pairs, source) = StackUp(touching, (-np.inf, np.inf), problem.unit), drawn(touching.box)
+    names, worst = tuple(stack.names), stack.worst()
+
+    def end(gap: float, at: Mapping[str, float]) -> EndOfRange:
+        pair, row = touching.governing(rho := np.array([*at.values()]))
+        own = touching.pairs[pair]
+        feature, direction = touching.feature(own, row), frozen(own.normals[row])
+        between = feature.in_words(*touching.bodies)
+        return EndOfRange(
+            gap=gap, rho=frozen(rho), parts=own.parts, feature=feature.label, direction=direction, names=names,
+            between=between,
+        )  # fmt: skip
+
+    least, most = end(worst.least, worst.at_least), end(worst.largest, worst.at_largest)
+    gaps, exact = stack.gap(pairs), stack.on_true_faces
+    return _Found(transform, least, most, pairs, source, gaps, stack.claims(), stack.standing, on_true_faces=exact)
+
+
+def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
+    """Return the gaps of all scales of two bodies."""
+    transform, whole = transform_of(problem, pose), box_of(problem, sizes, box)
+    (pairs, source), true = drawn(whole), true_sizes(problem, Sizes(whole))
+    for turn in range(ROUNDS + 1):
+        true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+        one, two = (problem.movable, problem.static) if true is None else true.bodies
+        scene = Scales(one, two, Sizes(whole))
+        here = scene.pose(transform)
+        scene.leave_out([here])
+        at = scene.rows(here)
+        extremes = scene.extremes(at)
+        if true is None or is_exact(true, transform, extremes, own=False):
+            break
+    wider = Scales(one, two, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
+    wider.permanent = scene.permanent
+    least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
+    claimed = GapClaims(
+        bodies=(problem.movable, problem.static),
+        sizes=(),
+        transform=transform,
+        least=(least.gap, least.rho),
+        largest=(most.gap, most.rho),
+        box=scene.sizes.box,
+        permanent=tuple(scene.permanent),
+        permanent_faces=None if true is None else frozenset(true.permanent),
+    )
+    gaps, permanent = wider.rows(here).gaps(pairs), scene.permanent_in_words
+    return _Found(transform, least, most, pairs, source, gaps, claimed, permanent, extremes.doubt, true is not None)
+
+
+def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, *, count: int, seed: int, own: bool) -> tuple[Array, str]:
     """Return sizes of the distribution, (n, k), and where they come from."""
     if own:
         return draws(scene.sizes, count, seed), f"{count} pairs drawn as the sizes are distributed"
     return drawn_pairs(sizes, box, count, seed)
 
 
-def _contacts_at(scene: Problem | Assembly, gaps: ContactGaps, pose: Any) -> tuple[Any, Array | None]:
-    """Return the rows of contacts at a pose, and that of the movable body of two."""
-    if isinstance(scene, Problem):
-        transform = transform_of(scene, pose)
-        return gaps.rows([transform]), transform
-    return gaps.rows(gaps.transforms(_parameters([own.name for own in scene.coordinates], pose))), None
+def _of_coordinates(scene: Problem | Assembly, pose: Any) -> Array:
+    """Return the parameters of all motions of a pose."""
+    return _parameters([own.name for own in scene.coordinates], pose)
 
 
 def gaps_text(least: float, most: float, unit: str) -> str:

@@ -144,7 +144,11 @@ class SizedBodies:
     @property
     def permanent_in_words(self) -> tuple[str, ...]:
         """What touches at all sizes and is not counted."""
-        return tuple(dict.fromkeys(own.in_words(self.movable, self.static) for own in self.permanent.values()))
+        return tuple(dict.fromkeys(map(self.in_words, self.permanent.values())))
+
+    def in_words(self, feature: Feature) -> str:
+        """Return what touches in words."""
+        return feature.in_words(self.movable, self.static)
 
 
 class Scales(SizedBodies):

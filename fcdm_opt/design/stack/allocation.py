@@ -14,7 +14,7 @@ from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.contributions import mixture
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
-from fcdm_opt.lazy_import import extra
+from fcdm_opt.lazy_import import extra, imported
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive
 from fcdm_opt.problem.schema import known_sizes
@@ -45,6 +45,11 @@ class Allocation(Plain):
     least: float
     largest: float
     deviation: float | None = None
+
+    def __str__(self) -> str:
+        """Return the tolerances as a table."""
+        text: str = imported("show.stacks:allocation_text")(self)
+        return text
 
 
 def allocated(

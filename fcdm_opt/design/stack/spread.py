@@ -15,6 +15,7 @@ from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import GapClaims, ShareClaim
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real, whole
@@ -24,6 +25,7 @@ CHUNK = 2**13  # pairs of parts that are drawn at a time: what they need stays i
 MOST = 10**9
 OTHERS, SEED = 100_000, 20_011  # pairs of parts drawn otherwise, to judge a share by
 BINS = 200  # of the gaps that are kept for pictures
+BEYOND = 0.00135  # share of a normal distribution beyond three deviations, to one side
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +45,21 @@ class GapYield(Plain):
     confidence : float
     mean, deviation, least, largest : float
         Of the gaps drawn, length units.
+    low, high : float
+        Below the one, and above the other, are 0.135 % of the gaps drawn, as of a normal distribution beyond three
+        deviations.
     limits : (float, float)
     edges, counts : arrays (bins + 1,), (bins,)
         Histogram of the gaps over the range that the tolerances allow, with what lies beyond in the outer bins.
+    unit : str
+        Of lengths, "" where the problem names none.
     claimed : GapClaims, optional
         What is told of the gap, which `verify` looks at with the share; without one for sizes that depend on others.
     """
 
     plain_names = (
         "share", "interval", "share_low", "share_high", "count", "confidence", "mean", "deviation", "least", "largest",
-        "limits", "edges", "counts",
+        "low", "high", "limits", "edges", "counts",
     )  # fmt: skip
 
     share: float
@@ -68,7 +75,31 @@ class GapYield(Plain):
     limits: tuple[float, float]
     edges: Array
     counts: Array
+    low: float
+    high: float
+    unit: str = ""
     claimed: GapClaims | None = field(default=None, repr=False)
+
+    def __str__(self) -> str:
+        """Return the share in words, and how the gaps are spread."""
+        low, high = (measured(f"{end:+.4g}", self.unit) for end in (self.low, self.high))
+        middle = f"mean {self.mean:+.4g}, sigma {measured(f'{self.deviation:.4g}', self.unit)}"
+        return f"{self.share_text}; all but 0.27% of the gaps from {low} to {high}, {middle}"
+
+    @property
+    def share_text(self) -> str:
+        """The share in words."""
+        words = ("from", "to") if np.isfinite(self.limits).all() else ("of at least", "of at most")
+        ends = [
+            f"{word} {measured(f'{end:.4g}', self.unit)}"
+            for word, end in zip(words, self.limits, strict=True)
+            if np.isfinite(end)
+        ]
+        low, high = self.interval
+        return (
+            f"gap {' '.join(ends) or 'of any size'}: {self.share:.4%} of {self.count} pairs drawn ({low:.4%} to "
+            f"{high:.4%} with {100.0 * self.confidence:.6g} % confidence)"
+        )
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, and the share by draws of their own."""
@@ -198,7 +229,7 @@ def drawn_gaps(
     counts, total, square = np.zeros(BINS, np.int64), 0.0, 0.0
     within = [(low, high), (low + off[1], high - off[0]), (low - off[0], high + off[1])]
     passed = np.zeros(3, np.int64)
-    least, largest = np.inf, -np.inf
+    least, largest, kept = np.inf, -np.inf, list[Array]()
     sources, mixed = spreads(touching.sizes), _mixed(correlation, len(touching.sizes))
     for begin in range(0, count, CHUNK):
         drawn = rows[:, 1:] @ _drawn(rng, sources, CHUNK, mixed) + (rows[:, :1] - zero)
@@ -208,15 +239,17 @@ def drawn_gaps(
         total += float(gaps.sum())
         square += float(gaps @ gaps)
         if begin < 2**21:  # enough for a picture
+            kept.append(gaps)
             bins = ((gaps - edges[0]) * (BINS / (edges[-1] - edges[0]))).astype(np.int64)
             counts += np.bincount(np.clip(bins, 0, BINS - 1), minlength=BINS)
     mean = total / count
     deviation = float(np.sqrt(max(square / count - mean**2, 0.0)))
     share, surely, possibly = (passed / count).tolist()
     interval = proportion_interval(int(passed[0]), count, confidence)
+    three = (zero + np.quantile(np.concatenate(kept), [BEYOND, 1.0 - BEYOND])).tolist()
     return GapYield(
         share, interval, surely, possibly, count, confidence, zero + mean, deviation, zero + least, zero + largest,
-        limits, frozen(zero + edges), frozen(counts),
+        limits, frozen(zero + edges), frozen(counts), *three,
     )  # fmt: skip
 
 

@@ -78,6 +78,12 @@ class WorstCase(Plain):
     least_low: float
     largest_high: float
 
+    def __str__(self) -> str:
+        """Return both in words, with the sizes at which they are."""
+        ends = (self.least, self.at_least), (self.largest, self.at_largest)
+        named = (", ".join(f"{name} {x:+.4g}" for name, x in at.items() if x) or "as drawn" for _, at in ends)
+        return "gap from " + " to ".join(f"{gap:+.4g} at {at}" for (gap, _), at in zip(ends, named, strict=True))
+
 
 @dataclass(frozen=True, eq=False)
 class SizeShare(Plain):
@@ -243,6 +249,8 @@ class StackUp:
     def _worst(self) -> WorstCase:
         (least, low), (largest, high) = self.touching.least(), self.touching.largest()
         rounding = DEFAULT.weld * max(body.size for body in self.touching.bodies)
+        if self.on_true_faces:  # which are taken from corners with the digits of files
+            rounding = max(rounding, sum(body.rounding for body in self.touching.bodies))
         least, largest = (0.0 if abs(gap) <= rounding else gap for gap in (least, largest))
         named = [dict(zip(self.names, place.tolist(), strict=True)) for place in (low, high)]
         out, short = self.off
@@ -265,6 +273,12 @@ class StackUp:
         near = rows[lows <= lows.min() + DEFAULT.tie * max(body.size for body in self.touching.bodies)]
         named = sorted(range(len(self.names)), key=self.names.__getitem__)
         return np.asarray(min(near, key=lambda row: tuple(row[1:][named])))
+
+    @property
+    def deciding_contact(self) -> str:
+        """The contact of that row in words."""
+        values = self.deciding.tolist()
+        return next(row.told for row in self.rows if [row.gap, *row.coefficients.values()] == values)
 
     @cached_property
     def _worst_rows(self) -> tuple[Array, Array]:
@@ -348,7 +362,7 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn = drawn_gaps(self._drawn_from, self.limits, n, **how)
+        drawn = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit)
         if correlation is not None:
             return drawn
         return replace(drawn, claimed=self._claims([pair.values for pair in self._drawn_from.pairs]))

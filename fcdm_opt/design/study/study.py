@@ -18,7 +18,7 @@ from fcdm_opt.design.question import Question, canonical, digest, excluded, loca
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
-from fcdm_opt.errors import InputError, checked_path, closest, placed
+from fcdm_opt.errors import InputError, checked_path, closest, known_arguments, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.schema import checked, read_entry
@@ -46,6 +46,7 @@ class StudyPoint(NamedTuple):
     error: str = ""
 
 
+@known_arguments
 @dataclass(frozen=True, eq=False)
 class Study:
     """A problem with some of its keys varied: every combination of the listed values, times the draws.
