@@ -258,7 +258,7 @@ def pose_command(
         made = clearances(problem, sizes=pairs, box=within, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked, made=False)
 
 
 def faces_command(
@@ -334,20 +334,35 @@ def stack_command(
             if len(names) == 2:
                 pictures.add(f"{stem}-slice", stacks.slice_figure(found, names, title=title))
 
-    _each_case(inquiry, asked)
+    _each_case(inquiry, asked, made=False)
 
 
 def _each_case(
-    inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
+    inquiry: Inquiry,
+    asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]],
+    *,
+    made: bool = True,
 ) -> None:
-    """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
+    """Ask about every case of every file, print or collect the answers, and exit with the most severe code.
+
+    Where it is no matter what was `made`, cases that differ in that alone are asked about once.
+    """
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.show.printing import print_lines
     from fcdm_opt.show.remarks import known_gaps
     from fcdm_opt.show.tables import print_case, print_judged
 
+    known = dict[str, tuple[str, dict[str, Any]]]()
+
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        of_facets = False
+        of_facets, alike = False, "" if made else _but_for_what_was_made(file, problem)
+        if alike in known:
+            name, answers = known[alike]
+            entry |= answers
+            if not inquiry.as_json:
+                print_case(file.path.name, problem)
+                print_lines([f"as case {name}: these are of all sizes, whatever was made"])
+            return
         for number, (key, answer, printed) in enumerate(asked(file, problem)):
             if not (inquiry.as_json or number):
                 print_case(file.path.name, problem)
@@ -362,12 +377,24 @@ def _each_case(
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
                 if not inquiry.as_json:
                     print_judged(certificate)
-        if known := known_gaps(problem) if of_facets else []:
-            entry["known_to"] = known
+        if known_to := known_gaps(problem) if of_facets else []:
+            entry["known_to"] = known_to
             if not inquiry.as_json:
-                print_lines(known)
+                print_lines(known_to)
+        if alike:
+            known[alike] = problem.name, {key: value for key, value in entry.items() if key not in ("name", "unit")}
 
     inquiry.ask(answered)
+
+
+def _but_for_what_was_made(file: OpenedFile, problem: Scene) -> str:
+    """Return what a case asks about all sizes as text; "" where it cannot be written down."""
+    try:
+        (case,) = problem.to_dict()["case"]
+    except (InputError, AttributeError):
+        return ""
+    ignored = ("name", "made", "scales", "requirement", "published", "published_text")
+    return repr((file.path, {key: value for key, value in case.items() if key not in ignored}))
 
 
 def _code(answer: Any) -> int:

@@ -169,6 +169,7 @@ class ContactGaps:
     def ranges(self, rows: AffineGaps) -> dict[str, tuple[float, float]]:
         """Return the range of the gap of each contact over all sizes, by its words."""
         ends = np.array(self.ends(rows))
+        ends[np.abs(ends) <= DEFAULT.weld * self.size] = 0.0
         return {
             self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max()))
             for of, own in self.contacts.items()

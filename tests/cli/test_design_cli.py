@@ -179,6 +179,12 @@ def test_a_pose_printed_a_table_before_it_refused() -> None:
     assert "clearance" not in printed
 
 
+def test_a_pose_was_worked_out_again_for_each_case_of_what_was_made() -> None:
+    code, printed, _ = run("pose", PROBLEMS / "assemblies" / "loop_of_four.toml")
+    assert (code, printed.count("least worst gap"), printed.count("as case made unlike: ")) == (0, 1, 1)
+    assert "e-16" not in printed
+
+
 def test_a_pose_of_six_contacts_tells_each() -> None:
     """3-2-1: at rest gaps of 3 d + 2 e, 2 d + 2 e, d + 2 e, both within .02; a turn does a little better."""
     code, text, _ = run("pose", PROBLEMS / "locating.toml", "--case", "A", "--json")

@@ -401,6 +401,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
     least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in ends)
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     told, gaps = transforms_of(problem, best.q), worst.scene
+    value = found.value if abs(found.value) > DEFAULT.weld * problem.size else 0.0
     return BestPose(
         status=found.status,
         parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
@@ -413,8 +414,8 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         violation=max(-least.gap, most.gap) if found.fitted else max(best.off.excess, 0.0),
         least=least,
         most=most,
-        value=found.value,
-        lower_bound=found.bound,
+        value=value,
+        lower_bound=min(found.bound, value),
         certified=found.done,
         cells=len(search.nodes),
         checks=(),
