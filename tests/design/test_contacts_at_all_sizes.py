@@ -197,7 +197,7 @@ def test_contacts_that_cannot_all_close_have_no_loop() -> None:
     stack = fo.stack_up(table, of=("lid", "right"))  # the lid is on the left one
     assert stack.gap({"one": 0.01, "two": -0.01}) == pytest.approx(0.02, **NEAR)
     assert fo.verify(stack).passed
-    with pytest.raises(InputError, match="not one gap that sizes open"):
+    with pytest.raises(InputError, match="which gap is meant"):
         fo.stack_up(table)
 
 

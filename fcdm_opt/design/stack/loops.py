@@ -93,12 +93,10 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     if of is None:
         found = [k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie]
         if len(found) != 1:
-            gaps_of = [" - ".join(asked[k]) for k in found]
-            what = "which gap is meant is to be said: that of two parts, while all other contacts stay closed; sizes open "
-            what += f"those of {', '.join(gaps_of)}" if found else "none of those of contacts"
-            one = ",".join(asked[found[0]] if found else next(iter(relations)))
-            names = " or ".join(" - ".join(pair) for pair in relations)
-            raise InputError(what, key="of", allowed=f"two parts of {names}, as --of {one}")
+            opening = ", ".join(" - ".join(asked[k]) for k in found) or "none that closes"
+            what = f"which gap is meant is to be said, while all other contacts stay closed; sizes open {opening}"
+            known, one = " or ".join(" - ".join(own) for own in relations), asked[found[0]] if found else asked[0]
+            raise InputError(what, key="of", allowed=f"two parts of {known}, as --of {','.join(one)}")
         pair = asked[found[0]]
     else:
         one, two = arguments.items(of) if len(arguments.items(of)) == 2 else (of, of)
