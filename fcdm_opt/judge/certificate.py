@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import hypot, inf, isfinite, isnan, nan
+from math import hypot, inf, isfinite, isnan, nan, sqrt
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -48,6 +48,7 @@ DERIVED = 1e-6  # relative: how well derivatives are known that are worked out o
 MOST_CHECKED = 3  # parameters up to which cells are kept
 BY_MULTIPLIERS = f"cells are checked of {MOST_CHECKED} parameters at most, and multipliers in a few boxes show less"
 MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
+HALVED = 30  # times, to find a box
 BOXES = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of those about a motion, in its largest parameter
 FINER = 4  # smaller changes of the scales that are tried
 
@@ -184,7 +185,14 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
         near = np.abs(weights * q).max() * np.array(BOXES)
         near = near if isinstance(own, OwnAmount) else near[:0]
         held = [half for half in near if least_outside(own, weights, half) >= amount * (1.0 - DEFAULT.requirement)]
-        return any(only_motion(problems, q, half) for half in (far, *held))
+        if any(only_motion(problems, q, half) for half in (far, *held)):
+            return True
+        low, high = 0.0, min(held, default=0.0)  # the least box outside of which all cost as much
+        for _ in range(HALVED if held else 0):
+            half = 0.5 * (low + high)
+            enough = least_outside(own, weights, half) >= amount * (1.0 - DEFAULT.requirement)
+            low, high = (low, half) if enough else (half, high)
+        return bool(held) and none_smaller(problems, high * sqrt(len(weights)))
     alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
     return alone or amount <= slack or none_smaller(problems, amount - slack)

@@ -50,6 +50,7 @@ OVERLAID = 2.0  # times the width that flush faces must share, where the least m
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
+MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
@@ -139,19 +140,18 @@ def all_at_once(
         status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
         return Answer(status, None, stage, bound, _Told(systems, names).sentences())
     q = systems[0].q(z)
+    amount = systems[0].task.amount(q)
     joined = [problem for problem in problems if problem.contacts]
-    if asked.weighted:
-        amount = asked.amount(q)
-        bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
-    else:
-        other, _ = least([System.of(task) for task in tasks])
-        q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
-        amount = asked.amount(q)
-        bound = _bound_of_own(asked, amount, _unique_within(joined, q) if prove and joined else 0.0)
-    if asked.weighted and prove and bound < amount and joined:
+    bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
+    if prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
         if bound < amount:
             bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
+    if not asked.weighted:
+        other, _ = least([System.of(task) for task in tasks])
+        q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
+        amount, beyond = asked.amount(q), MARGIN * bound / np.sqrt(len(asked.weights))  # so far a parameter has to move
+        bound = _bound_of_own(asked, amount, max(_unique_within(joined, q) if prove and joined else 0.0, beyond))
     count = sum(len(task.joints) for task in tasks)
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED

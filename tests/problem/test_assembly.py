@@ -408,6 +408,16 @@ def test_an_own_amount_of_the_one_motion_of_a_loop_that_turns_is_proved() -> Non
     assert not fo.verify(replace(solution, lower_bound=1.01 * solution.lower_bound), proof=True).passed
 
 
+def test_an_own_amount_of_a_loop_with_freedom_left_had_no_bound() -> None:
+    """One parameter at least moves as far as the least weighted amount asks for, and costs what it costs there."""
+    asked = bridge({"left": 1.02, "right": 0.98}, X >> Z >> fo.Rotation("y"))
+    amount = sum((k + 1) * casadi.SX.sym(own.name) ** 2 for k, own in enumerate(asked.coordinates))
+    solution = fo.solve(asked.changed(amount=amount), certify=True)
+    assert 0.1 * solution.amount < solution.lower_bound <= solution.amount
+    assert fo.verify(solution, proof=True).passed
+    assert not fo.verify(replace(solution, lower_bound=1.05 * solution.lower_bound), proof=True).passed
+
+
 def test_a_letter_says_which_way_parts_are_off() -> None:
     """First those that move, then the fixed ones."""
     for letter, signs in {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}.items():
