@@ -633,7 +633,8 @@ def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     assert "Move left wedge 0.0125 mm along +x and 0.055 mm along +z" in text
     assert "then every contact is closed; smallest possible together (proved)" in text
     assert '<th scope="row">base</th><td>-</td><td>scale 1.03</td><td>fixed</td>' in text
-    assert text.count("<td>bottom face (facing -z) at top face (facing +z)</td><td>touching</td>") == 4
+    face = '<span class="whole">-z</span>'  # in one line
+    assert text.count(f"<td>bottom face (facing {face}) at top face (facing +z)</td><td>touching</td>") == 4
     for parts in ("key - left wedge", "key - right wedge"):
         assert f'<th scope="row">{parts}</th>' in text
     two = run("report", FILE, FILE.parent.parent / "nut.toml", "--case", "shifted against a flat", "--out", out)
