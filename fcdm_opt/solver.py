@@ -150,7 +150,7 @@ def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
 
 def _solved_all(problem: Problem, how: _How) -> Solution:
     """Return the least solution over the pairs of features that the problem may track."""
-    asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
+    asked = problem.alternatives or (problem,)
     if how.seconds is not None:
         how = how._replace(seconds=how.seconds / len(asked))
     if len(asked) == 1:

@@ -394,6 +394,11 @@ class Problem(NominalContact, Scene, NotebookRepr):
         box = about if self.partial else self.box
         return decision_curve(*self.active, box=box, transform=transform)
 
+    @cached_property
+    def alternatives(self) -> tuple[Problem, ...]:
+        """The same question for each of the `feature_pairs` that it may track; empty where there is no choice."""
+        return tuple(self.changed(features=pair) for pair in self.feature_pairs)
+
     def with_exact_points(self, points: Mapping[str, Any]) -> Problem:
         """Return the same question with parts that are exact at points of round faces, see `exact_at`."""
         drawn, other = self.of_facets, object.__new__(Problem)
