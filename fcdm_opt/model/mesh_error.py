@@ -70,7 +70,7 @@ def with_mesh_error(
         return solution
     ends: Any = partial(_ends, solution, solve, certify, quick)
     low, high = ends() if pacing.limited() else (ends, ends)
-    return replace(solution, amount_low=low, amount_high=high)
+    return solution.changed(amount_low=low, amount_high=high)
 
 
 def _ends(

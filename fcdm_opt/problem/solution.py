@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self, get_args
@@ -370,7 +370,13 @@ class Bounded(Plain, NotebookRepr):
     def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Self:
         """Return the solution with the judge's verdict, the status it implies, and the times."""
         status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
-        return replace(self, certificate=certificate, status=status, seconds=seconds)
+        return self.changed(certificate=certificate, status=status, seconds=seconds)
+
+    def changed(self, **values: Any) -> Self:
+        """Return the solution with other values of some fields; what is worked out when read is not for that."""
+        other = object.__new__(type(self))
+        vars(other).update({own.name: vars(self)[own.name] for own in fields(self)}, **values)
+        return other
 
     @property
     def verified(self) -> bool:
