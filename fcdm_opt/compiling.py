@@ -10,9 +10,8 @@
 - what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
   once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). That lasts until
-  plain Python has taken as long as compiling would, in this process and its copies together; what all took in all
-  runs is noted beside the code, and where that is much a kernel goes on as plain Python for a small share of it only,
-  so that none is compiled that is called a few times.
+  plain Python has taken as long as compiling would, in this process and its copies together; what it took in all
+  runs is noted beside the code.
 - of processes that want the same kernel one compiles it; the others wait, and take what it keeps.
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
@@ -74,7 +73,6 @@ _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 COMPILING = 4.5e-4  # seconds that compiling takes, per byte of the bytecode of a kernel and all that it calls
 IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
-LATER = 0.05  # of what compiling a kernel takes, that it may still take as plain Python once these are used up
 SHORTEST = 1e-4  # seconds that a call counts at least
 LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
 LITTLE = 400000  # entries of all its arrays up to which it is light
@@ -121,7 +119,7 @@ def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
 
 def eager() -> None:
     """Compile light kernels, too, when they are first called: from now on, in this process."""
-    _left[0] = -math.inf
+    _left[0] = 0.0
 
 
 def step(function: Callable[..., Any]) -> Any:
@@ -194,8 +192,7 @@ class _Compiled(_Dispatcher):
 
     def _lasting(self) -> float:
         """Return for how many seconds it may still run as plain Python, here and in copies of this process."""
-        share = 1.0 if _left[0] > 0.0 else LATER if _left[0] > -math.inf else 0.0
-        return share * self.patience - float(_spent[self.place % PLACES])
+        return self.patience - float(_spent[self.place % PLACES])
 
     def _is_little(self, args: tuple[Any, ...]) -> bool:
         _count_runs()
@@ -205,7 +202,8 @@ class _Compiled(_Dispatcher):
             there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
             called = () if there else _with_called(self, set())
             self.patience = COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
-        return self._lasting() > 0.0 and not self.overloads and sum(array.size for array in _arrays(args)) <= LITTLE
+        lasting = min(self._lasting(), _left[0]) > 0.0 and not self.overloads
+        return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
         """Run as plain Python, with all that it calls, or compiled where that takes too long.

@@ -174,10 +174,6 @@ def test_plain_python_that_takes_longer_than_compiling_is_left(monkeypatch: pyte
     made.keeps = False
     compiling.eager()
     assert (made(x, counts), counts[0], len(made.signatures)) == (4.0, 2.0, 1)
-    monkeypatch.setattr(compiling, "_left", [0.0])  # used up: what is called once was compiled all the same
-    made = light(kernel(nested.py_func))
-    made.keeps = False
-    assert (made(x, counts), counts[0], len(made.signatures)) == (5.0, 3.0, 0)
 
 
 def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
