@@ -27,7 +27,7 @@ def report_command(
     case: Cases = None,
 ) -> None:
     """Write problems or assemblies and their solutions, or a study, as one HTML file; it needs no network."""
-    from fcdm_opt.design.moved_files import write
+    from fcdm_opt.moved_files import write
     from fcdm_opt.problem.assembly_file import is_assembly
 
     if out.suffix.lower() not in (".html", ".htm"):

@@ -49,8 +49,8 @@ def init_command(
 
     Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
     """
-    from fcdm_opt.design.moved_files import write
     from fcdm_opt.drafting.draft import draft, own_name, quoted
+    from fcdm_opt.moved_files import write
 
     path = Path(own_name(movable, static, SUFFIX)) if out is None else out
     _check_place(path, (movable, static), force)

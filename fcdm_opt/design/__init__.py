@@ -3,7 +3,6 @@
 distributions    what sizes and other numbers are drawn from
 sizes            which sizes are spoken of: a box, a list, what distributions give
 places           a place in plain tables, as studies and files name keys of a problem
-moved_files      files that are there as a whole or not at all
 question         a problem as plain tables: any key can be changed
 study/           many questions at once, in a file or in Python
 whatif/          questions beside a question: what changes, what clashes, what costs how much

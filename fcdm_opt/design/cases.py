@@ -7,10 +7,10 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.motion.motions import Motion
+from fcdm_opt.moved_files import to_csv
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import SIGNS, Problem

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.moved_files import read
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.moved_files import read
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real
 

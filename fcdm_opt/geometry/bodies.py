@@ -43,6 +43,7 @@ from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import RoundFaces, centroid_within, errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
+from fcdm_opt.moved_files import write
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -507,7 +508,7 @@ class Body(_Sealed, NotebookRepr):
         whole = self.full_body or self
         parts = [part.vertices[fans(part.loops)] for part in whole.parts]
         text = mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name)
-        imported("design.moved_files:write")(path, text)
+        write(path, text)
 
     @classmethod
     def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:

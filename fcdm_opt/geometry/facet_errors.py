@@ -560,7 +560,7 @@ def may_be_rounded(body: Body) -> bool:
     return found is not None and bool(found.surfaces)
 
 
-def all_told(body: Body) -> bool:
+def all_recognised(body: Body) -> bool:
     """Tell whether all faces that are off the solid stand for round faces that are told, see `round_surfaces`."""
     errors, told = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
     return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= told

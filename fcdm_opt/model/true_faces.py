@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.facet_errors import all_told, bounding_bodies, deviation_of, gaps_off, round_surfaces
+from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
 from fcdm_opt.problem.problem import Problem
@@ -173,7 +173,7 @@ def on_true_faces(scene: Scene) -> bool:
     """Tell whether answers are of the faces that facets stand for: of every two parts whose facets are off these."""
     asked = scene.relations.values()
     off = [own for own in asked if gaps_off(own.movable, [own.static]) != (0.0, 0.0)]
-    return all(Exchange.of(own) is not None and all_told(own.movable) and all_told(own.static) for own in off)
+    return all(Exchange.of(own) is not None and all(map(all_recognised, (own.movable, own.static))) for own in off)
 
 
 def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -> Problem:

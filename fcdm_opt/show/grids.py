@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
-from fcdm_opt.design.moved_files import to_csv, write
 from fcdm_opt.design.question import ROLES
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number

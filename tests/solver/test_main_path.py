@@ -15,7 +15,18 @@ from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
 # files anything may use
-GROUND = {"process_pool", "compiling", "lazy_import", "errors", "pacing", "plain", "threads", "tolerances", "version"}
+GROUND = {
+    "process_pool",
+    "compiling",
+    "lazy_import",
+    "errors",
+    "moved_files",
+    "pacing",
+    "plain",
+    "threads",
+    "tolerances",
+    "version",
+}
 
 PACKAGES = {
     "geometry": set(),

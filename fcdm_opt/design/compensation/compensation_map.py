@@ -18,7 +18,6 @@ from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
 from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, box_text, simplices, volumes
-from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.facet_errors import known_to
@@ -26,6 +25,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import MotionClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.model.true_faces import on_true_faces
+from fcdm_opt.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real, positive, whole
 from fcdm_opt.problem.assembly import Assembly

@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, numbers
+from fcdm_opt.moved_files import to_csv
 from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 

@@ -15,12 +15,12 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fcdm_opt.design.moved_files import moved, to_csv
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.errors import InputError
 from fcdm_opt.lazy_import import NotebookRepr, extra
+from fcdm_opt.moved_files import moved, to_csv
 from fcdm_opt.plain import plain
 from fcdm_opt.tolerances import DEFAULT
 
