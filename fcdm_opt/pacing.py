@@ -76,11 +76,24 @@ def at(text: str, done: int = 0, total: int = 0) -> None:
         listener(f"{text} ({on})" if on else text, done, total)
 
 
-@contextmanager
-def working_on(what: str) -> Iterator[None]:
+class _Set:
+    """A context in which a variable has another value."""
+
+    __slots__ = ("_token", "_value", "_variable")
+
+    def __init__(self, variable: ContextVar[Any], value: Any) -> None:
+        self._variable, self._value = variable, value
+
+    def __enter__(self) -> None:
+        self._token = self._variable.set(self._value)
+
+    def __exit__(self, *_: object) -> None:
+        self._variable.reset(self._token)
+
+
+def working_on(what: str) -> _Set:
     """Put this before whatever is said to be done meanwhile."""
-    with _set(_on, what):
-        yield
+    return _Set(_on, what)
 
 
 @contextmanager
@@ -110,8 +123,7 @@ def check_time(seconds: float | None, key: str) -> None:
         raise InputError("not a time", key=key, found=seconds, allowed="a number of seconds > 0")
 
 
-@contextmanager
-def within(seconds: float | None, share: float = SEARCHED) -> Iterator[None]:
+def within(seconds: float | None, share: float = SEARCHED) -> _Set:
     """Let what is done meanwhile search no longer than a share of so many seconds; None, or what is longer: as it is.
 
     Raises
@@ -119,48 +131,46 @@ def within(seconds: float | None, share: float = SEARCHED) -> Iterator[None]:
     InputError
         For what is no time.
     """
-    with _set(_limit, _limit.get()):
-        begin(seconds, share=share)
-        yield
+    return _Set(_limit, _limit_within(seconds, share, "time"))
 
 
 def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") -> None:
     """Set such a limit from here to the end of the enclosing one."""
+    _limit.set(_limit_within(seconds, share, key))
+
+
+def _limit_within(seconds: float | None, share: float, key: str) -> _Given:
     check_time(seconds, key)
-    if seconds is not None:
-        now, known = clock(), _limit.get()
-        last = min(known.last, now + max(share, JUDGED) * seconds)
-        _limit.set(min(known, _Given(now + share * seconds, seconds, last))._replace(last=last, kept=False))
+    known = _limit.get()
+    if seconds is None:
+        return known
+    now = clock()
+    last = min(known.last, now + max(share, JUDGED) * seconds)
+    return min(known, _Given(now + share * seconds, seconds, last))._replace(last=last, kept=False)
 
 
-@contextmanager
-def sharing(share: float) -> Iterator[None]:
+def sharing(share: float) -> _Set:
     """Let what is done meanwhile take this share of the time that is left."""
     now, known = clock(), _limit.get()
-    ends = (now + share * (end - now) for end in (known.end, known.last))
-    with _set(_limit, _Given(next(ends), known.seconds, next(ends))):
-        yield
+    end, last = (now + share * (end - now) for end in (known.end, known.last))
+    return _Set(_limit, _Given(end, known.seconds, last))
 
 
-@contextmanager
-def judging() -> Iterator[None]:
+def judging() -> _Set:
     """Let what is done meanwhile take what is left of the time given and a little more: what was found is judged."""
     known = _limit.get()
-    with _set(_limit, known._replace(end=known.last)):
-        yield
+    return _Set(_limit, known._replace(end=known.last))
 
 
-@contextmanager
-def telling() -> Iterator[None]:
+def telling() -> _Set:
     """Let what was found be told meanwhile whatever the time is: `check` passes, `over` leaves out what may be."""
     known = _limit.get()
-    with _set(_limit, known._replace(end=known.last, kept=True)):
-        yield
+    return _Set(_limit, known._replace(end=known.last, kept=True))
 
 
 def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found | Other:
     """Return what work finds; `late` where the time is over by then, even while what was found is told."""
-    with _set(_limit, _limit.get()._replace(kept=False)):
+    with _Set(_limit, _limit.get()._replace(kept=False)):
         try:
             check()
             return work(*arguments)
@@ -168,27 +178,14 @@ def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found |
             return late
 
 
-@contextmanager
-def looking(count: int) -> Iterator[None]:
+def looking(count: int) -> _Set:
     """Let what is done meanwhile ask so often whether the time is over, and then it is: alike on any machine."""
-    with _set(_looks, [float(count)]):
-        yield
+    return _Set(_looks, [float(count)])
 
 
-@contextmanager
-def unlimited() -> Iterator[None]:
+def unlimited() -> _Set:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_limit, _Given(math.inf, math.inf, math.inf)):
-        yield
-
-
-@contextmanager
-def _set(variable: ContextVar[Any], value: Any) -> Iterator[None]:
-    token = variable.set(value)
-    try:
-        yield
-    finally:
-        variable.reset(token)
+    return _Set(_limit, _Given(math.inf, math.inf, math.inf))
 
 
 def left() -> float:

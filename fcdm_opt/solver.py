@@ -252,7 +252,7 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     stopped = pacing.stopped()
     known = problem.amount != "displacement"  # of which the checker knows nothing
     with pacing.telling():
-        solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
+        solution = reported(problem, task, answer, evidence if known else None, stopped)
     watch.lap("prove")
     if not how.judge:
         return solution

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -238,17 +237,18 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
     slack : float
         Length; parts this near touch, and directions this near to the widest are tight.
     """
-    found, off, tight = list[Meeting](), list[float](), slack * DEFAULT.tight
-    for (i, j), sites, rows, separations in touching_pairs(movable, static, pose, rho, slack):
+    found, sure, tight = list[Meeting](), list[bool](), slack * DEFAULT.tight
+    touching = list(touching_pairs(movable, static, pose, rho, slack))
+    for (i, j), sites, rows, separations in touching:
         one, two, widest = movable.parts[i], static.parts[j], int(separations.argmax())
         contact = located(one, two, pose, contact_at(one, two, rows[widest, :3], pose, rho), rho)
         if _across(one, two, contact, separations) > tight:  # of a face so narrow that all of it is about as high
             contact = located(one, two, pose, contact_between(one, two, pose, *_corners(one, two, sites[widest])), rho)
         found.append(Meeting((i, j), contact))
-        misses = _misses(one, two, pose, contact, rho), _across(one, two, contact, separations)
-        off.append(max(abs(float(separations.max())), *misses))
-    most = tight if min(off, default=0.0) <= tight else math.inf
-    return [meeting for meeting, far in zip(found, off, strict=True) if far <= most]
+        near = len(touching) > 1 and abs(separations[widest]) <= tight
+        near = near and _across(one, two, contact, separations) <= tight
+        sure.append(near and _misses(one, two, pose, contact, rho) <= tight)
+    return [meeting for meeting, own in zip(found, sure, strict=True) if own or not any(sure)]
 
 
 def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> tuple[Feature, ...]:

@@ -27,6 +27,7 @@ from fcdm_opt.tolerances import DEFAULT
 # Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
 EXHAUSTIVE = 250_000
 BLOCK = 4096  # directions that are looked at together: what they take stays in the processor's memory
+MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 MOST = 200  # vertices taken up in the search for the nearest points; a few for each face that holds them
 
 Rows = tuple[Any, Any]
@@ -183,6 +184,20 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
         return bounds
+
+    def parted_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
+        """Return the least over the part pairs of the largest gap along a face normal of either; or one up to `enough`.
+
+        0 of more than `MOST_PARTED` pairs, which take long.
+        """
+        if self.count > MOST_PARTED:
+            return 0.0
+        frame, least = self._framed(np.asarray(rho)[None], transform[None]), np.inf
+        for one, two in product(*self._solids):
+            least = min(least, float(judging.widest(one, two, frame, edged=False)[0] * frame[0, judging.UNIT]))
+            if least <= enough:
+                break
+        return least
 
     def _least(self, frames: Array, settled: Flags | None) -> Array:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.

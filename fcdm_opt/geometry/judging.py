@@ -154,7 +154,7 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
     found = _ball_gaps(ones, twos, frames)
     for i, j in np.argwhere((found <= 0.0).any(axis=0)).tolist():
         at = np.flatnonzero(found[:, i, j] <= 0.0)
-        found[at, i, j] = np.maximum(found[at, i, j], _widest(ones[i], twos[j], frames[at], False))
+        found[at, i, j] = np.maximum(found[at, i, j], widest(ones[i], twos[j], frames[at], edged=False))
     return found
 
 
@@ -166,7 +166,7 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
     than the least so far are passed over.
     """
     if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
-        return _widest(ones[0], twos[0], frames, True)
+        return widest(ones[0], twos[0], frames, edged=True)
     with np.errstate(all="ignore"):
         bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
     least, unknown = np.where(np.isnan(frames[:, UNIT]), np.nan, np.inf), np.full(len(frames), np.inf)
@@ -175,7 +175,7 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
         if len(one.edges) * len(two.edges) > most:
             unknown[at] = np.fmin(unknown[at], bounds[at, pair])
         else:
-            least[at] = np.minimum(least[at], _widest(one, two, frames[at], True))
+            least[at] = np.minimum(least[at], widest(one, two, frames[at], edged=True))
     return np.where(unknown > least, least, np.nan)
 
 
@@ -204,7 +204,7 @@ def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> A
     return np.asarray(apart - (frames[:, :1] * balls[:, 3])[:, :, None] - (frames[:, 1:2] * others[:, 3])[:, None])
 
 
-def _widest(one: Solid, two: Solid, frames: Array, edged: bool) -> Array:
+def widest(one: Solid, two: Solid, frames: Array, *, edged: bool) -> Array:
     """Return the largest gap of two parts over their face normals, and pairs of edges if asked, in each frame, (k,)."""
     pacing.check()
     return np.asarray(widest_gaps(*one[:4], *two[:4], frames, edged)[:, 0])

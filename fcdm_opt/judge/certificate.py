@@ -47,7 +47,6 @@ SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 MOST_CHECKED = 3  # parameters up to which cells are kept
 BY_MULTIPLIERS = f"cells are checked of {MOST_CHECKED} parameters at most, and multipliers in a few boxes show less"
-MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
 HALVED = 30  # times, to find a box
 BOXES = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of those about a motion, in its largest parameter
 FINER = 4  # smaller changes of the scales that are tried
@@ -778,7 +777,7 @@ class _Judge:
         claimed = solution.pair_gap
         wrong = abs(claimed - gap)
         if gap > 0 and claimed < gap and self._state(claimed) == state:  # a separation, no more than the distance
-            wrong = max(0.0, self._parted_by_faces() - claimed)
+            wrong = max(0.0, self.scaled.parted_by_faces(problem.target, self.transform, claimed) - claimed)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
@@ -891,24 +890,6 @@ class _Judge:
         if np.isnan(gap):
             return "unknown"
         return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
-
-    def _parted_by_faces(self) -> float:
-        """Return the least over part pairs of how far a face's plane of either keeps them apart, as made and moved."""
-        placed = []
-        for body, scale, pose in zip(self.bodies, self.problem.target, (self.transform, np.eye(4)), strict=True):
-            turn, shift = pose[:3, :3], pose[:3, 3]
-            made = (body.seed + scale * (part.vertices - body.seed) for part in body.parts)
-            both = zip(made, body.parts, strict=True)
-            placed.append([(own @ turn.T + shift, part.normals @ turn.T) for own, part in both])
-        if len(placed[0]) * len(placed[1]) > MOST_PARTED:
-            return 0.0
-        least = np.inf
-        for points, normals in placed[0]:
-            for others, other_normals in placed[1]:
-                by_one = (others @ normals.T).min(axis=0) - (points @ normals.T).max(axis=0)
-                by_other = (points @ other_normals.T).min(axis=0) - (others @ other_normals.T).max(axis=0)
-                least = min(least, max(by_one.max(), by_other.max()))
-        return float(least)
 
     def _status(self, state: str) -> Check:
         """Check that the status says what was found: how the pair is, and whether the motion leaves the fit."""

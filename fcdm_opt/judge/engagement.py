@@ -19,16 +19,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import depth_as_drawn, kept_as_surface
+from fcdm_opt.geometry.solids import depth_as_drawn
+from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
 from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit
 from fcdm_opt.problem.keep_out import KeepOut
@@ -44,11 +43,6 @@ TURN, MOST_STEPS = 0.2, 32
 """A motion that turns is looked at in steps of at most so many radians, and in no more steps than this."""
 ALIKE = 0.1
 """Displacements that differ by less than this share of one of them are looked along once."""
-MOST_PAIRS = 256
-"""Pairs of convex parts up to which planes between them are looked for before anything else."""
-
-Sizes = list[tuple[Body, Body, float, float]]
-"""Of both bodies: as drawn, as made, and at which scale each."""
 
 
 def inside_fit(solution: Solution) -> Solution:
@@ -69,11 +63,8 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     q, bodies = np.array(parameters), (problem.movable, problem.static)
     if not q.any() or all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
-    try:
-        T = problem.motion.transform(q, *(body.seed for body in bodies))
-        return (goes_through(problem, parameters) or _any_comes_off(problem, T)) and holds(problem)
-    except InputError:  # a screw whose axis has vanished on the way
-        return False
+    T = _poses(problem, q[None])[0]
+    return (goes_through(problem, parameters) or _any_comes_off(problem, T)) and holds(problem)
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:
@@ -107,15 +98,14 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
     In steps where it turns.
     """
     q = np.array(parameters)
-    motion, seeds, size = problem.motion, (problem.movable.seed, problem.static.seed), problem.size
-    turned = float(np.abs(q[motion.turning]).sum())
+    size, turned = problem.size, float(np.abs(q[problem.motion.turning]).sum())
     steps = min(1 + int(turned / TURN), MOST_STEPS)
-    shares = np.linspace(0.0, 1.0, steps + 1).tolist()
-    poses = [motion.transform(share * q, *seeds) for share in shares]
-    if _stay_divided(_sizes(problem, keep_out), shares, poses, DEFAULT.nominal * size, not turned):
+    shares = np.linspace(0.0, 1.0, steps + 1)
+    poses = _poses(problem, shares[:, None] * q)
+    if not np.isfinite(poses).all() or stay_divided(_sizes(problem, keep_out), shares, poses, DEFAULT.nominal * size):
         return False
     before = _corners(problem, 0.0, REST, keep_out)
-    for share, pose in zip(shares[1:], poses[1:], strict=True):
+    for share, pose in zip(shares[1:].tolist(), poses[1:], strict=True):
         pacing.check()
         after = _corners(problem, share, pose, keep_out)
         one, two = zip(before, after, strict=True)
@@ -123,6 +113,11 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
             return True
         before = after
     return False
+
+
+def _poses(problem: Problem, parameters: Array) -> Array:
+    """Return the poses of body 1, (s, 4, 4), at parameters, (s, k); nan where a screw's axis has vanished."""
+    return problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(parameters)
 
 
 def _corners(problem: Problem, share: float, pose: Array, keep_out: KeepOut | None = None) -> tuple[Array, Array]:
@@ -146,62 +141,6 @@ def _sizes(problem: Problem, keep_out: KeepOut | None = None) -> Sizes:
     if keep_out is not None:
         asked[1] = keep_out.body, keep_out.body, keep_out.ends[1], keep_out.ends[1]
     return asked
-
-
-class _HalfSpaces(NamedTuple):
-    """Convex parts about a body's seed: corners, (n, 3), facets' normals and levels, (f, 3), (f,); the parts' first."""
-
-    seed: Array
-    points: Array
-    normals: Array
-    levels: Array
-    corners: Ints
-    facets: Ints
-
-    def is_like(self, other: _HalfSpaces) -> bool:
-        """Tell whether another body has as many corners and facets, and these look alike."""
-        same = self.points.shape == other.points.shape and np.array_equal(self.facets, other.facets)
-        same = same and np.array_equal(self.seed, other.seed) and self.normals.shape == other.normals.shape
-        return same and np.abs(self.normals - other.normals).max() <= DEFAULT.tie
-
-
-@lru_cache(maxsize=16)
-def _half_spaces(body: Body) -> _HalfSpaces:
-    normals, points = np.concatenate([part.normals for part in body.parts]), [part.vertices for part in body.parts]
-    levels = np.concatenate([part.levels for part in body.parts]) - normals @ body.seed
-    firsts = (np.cumsum([0, *own[:-1]]) for own in ([*map(len, points)], [len(part.loops) for part in body.parts]))
-    return _HalfSpaces(body.seed, np.concatenate(points) - body.seed, normals, levels, *firsts)
-
-
-def _stay_divided(sizes: Sizes, shares: list[float], poses: list[Array], slack: float, shifts: bool) -> bool:
-    """Tell whether every two convex parts have the plane of a facet between them at both ends of each step.
-
-    Corners go straight on, and so do planes that do not turn: then it is between them all along, and nothing passes.
-    """
-    (drawn, made, *_), (other, others, *_) = sizes
-    if kept_as_surface(drawn, other) or len(made.parts) * len(others.parts) > MOST_PAIRS:
-        return False
-    was, now = ([_half_spaces(own) for own in both] for both in ((drawn, other), (made, others)))
-    if not all(map(_HalfSpaces.is_like, was, now)):
-        return False
-    (one, two), before = now, None
-    for share, T in zip(shares, poses, strict=True):
-        factors = [((1.0 - share) * own[2], share * own[3]) for own in sizes]
-        points, its = (a * x.points + b * y.points for (a, b), x, y in zip(factors, was, now, strict=True))
-        levels, heights = (a * x.levels + b * y.levels for (a, b), x, y in zip(factors, was, now, strict=True))
-        offset = T[:3, :3] @ one.seed + T[:3, 3] - two.seed
-        above = [np.minimum.reduceat((points @ T[:3, :3].T + offset) @ two.normals.T - heights, one.corners) >= -slack]
-        if shifts:
-            above.append(np.minimum.reduceat((its - offset) @ one.normals.T - levels, two.corners) >= -slack)
-        if before is not None:
-            kept = [x & y for x, y in zip(before, above, strict=True)]
-            divided = np.logical_or.reduceat(kept[0], two.facets, axis=1)
-            if shifts:
-                divided |= np.logical_or.reduceat(kept[1], one.facets, axis=1).T
-            if not divided.all():
-                return False
-        before = above
-    return True
 
 
 def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:

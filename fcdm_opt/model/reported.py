@@ -17,26 +17,31 @@ from fcdm_opt.problem.solution import MadeState, Solution, Status
 ROUNDING, MUCH = 8 * float(np.finfo(float).eps), 1e3  # of lengths, relative to the size; times that an amount is none
 
 
-def reported(problem: Problem, task: Task, answer: Answer, evidence: ProofData | None = None) -> Solution:
+def reported(
+    problem: Problem, task: Task, answer: Answer, evidence: ProofData | None = None, stopped: str = ""
+) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
     noise = ROUNDING * task.size
     if task.amount(q) > MUCH * noise:  # what the digits of coordinates cannot tell from no motion is none
         q = np.where(np.abs(problem.weights * q) <= noise, 0.0, q)
     gap, slack = task.gap(q), problem.contact_slack
+    near = gap <= slack
     if kept_as_surface(*problem.active):  # the parts looked at are not all that may be near, or inside the other
         gap = PlacedSolids(*problem.active, problem.target, task.transform(q)).gap(gap, slack)
     gap = 0.0 if abs(gap) <= noise else gap
     state: MadeState = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}
     if answer.q is not None:
+        features = () if task.joints and problem.resolution is not None else problem.tracked_features
+        if not features and near:
+            features = touching_features(task.movable, task.static, task.pose(q), task.target, slack)
         moved = {
             "parameters": task.motion.by_name(q),
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-            "features": (() if task.joints and problem.resolution is not None else problem.tracked_features)
-            or touching_features(task.movable, task.static, task.pose(q), task.target, slack),
+            "features": features,
         }
     return Solution(
         problem=problem,
@@ -49,6 +54,7 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: ProofData |
         active=answer.active,
         modelled=answer.modelled or task.modelled(),
         evidence=evidence,
+        stopped=stopped,
         unique_within=answer.unique if moved else 0.0,
         **moved,
     )

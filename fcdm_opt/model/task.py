@@ -714,11 +714,12 @@ class Task:
 
         `start` and `end` of the shift as (pose, scale pair), between which both change in proportion.
         """
-        found, places = [], self.path_positions(q)
-        ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
+        found = list[float]()
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None and (one.elements.spans or two.elements.spans):
+                places = self.path_positions(q)
+                ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
                 contact = supporting_contact(one, two, feature.normal, ways[0][0])
                 names = features_along(one, two, contact, ways)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]

@@ -27,6 +27,8 @@ REST = np.eye(4)
 FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
+MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are asked for
+DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
@@ -111,6 +113,9 @@ def _change(problem: Problem) -> float:
     for drawn, made, before, after in zip(
         drawn_bodies(problem), (problem.movable, problem.static), problem.nominal_pair, problem.target, strict=True
     ):
+        if drawn is made:
+            change += abs(after - before) * max(part.reach for part in made.parts)
+            continue
         was, now = (
             [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
             for body, rho in ((drawn, before), (made, after))
@@ -187,20 +192,25 @@ def misfit(problem: Problem) -> Misfit | None:
     for k, (body, rho, side) in enumerate(
         zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
     ):
-        ways, (own, rows) = side * normals, np.unique(places[:, k], return_inverse=True)
-        heights = kernels.heights(*body.subset(own.tolist()).packed, rows.reshape(-1), ways)
+        ways, rows = side * normals, np.ascontiguousarray(places[:, k])
+        if len(body.parts) > MOST_PACKED:
+            own, rows = np.unique(rows, return_inverse=True)
+            body = body.subset(own.tolist())
+        heights = kernels.heights(*body.packed, rows, ways)
         reaches[:, k] = ways @ body.seed + rho * heights
     gaps = -reaches.sum(axis=1)
+    if gaps.min() >= 0.0:
+        return None
     told = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
     normals, places, reaches, gaps = normals[told], places[told], reaches[told], gaps[told]
-    keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
+    keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64) @ DIGITS  # opposite ones have opposite keys
     order = np.argsort(gaps, kind="stable")
-    first = order[np.unique(keys[order], axis=0, return_index=True)[1]]
-    tightest = {tuple(keys[k].tolist()): k for k in first.tolist()}
+    known, first = np.unique(keys[order], return_index=True)
+    back = np.minimum(np.searchsorted(known, -known), len(known) - 1)
+    pairs = np.column_stack([order[first], order[first[back]]])[known[back] == -known]
     found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
-    for k, key in sorted((k, key) for key, k in tightest.items()):  # of equals the first
-        j = tightest.get(tuple(-x for x in key))
-        if j is None or not gaps[k] + gaps[j] < least - tie:
+    for k, j in pairs[np.argsort(pairs[:, 0])].tolist():  # of equals the first
+        if not gaps[k] + gaps[j] < least - tie:
             continue
         width = reaches[k] + reaches[j]
         inside = 0 if width[0] > 0.0 else 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self, get_args
@@ -374,8 +374,8 @@ class Bounded(Plain, NotebookRepr):
 
     def changed(self, **values: Any) -> Self:
         """Return the solution with other values of some fields; what is worked out when read is not for that."""
-        other = object.__new__(type(self))
-        vars(other).update({own.name: vars(self)[own.name] for own in fields(self)}, **values)
+        other, own = object.__new__(type(self)), vars(self)
+        vars(other).update({name: own[name] for name in self.__dataclass_fields__}, **values)
         return other
 
     @property

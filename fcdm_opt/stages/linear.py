@@ -60,7 +60,8 @@ def shift(task: Task) -> Answer | None:
     if len(gaps) and np.abs(normals @ np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] - gaps).max() > slack:
         return _impossible("1: no place fits all flush contacts at the target pair")
     excludes_zero = (task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)
-    if task.coherent and excludes_zero[held(task.seats, task.motion, task.movable, task.static)].any():
+    asked = task.coherent and excludes_zero.any()
+    if asked and (excludes_zero & held(task.seats, task.motion, task.movable, task.static)).any():
         return _impossible("1: the limits ask for a turn that opens a flush contact")
     normals, gaps = task.line_gaps(task.rest)
     moving = (task.limits != 0).any(axis=1)

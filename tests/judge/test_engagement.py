@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
-from fcdm_opt.judge import engagement
+from fcdm_opt.judge import dividing_planes, engagement
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
@@ -438,14 +438,17 @@ def test_a_bar_had_a_tie_with_a_motion_into_a_post_and_was_refused_where_finely_
     assert found.sensitivity.reasons == ()
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.02])
 @pytest.mark.parametrize("way", [(0.0, 1.0), (0.3, 1.0), (1.0, 0.1)])
-def test_planes_between_parts_tell_of_no_passage_what_lines_do(way: tuple[float, float], monkeypatch: Any) -> None:
-    """A nut cut into slices goes through the lips of its rail, or not; from either path."""
-    problem = nut_in_rail().changed(motion=ACROSS)
-    asked = [tuple(far * x for x in way) for far in (-40.0, -9.0, -1.0, 0.2, 3.0, 9.0, 40.0)]
+def test_planes_between_parts_tell_of_no_passage_what_lines_do(
+    way: tuple[float, float], turn: float, monkeypatch: Any
+) -> None:
+    """A nut cut into slices goes through the lips of its rail, or not, turning or not; from either path."""
+    problem = nut_in_rail().changed(motion=ACROSS >> fo.Rotation("x"))
+    asked = [(far * way[0], far * way[1], far * turn) for far in (-40.0, -9.0, -1.0, 0.2, 3.0, 9.0, 40.0)]
     found = []
-    for pairs in (engagement.MOST_PAIRS, 0):
-        monkeypatch.setattr(engagement, "MOST_PAIRS", pairs)
+    for pairs in (dividing_planes.MOST_PAIRS, 0):
+        monkeypatch.setattr(dividing_planes, "MOST_PAIRS", pairs)
         engagement.goes_through.cache_clear()
         found.append([engagement.goes_through(problem, q) for q in asked])
     assert found[0] == found[1]

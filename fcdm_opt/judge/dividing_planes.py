@@ -1,0 +1,89 @@
+"""Whether convex parts stay divided by planes along a motion: then no part goes through another one."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.solids import kept_as_surface
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_PAIRS = 256
+"""Pairs of convex parts up to which planes between them are looked for."""
+
+Sizes = list[tuple[Body, Body, float, float]]
+"""Of both bodies: as drawn, as made, and at which scale each."""
+
+
+class _HalfSpaces(NamedTuple):
+    """Convex parts about a body's seed: corners, (n, 3), facets' normals and levels, (f, 3), (f,); the parts' first."""
+
+    seed: Array
+    points: Array
+    normals: Array
+    levels: Array
+    corners: Ints
+    facets: Ints
+
+    def is_like(self, other: _HalfSpaces) -> bool:
+        """Tell whether another body has as many corners and facets, and these look alike."""
+        same = self.points.shape == other.points.shape and np.array_equal(self.facets, other.facets)
+        same = same and np.array_equal(self.seed, other.seed) and self.normals.shape == other.normals.shape
+        return same and np.abs(self.normals - other.normals).max() <= DEFAULT.tie
+
+
+@lru_cache(maxsize=16)
+def _half_spaces(body: Body) -> _HalfSpaces:
+    normals, points = np.concatenate([part.normals for part in body.parts]), [part.vertices for part in body.parts]
+    levels = np.concatenate([part.levels for part in body.parts]) - normals @ body.seed
+    firsts = (np.cumsum([0, *own[:-1]]) for own in ([*map(len, points)], [len(part.loops) for part in body.parts]))
+    return _HalfSpaces(body.seed, np.concatenate(points) - body.seed, normals, levels, *firsts)
+
+
+def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> bool:
+    """Tell whether every two convex parts have the plane of a facet between them at both ends of each step.
+
+    Seen from the body that the facet is of, the other one's corners go straight on in a step, and sizes move planes and
+    corners in proportion: a plane that is between two parts at both ends is so all along.
+
+    Parameters
+    ----------
+    sizes : Sizes
+    shares : (s,) array
+        Of the way, at the ends of the steps.
+    poses : (s, 4, 4) array
+        Of body 1 there.
+    slack : float
+        Length by which a corner may be beyond a plane.
+    """
+    (drawn, made, *_), (other, others, *_) = sizes
+    if kept_as_surface(drawn, other) or len(made.parts) * len(others.parts) > MOST_PAIRS:
+        return False
+    was, now = ([_half_spaces(own) for own in both] for both in ((drawn, other), (made, others)))
+    if not all(x is y or x.is_like(y) for x, y in zip(was, now, strict=True)):
+        return False
+    both = [
+        ((1.0 - shares)[:, None] * before, x, shares[:, None] * after, y)
+        for (_, _, before, after), x, y in zip(sizes, was, now, strict=True)
+    ]
+    corners = [a[..., None] * x.points + b[..., None] * y.points for a, x, b, y in both]
+    levels = [a * x.levels + b * y.levels for a, x, b, y in both]
+    (one, two), turns = now, poses[:, :3, :3]
+    offsets = (turns @ one.seed + poses[:, :3, 3] - two.seed)[:, None]
+    seen = corners[0] @ turns.transpose(0, 2, 1) + offsets, (corners[1] - offsets) @ turns  # each from the other body
+    divided = [
+        _divided(points @ own.normals.T - heights[:, None], its.corners, own.facets, slack)
+        for points, its, own, heights in zip(seen, (one, two), (two, one), levels[::-1], strict=True)
+    ]
+    return bool((divided[0] | divided[1].transpose(0, 2, 1)).all())
+
+
+def _divided(heights: Array, corners: Ints, facets: Ints, slack: float) -> Flags:
+    """Tell of heights of corners above planes, (s, n, f), which parts are above one of another part's in each step."""
+    above = np.minimum.reduceat(heights, corners, axis=1) >= -slack
+    divided: Flags = np.logical_or.reduceat(above[1:] & above[:-1], facets, axis=2)
+    return divided
