@@ -396,7 +396,6 @@ class _Payload(_Format):
     """What is written of a version: the code that it calls, and its own."""
 
     def reduce(self, data: Any) -> Any:
-        """Return what is written."""
         return _NEEDED[-1], super().reduce(data._replace(type_annotation=""))
 
     def rebuild(self, target_context: Any, reduced_data: Any) -> Any:

@@ -46,7 +46,6 @@ def moved(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _named(path: Any) -> str:
-    """Return a path for a message."""
     return repr(str(path)) if "\0" in str(path) else str(path)
 
 

@@ -140,7 +140,6 @@ def _object_schema(kind: type, known: dict[str, Any]) -> dict[str, Any]:
 
 
 def _read(kind: Any, told: Any) -> Any:
-    """Return a value of a kind from its plain data."""
     inner = get_args(kind)
     if hasattr(kind, "from_dict") and isinstance(told, kind):
         return told  # read already

@@ -144,7 +144,6 @@ def _at_once(how: _How) -> _How:
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
-    """Return the solution about other bodies."""
     return _solved_all(problem, how._replace(model="auto", certify=False, effort=effort))
 
 

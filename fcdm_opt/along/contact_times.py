@@ -200,7 +200,6 @@ def _of_bodies(problem: Problem, pair: Array) -> Problem:
 
 
 def _touching_poses(found: ContactTimes) -> list[Array]:
-    """Return where the movable body touches."""
     assert isinstance(found.problem, Problem)
     body, other = found.problem.movable, found.problem.static
     return [found.problem.motion.transform(t.x * found.direction, body.seed, other.seed) for t in found.touches]

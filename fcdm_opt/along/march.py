@@ -107,7 +107,6 @@ class March:
         self._tracked, self._others, self._causes, self._conditions, self._groups, self._tied = self._known[key]
 
     def _worked_out(self, rests: list[Rest]) -> tuple[Any, ...]:
-        """Return what `_rest_on` takes."""
         lines = np.array([rest.line for rest in rests if rest.line is not None]).reshape(-1, 13)
         determinant = Conditions.of(forms.DETERMINANT)
         signless = TrackedPair(lines, np.array(self._pair), 1.0)

@@ -145,7 +145,6 @@ class _PartsAlike:
         return self.made.elements[kind][made]
 
     def face(self, facet: int) -> int:
-        """Return the face as made of one as drawn."""
         found = int(self.faces[facet])
         if found < 0:
             _refuse(self._body.name)

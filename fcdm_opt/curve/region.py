@@ -439,7 +439,6 @@ def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) 
 
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:
-    """Return the face with most of some vertices."""
     sides = part.half_edges
     around = sides[np.isin(sides[:, 0], vertices), 1]
     return int(np.bincount(around).argmax())

@@ -107,7 +107,6 @@ def edge_and_corner(
 
 
 def _common_edge(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
-    """Return the edge of a part that two sites have in common: of two faces or edges of it."""
     face = (kernels.F1V2, kernels.V1F2)[own]
     edges = {site[1 + own] for site in (one, two) if site[0] == kernels.E1E2}
     faces = {site[1 + own] for site in (one, two) if site[0] == face}
@@ -121,7 +120,6 @@ def _common_edge(one: tuple[int, int, int], two: tuple[int, int, int], own: int,
 
 
 def _common_corner(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
-    """Return the corner of a part that two sites have in common."""
     facing = (kernels.V1F2, kernels.F1V2)[own]
     corners = [
         {site[1 + own]} if site[0] == facing else set(part.edges[site[1 + own], :2].tolist())

@@ -228,7 +228,6 @@ def read_columns(
 
 
 def _table(text: str, columns: Sequence[str], above: float) -> Array:
-    """Return the numbers in some columns of a CSV text, (rows, columns)."""
     rows = csv.reader(io.StringIO(text), strict=True)
     filled = (row for row in rows if any(cell.strip() for cell in row))
     try:
@@ -243,7 +242,6 @@ def _table(text: str, columns: Sequence[str], above: float) -> Array:
 
 
 def _place(header: list[str], column: str) -> int:
-    """Return which column has a name."""
     if header.count(column) == 1:
         return header.index(column)
     what = "this column is there twice" if column in header else "no such column"
@@ -253,7 +251,6 @@ def _place(header: list[str], column: str) -> int:
 
 
 def _size(row: list[str], place: int, header: list[str], line: int, above: float) -> float:
-    """Return the number in a cell."""
     key = f"row {line}, column {header[place]!r}"
     if len(row) != len(header):
         what = f"this row has {len(row)} cells and the line of names {len(header)}"
@@ -269,7 +266,6 @@ def _size(row: list[str], place: int, header: list[str], line: int, above: float
 
 
 def _shares(u: ArrayLike) -> Array:
-    """Return shares as an array."""
     shares = numbers(u, "u")
     if not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise InputError("shares of all draws lie between 0 and 1", key="u", found=u)

@@ -374,7 +374,6 @@ def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
 
 
 def _bottom(body: Body) -> Array:
-    """Return the middle of the bottom of a body's box."""
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     return np.array([*(low + high)[:2] / 2.0, low[2]])
 

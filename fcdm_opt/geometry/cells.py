@@ -296,7 +296,6 @@ def _sides(heights: Array, slack: float) -> Signs:
 
 
 def _exactly(point: Iterable[float]) -> Point:
-    """Return floats as rationals."""
     from flint import fmpq
 
     return tuple(fmpq(*float(x).as_integer_ratio()) for x in point)

@@ -169,7 +169,6 @@ def _joined(faces: Faces, slack: float) -> Faces:
 
 
 def _open(faces: Faces, given: Faces, key: str) -> InputError:
-    """Say where a surface is open."""
     sides = Sides.of(faces.polygons)
     counts = sides.counts
     if not faces.polygons:

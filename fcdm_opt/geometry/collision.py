@@ -397,7 +397,6 @@ def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
 
 
 def _gaps_along(n: Array, one: _Hull, two: _Hull, frame: _Frame) -> Array:
-    """Return the gap of two parts along each direction."""
     first = frame.offset + frame.scales[0] * one.points @ frame.R.T
     gaps = [
         frame.scales[1] * (two.points @ some.T).min(axis=0) - (first @ some.T).max(axis=0)
@@ -486,7 +485,6 @@ def _named(one: _Hull, two: _Hull, k: int, faces: Rows, edges: Rows) -> Directio
 
 
 def _edges_at(part: ConvexPart, rows: Ints) -> Ints:
-    """Return the edges that end in any of some vertices."""
     return np.flatnonzero(np.isin(part.edges[:, :2], rows).any(axis=1))
 
 

@@ -261,7 +261,6 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
 
 
 def _labels(used: Ints, loops: Faces) -> Faces:
-    """Return the sorted labels of each loop."""
     if all(len(loop) == 3 for loop in loops):
         return tuple(map(tuple, (np.sort(used[np.array(loops)], axis=1) + 1).tolist()))
     names = (used + 1).tolist()

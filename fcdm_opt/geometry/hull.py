@@ -267,7 +267,6 @@ def _edges(corners: Ints, sizes: Ints, key: str) -> Ints:
 
 
 def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:
-    """Return each face's corners as a tuple."""
     if (sizes == 3).all():
         return tuple(map(tuple, corners.reshape(-1, 3).tolist()))
     flat, ends = corners.tolist(), np.cumsum(sizes).tolist()

@@ -212,7 +212,6 @@ def _closed_up(
 
 
 def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
-    """Return faces as tuples of rows, each checked."""
     if isinstance(faces, np.ndarray) and faces.dtype.kind in "iu" and faces.ndim == 2:
         faces = faces.tolist()
     polygons = list(map(tuple, row_lists(faces, count, key, "face", repeats=True)))

@@ -225,7 +225,6 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 
 @lru_cache(maxsize=32)  # points of a map that differ in sizes of the other body have this one in common
 def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
-    """Return what `resized` does."""
     made = dict(deviations)
     scaled = _scaled(body, made)
     lengths = {size: value for size, value in made.items() if size.is_length and value}

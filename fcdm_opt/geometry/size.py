@@ -301,7 +301,6 @@ class Size(Plain):
 
 @lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
 def _offsets(size: Size, body: Body) -> Array:
-    """Return what `Size.offsets` does."""
     normals, points = body.face_planes
     moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
     each = size.each if size.along is None else [None] * len(size.faces)

@@ -268,7 +268,6 @@ def _well_formed(solution: Solution) -> Check:
 
 
 def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
-    """Tell whether a claim is finite numbers in this shape."""
     if type(claim) is float:
         return not shape and isfinite(claim)
     try:
@@ -496,7 +495,6 @@ class _Judge:
         return hypot(*(problem.weights * self.q).tolist())
 
     def _whole_steps(self) -> list[Check]:
-        """Check that the motion is in whole steps of the machine, where it has any."""
         steps = self.problem.resolution
         if steps is None:
             return []
@@ -526,7 +524,6 @@ class _Judge:
 
     @cached_property
     def _listed(self) -> list[Claim]:
-        """The contacts that are restored together, as claims."""
         carried = carriers(*self.bodies)
         return [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in self.problem.contacts]
 
@@ -860,7 +857,6 @@ class _Judge:
 
     @cached_property
     def _end(self) -> Array:
-        """The pose of the parameters."""
         problem = self.problem
         try:
             return problem.motion.transform(self.q, problem.movable.seed, problem.static.seed)

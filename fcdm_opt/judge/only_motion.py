@@ -108,7 +108,6 @@ def none_smaller(problems: Sequence[Problem], least: float) -> bool:
 
 
 def _contacts(problems: Sequence[Problem]) -> bool:
-    """Whether there are contacts to restore."""
     return any(problem.contacts for problem in problems)
 
 

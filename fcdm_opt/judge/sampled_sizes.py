@@ -172,7 +172,6 @@ class GapClaims:
         return float(scaled_pair(movable, body).signed_distances(scales, self._pose(place)[None])[0])
 
     def _pose(self, place: Array) -> Array:
-        """Return where the movable body is at sizes."""
         pose = self.transform.copy()
         pose[:3, 3] += 0.0 if self.shift is None else place @ self.shift
         return pose
@@ -206,7 +205,6 @@ class GapClaims:
         return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
 
     def _of_true_faces(self, place: Array) -> float:
-        """Return the gap of the true faces at sizes."""
         assert self.least is not None
         assert self.largest is not None
         band = max(abs(self.least[0]), abs(self.largest[0])) + 2.0 * sum(max(deviation_of(own)) for own in self.bodies)

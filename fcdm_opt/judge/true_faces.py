@@ -140,7 +140,6 @@ def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[
 
 
 def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs: Array, band: float) -> float:
-    """Return it for two surfaces."""
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(1.0 - u - v, u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])

@@ -76,7 +76,6 @@ def with_mesh_error(
 def _ends(
     solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool, quick: bool
 ) -> tuple[float, float]:
-    """Return both amounts."""
     if quick and not too_wide(solution.problem):
         return math.nan, math.nan
     found = _with_ends(solution, solve, certify)

@@ -72,7 +72,6 @@ def _names() -> dict[int, str]:
 
 
 def _built(name: str, count: int, shape: list[int], operations: list[list[Any]]) -> Any:
-    """Return the function of a list of operations."""
     import casadi
 
     if not (0 < count <= MOST and math.prod(shape) == sum(row[0] == "OUTPUT" for row in operations)):
@@ -114,7 +113,6 @@ class _Reader:
         self._casadi, self._names, self._shared = casadi, _names(), list[Any]()
 
     def function(self) -> Any:
-        """Read all of it."""
         self._is("first number", self._long(), CHECK)
         self._is("protocol", self._long(), PROTOCOL)
         self._is("with descriptions", self._flag(), False)

@@ -71,12 +71,10 @@ class _Pattern:
 
     @cached_property
     def pose(self) -> Compiled:
-        """The pose."""
         return Compiled(self._function(pose=self._rows))
 
     @cached_property
     def rates(self) -> Compiled:
-        """The pose and its derivatives."""
         import casadi
 
         rates = casadi.densify(casadi.jacobian(self._rows, self._q))
@@ -84,7 +82,6 @@ class _Pattern:
 
     @cached_property
     def poses(self) -> Compiled:
-        """The poses of a chunk."""
         return Compiled(self._function(pose=self._rows).map("poses", "serial", CHUNK, [1], []))
 
 

@@ -611,7 +611,6 @@ class Screw(Straight):
 
     @property
     def _endless(self) -> bool:
-        """Whether the pitch is infinite."""
         return isinstance(self.pitch, float) and math.isinf(self.pitch)
 
     def own_weights(self, length: float) -> tuple[float, ...]:
@@ -842,7 +841,6 @@ def _series(square: Any, first: int) -> Any:
 
 
 def _applied(T: Matrix, p: Any) -> tuple[Any, ...]:
-    """Return T applied to a point."""
     return tuple(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] for row in T[:3])
 
 

@@ -168,7 +168,6 @@ def _checked_parameters(parameters: Any) -> tuple[Parameter, ...]:
 
 
 def _built(function: Any, count: int) -> Any:
-    """Return the function as CasADi has it: (k,) -> dense (4, 4)."""
     import casadi
 
     if not callable(function):

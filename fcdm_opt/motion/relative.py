@@ -113,7 +113,6 @@ def _carried(chain: Sequence[Carrying], q: Sequence[Any]) -> Matrix:
 
 
 def _inverse(T: Matrix) -> Matrix:
-    """Return the inverse of a rigid transform."""
     rows = tuple(
         (T[0][i], T[1][i], T[2][i], -(T[0][i] * T[0][3] + T[1][i] * T[1][3] + T[2][i] * T[2][3])) for i in range(3)
     )

@@ -565,7 +565,6 @@ class Assembly(Scene):
 
 
 def _bodies(parts: Any) -> dict[str, Body]:
-    """Return the parts by name."""
     named = list(parts.items()) if isinstance(parts, Mapping) else [(getattr(x, "name", None), x) for x in items(parts)]
     found: dict[str, Body] = {}
     for name, body in named:
@@ -583,7 +582,6 @@ def _bodies(parts: Any) -> dict[str, Body]:
 
 
 def _known(name: Any, key: str, known: Iterable[str]) -> str:
-    """Return the name of a part that there is."""
     if not isinstance(name, str) or name not in known:
         hint = closest(name, known) if isinstance(name, str) else ""
         raise InputError(f"no such part{hint}", key=key, found=name, allowed=", ".join(known))
@@ -613,7 +611,6 @@ def _limits(values: Any, moved: Mapping[str, Motion]) -> dict[str, dict[str, tup
 
 
 def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
-    """Return the contacts, each two parts once."""
     found: list[JoinedPair] = []
     for k, given in enumerate(items(contacts), 1):
         key = f"contacts[{k}]"

@@ -316,7 +316,6 @@ class AroundEntry(Entry, title="Facets of a cylinder"):
 
 
 def _selector_kind(value: Any) -> str:
-    """Tell which way of naming a face a value is."""
     keys = vars(value) if isinstance(value, Entry) else value
     return "<word>" if isinstance(value, str) else "<around>" if "around" in keys else "<through>"
 

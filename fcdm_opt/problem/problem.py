@@ -655,12 +655,10 @@ def _exact(
 
 
 def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, dict[Size, float]]:
-    """Return the deviations of the sizes of either body."""
     return {role: {size: values[size.name] for size in own} for role, own in _sizes_of(sizes).items()}
 
 
 def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
-    """Return the sizes of either body."""
     return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
 
 

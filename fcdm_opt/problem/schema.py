@@ -65,7 +65,6 @@ def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:
 
 
 def _words(kind: Any) -> list[str]:
-    """Return the words that a type allows."""
     inner = get_args(kind)
     if get_origin(kind) is Literal:
         return [word for word in inner if isinstance(word, str)]
@@ -141,7 +140,6 @@ class _InOrder(GenerateJsonSchema):
     """Keeps the order of keys, which examples are read in."""
 
     def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
-        """Leave it."""
         return value
 
 

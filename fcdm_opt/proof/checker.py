@@ -675,12 +675,10 @@ def _numbers(*vectors: Interval) -> list[Interval]:
 
 
 def _joined(numbers: Sequence[Interval]) -> Interval:
-    """Return a vector of its components, plain numbers."""
     return Interval(np.array([x.middle for x in numbers]), np.array([x.radius for x in numbers]))
 
 
 def _index(values: Array, count: int) -> tuple[Ints, Bools]:
-    """Return numbers as indices, and which of them are."""
     known = (values >= 0) & (values < count) & (values == np.floor(values))
     return np.where(known, values, 0).astype(np.int64), known
 

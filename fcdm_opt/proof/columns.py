@@ -216,7 +216,6 @@ class _Search:
     tried: float = np.inf
 
     def enough(self, gap: float) -> float:
-        """Return the bound that will do."""
         return (1.0 - gap) * self.upper if np.isfinite(self.upper) else farthest(self.task)
 
     def beside(self, columns: Columns) -> None:

@@ -355,7 +355,6 @@ def _spread(centre: Interval, change: Interval) -> Interval:
 
 
 def _column(x: Interval, count: int) -> Interval:
-    """Return numbers as a column."""
     return Interval(*(np.array(np.broadcast_to(side, count))[:, None] for side in (x.middle, x.radius)))
 
 

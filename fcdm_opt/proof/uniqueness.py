@@ -273,7 +273,6 @@ def _independent(slopes: Array, count: int) -> list[int]:
 
 
 def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
-    """Yield the equations of a contact."""
     own, other = (
         [Interval(scale) * (Interval(body.vertices[label - 1]) - body.seed) for label in element.vertices]
         for body, element, scale in (

@@ -256,7 +256,6 @@ def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: f
 
 
 def _amount(task: Task, answer: Answer) -> float:
-    """Return the amount of an answer, infinite where it has no motion."""
     return np.inf if answer.q is None else task.amount(answer.q)
 
 

@@ -330,7 +330,6 @@ def descent(task: Task) -> Answer | None:
 
 
 def _kept_clear(task: Task) -> Answer | None:
-    """Return the answer without keep-outs, where it keeps clear of them."""
     answer = descent(replace(task, keep_out=()))
     if answer is None or answer.q is None or not task.meets(answer.q, DEFAULT.requirement, path=False):
         return None

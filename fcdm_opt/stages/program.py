@@ -179,7 +179,6 @@ class _Symbols:
 
 
 def _value(symbols: _Symbols, template: tuple[Any, ...]) -> Any:
-    """Return the expression of a row."""
     import casadi
 
     (name, *detail), values, target = template, symbols.values, symbols.target

@@ -383,7 +383,6 @@ class RefinedMesh(SizeMesh):
         return True
 
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
-        """Give a vertex its values."""
         (sample,) = yield [vertex.place]
         vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
 

@@ -395,7 +395,6 @@ def _of_gap(
 
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
-    """Return what is told of a pose."""
     worst, best, search = found.worst, found.found, found.search
     ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
     least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in ends)

@@ -262,7 +262,6 @@ class _Found(NamedTuple):
 
 
 def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
-    """Return the gaps of contacts as drawn."""
     asked, names = all_sizes(problem, sizes, box)
     scene = ContactGaps(problem, asked, names, own=by_name(problem, sizes, box))
     transform = transform_of(problem, pose) if isinstance(problem, Problem) else None
@@ -335,7 +334,6 @@ def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, *, count: int, see
 
 
 def _of_coordinates(scene: Problem | Assembly, pose: Any) -> Array:
-    """Return the parameters of all motions of a pose."""
     return _parameters([own.name for own in scene.coordinates], pose)
 
 

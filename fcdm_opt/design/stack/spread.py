@@ -151,7 +151,6 @@ def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:
 
 
 def _normal_of_sigma(size: Size, told: Mapping[str, Any], key: str) -> Normal:
-    """Return the normal distribution of a size that is told by its standard deviation."""
     if wrong := [name for name in told if name not in ("sigma", "mean", "low", "high")]:
         allowed = "mean, low and high"
         raise InputError("not with sigma", key=f"{key}.normal.{wrong[0]}", found=told[wrong[0]], allowed=allowed)

@@ -133,7 +133,6 @@ def own_cluster(jobs: int | None) -> Iterator[str]:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
-    """Connect to a scheduler; gives the client."""
 
     async def knock() -> None:
         async with rpc(address, timeout=CONNECT) as there:

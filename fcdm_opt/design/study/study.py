@@ -368,7 +368,6 @@ _TOLD = ("sampling", "count", "seed", "certify", "effort", "time_limit")
 
 
 def _questions(problem: Any) -> tuple[Question, ...]:
-    """Return what a study starts from as questions."""
     if isinstance(problem, str | os.PathLike):
         return Question.read(problem)
     given = problem if isinstance(problem, list | tuple) else (problem,)

@@ -386,7 +386,6 @@ class _Tolerances:
         return SMALLEST * (self.problem.size if lengths else 1.0)
 
     def asked(self, tau: float) -> Scene:
-        """Return the question at a tolerance."""
         table = tuple(map(tuple, (tau * self.shape).tolist()))
         if by_name(self.problem):
             sizes = [replace(size, tolerance=ends) for size, ends in zip(self.problem.sizes, table, strict=True)]
@@ -398,7 +397,6 @@ class _Tolerances:
         return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
 
     def budget(self) -> Budget:
-        """Return the budget."""
         spacing, (lie, why) = 0.0, order(self.asked(self.largest))
         if lie is not Order.ANY:
             low, high = self._nested(lie)

@@ -184,7 +184,6 @@ def compare(
 
 
 def _usual(problem: Any) -> dict[str, Motion]:
-    """Return the usual families, and the problem's own motion where it is none of them."""
     usual = families()
     if isinstance(problem, Assembly) or any(problem.motion.steps == motion.steps for motion in usual.values()):
         return usual

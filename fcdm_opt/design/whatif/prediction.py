@@ -112,7 +112,6 @@ def _discrete(old: Problem, new: Problem) -> Told:
 
 
 def _changes(before: Solution, new: Problem) -> Told:
-    """Yield what each continuous change adds to the amount."""
     old, rates = before.problem, before.sensitivity
     yield from _pair(old, new, rates)
     if old.amount == "weighted" and (change := new.weights - old.weights).any():  # of the length as well

@@ -276,7 +276,6 @@ class ClashSearch:
         return replace(found, note="; ".join(filter(None, (found.note, *notes))))
 
     def _relaxation(self, constraint: Constraint) -> LeastRelaxation:
-        """Return the least relaxation of a constraint, all others kept."""
         name = constraint.name
         others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
         dropped = self.alone(others)
