@@ -30,6 +30,7 @@ SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions betwe
 ON_THE_WAY = ("the nearest contact on the way",)
 WORK = 2e7  # pairs of edges looked at between two looks at the clock
 ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
+FEW = 16  # part pairs that are all looked at
 LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
@@ -120,12 +121,12 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     """Return which part pairs may come as near as they need on a stretch of a steady way, (k, 2).
 
     By the extents of what they sweep: along the way's line, and across it in several directions or, where body 1
-    turns, from the nearest to the farthest from the line. `way`: see `steady`. The one pair of two convex bodies is
-    always returned: that it stays apart takes no longer to see on the way.
+    turns, from the nearest to the farthest from the line. `way`: see `steady`. Few pairs are all returned: that they
+    stay apart takes no longer to see on the way.
     """
     asked = task.needs > -np.inf
-    if len(task.movable.parts) == asked.size == 1:
-        return np.zeros((int(asked.all()), 2), np.int64)
+    if task.part_pairs <= FEW:
+        return np.argwhere(np.repeat(asked[None], len(task.movable.parts), axis=0))
     n, centre, (turn, shift, _) = way
     first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
     angles = np.arange(ACROSS) * np.pi / ACROSS
