@@ -82,9 +82,7 @@ class _Met(NamedTuple):
 class _Solving:
     """One assembly under way."""
 
-    def __init__(
-        self, assembly: Assembly, solve: Solve, quick: Solve, model: str, certify: bool, prove: bool
-    ) -> None:
+    def __init__(self, assembly: Assembly, solve: Solve, quick: Solve, model: str, certify: bool, prove: bool) -> None:
         self._assembly, self._solve, self._quick = assembly, solve, quick
         self._model, self._certify, self._prove = model, certify, prove
         self._known: dict[tuple[str, str], Solution] = {}
@@ -186,9 +184,7 @@ class _Solving:
         own = own if assembly.amount == "weighted" else []
         bounds = (
             (
-                self._solved(pair)
-                if self._certify or pair[:2] in self._known
-                else self._quick(assembly.problem(pair))
+                self._solved(pair) if self._certify or pair[:2] in self._known else self._quick(assembly.problem(pair))
             ).lower_bound
             for pair in own
         )

@@ -280,8 +280,10 @@ def _flush_rest(
     if has[0] and has[1]:  # the other face must stay aligned too
         for v in one.loops[faces[0]][1:]:
             tracked = k < UNTRACKED
-            aligned = Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0) if tracked else Conditions.of(
-                forms.ALONG, v=X[v], w=Y[other[0]], m=n
+            aligned = (
+                Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
+                if tracked
+                else Conditions.of(forms.ALONG, v=X[v], w=Y[other[0]], m=n)
             )
             made.append((aligned, Cause("opens", k % UNTRACKED, OPENS)))
     number, k = k % UNTRACKED, k if k < UNTRACKED else 0

@@ -318,9 +318,7 @@ def _constraint(
         sign * np.array(own) for own in _expanded(task.motion, tuple(own.kind for own in features), row)(q, data)
     )
     count = len(q)
-    return _Constraint(
-        slope[0, :count], bend[:, :count], slope[0, count:], bend[:, count:], tuple(features), **more
-    )
+    return _Constraint(slope[0, :count], bend[:, :count], slope[0, count:], bend[:, count:], tuple(features), **more)
 
 
 def _moves(

@@ -327,8 +327,7 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     tasks = [Task.of(problem) for problem in problems]
     q = np.array([x for own in solution.parameters.values() for x in own.values()])
     changes = [
-        [Change(scales=np.array([float(part == own) for own in pair])) for pair in questions]
-        for part in assembly.parts
+        [Change(scales=np.array([float(part == own) for own in pair])) for pair in questions] for part in assembly.parts
     ]
     for size in assembly.sizes:
         own = [next((s for s in problem.sizes if s.name == size.name), None) for problem in problems]

@@ -92,9 +92,7 @@ class Feature:
         return cls(*elements)
 
     @staticmethod
-    def all_in_words(
-        text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body], head: str = ""
-    ) -> str:
+    def all_in_words(text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body], head: str = "") -> str:
         """Return a text with `in_words` in place of each label after `head`, which is left out.
 
         "keep-out 'post' " before a label says what body 2 is.

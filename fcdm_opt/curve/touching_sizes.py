@@ -171,8 +171,7 @@ class TouchingSizes:
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             carried = ways if role == "movable" else np.zeros_like(ways)
             posed = [
-                _PosedPart.of(part, own, len(sizes), R, t, its)
-                for part, its in zip(moving.parts, corners, strict=True)
+                _PosedPart.of(part, own, len(sizes), R, t, its) for part, its in zip(moving.parts, corners, strict=True)
             ]
             sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
             reaches.append(reach)

@@ -171,8 +171,7 @@ class ContactGaps:
         ends = np.array(self.ends(rows))
         ends[np.abs(ends) <= DEFAULT.weld * self.size] = 0.0
         return {
-            self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max()))
-            for of, own in self.contacts.items()
+            self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max())) for of, own in self.contacts.items()
         }
 
     def words(self, relation: int, feature: Feature) -> str:

@@ -143,9 +143,7 @@ def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
     """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1."""
     bodies = (movable.name or "the movable part", movable), (static.name or "the static part", static)
     both = zip(bodies, parts, strict=True)
-    return " and ".join(
-        f"convex part {k + 1} of {name}" if len(body.parts) > 1 else name for (name, body), k in both
-    )
+    return " and ".join(f"convex part {k + 1} of {name}" if len(body.parts) > 1 else name for (name, body), k in both)
 
 
 def with_article(told: str) -> str:
@@ -240,9 +238,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     return found + _cones(body, facets, normals, pairs[left], ends[left])
 
 
-def _cones(
-    body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints
-) -> list[Round]:
+def _cones(body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints) -> list[Round]:
     """Return cones: the edges between facets side by side meet in one point."""
     places = body.vertices[ends[:, 0]]
     ways = body.vertices[ends[:, 1]] - places

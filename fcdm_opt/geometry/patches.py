@@ -293,9 +293,7 @@ def nearest_on_faces(
     return sorted(found, key=lambda own: own.gap)
 
 
-def _nearest(
-    own: _Placed, other: _Placed, band: float, *, both: bool
-) -> Iterator[tuple[Array, Array, Array, Array]]:
+def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterator[tuple[Array, Array, Array, Array]]:
     """Yield where features of one body come nearest to patches of the other."""
     faces = own.faces
     features = (

@@ -649,9 +649,7 @@ def _shares(body: Body, offsets: Array) -> Array:
     return shares
 
 
-def _moving(
-    body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, Array], turns: Array
-) -> MovingPart:
+def _moving(body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, Array], turns: Array) -> MovingPart:
     part, (faces, lengths) = body.parts[place], facets
     offsets = lengths + np.einsum("fx,kxy,fy->fk", part.normals, turns, part.bases - body.seed)
     vertex = np.concatenate([np.array(loop) for loop in part.loops])

@@ -452,9 +452,7 @@ class PlacedSolids:
                 rows.append(np.hstack([-slopes, own]))
                 levels.append(far[order])
             bounds = [(-step, step)] * 3 + [(None, None)] * 2
-            best = linprog(
-                [0, 0, 0, -1, -1], np.vstack(rows), np.concatenate(levels), bounds=bounds, method="highs"
-            )
+            best = linprog([0, 0, 0, -1, -1], np.vstack(rows), np.concatenate(levels), bounds=bounds, method="highs")
             gained = -np.inf
             if best.status == 0:
                 there = point + best.x[:3]

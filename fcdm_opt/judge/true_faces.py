@@ -47,8 +47,7 @@ def gap_of_true_faces(
         Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
     """
     placed = [
-        _There(own, float(scale), pose)
-        for own, scale, pose in zip(faces, scales, (transform, np.eye(4)), strict=True)
+        _There(own, float(scale), pose) for own, scale, pose in zip(faces, scales, (transform, np.eye(4)), strict=True)
     ]
     turned = [(j, i) for i, j in without]
     one, two = placed

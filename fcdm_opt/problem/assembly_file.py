@@ -160,8 +160,10 @@ class AssemblyFile(Entry, title="Assembly file"):
         """Return what all cases share, as `Assembly` wants it."""
         units = {f"part[{k}]": entry.unit for k, entry in enumerate(self.part, 1)}
         unit = same_unit(units | {f"keep_out[{k}]": own.unit for k, own in enumerate(self.keep_out, 1)}, file)
-        bodies = [built[own.name] for own in self.part] if built else each(
-            "part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part]
+        bodies = (
+            [built[own.name] for own in self.part]
+            if built
+            else each("part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part])
         )
         moving = [(k, own) for k, own in enumerate(self.part, 1) if own.motion]
         for k, own in ((k, own) for k, own in enumerate(self.part, 1) if not own.motion):
@@ -185,7 +187,9 @@ class AssemblyFile(Entry, title="Assembly file"):
             "weights": {own.name: own.weight for _, own in moving},
             "lengths": {own.name: own.length for _, own in moving if own.length is not None},
             "limits": limits,
-            "keep_out": kept if kept is not None else each(
+            "keep_out": kept
+            if kept is not None
+            else each(
                 "keep_out",
                 [
                     lambda k=k, own=own: own.keep_out(f"keep-out {k}", file and file.parent)

@@ -639,9 +639,7 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     return {**parts, "made": values}
 
 
-def _exact(
-    request: Mapping[str, Any], parts: Mapping[str, Any], points: Mapping[str, Any]
-) -> dict[str, Any]:
+def _exact(request: Mapping[str, Any], parts: Mapping[str, Any], points: Mapping[str, Any]) -> dict[str, Any]:
     """Return the bodies made, exact at points of their round faces and elsewhere within the true ones."""
     if unknown := points.keys() - {"movable", "static"}:
         raise InputError("no such body", key="exact_at", found=min(unknown), allowed='"movable", "static"')
@@ -662,9 +660,7 @@ def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
     return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
 
 
-def _contacts_made(
-    request: Mapping[str, Any], parts: Mapping[str, Any]
-) -> tuple[dict[str, Any], Indices | None]:
+def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tuple[dict[str, Any], Indices | None]:
     """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored; and active parts."""
     if isinstance(request["nominal"], int):
         what = "with sizes the contacts to restore are those of the parts as drawn"

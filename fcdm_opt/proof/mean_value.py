@@ -337,8 +337,11 @@ GROWTH: dict[str, Callable[..., Growing]] = {
     "MUL": lambda x, y: Growing(x.factor * y.factor, x.power + y.power),
     "DIV": lambda x, y: Growing(x.factor / y.factor, x.power - y.power),
     "INV": lambda x: Growing(x.factor.reciprocal(), -x.power),
-    "POW": lambda x, n: Growing(x.factor.power(n.factor), x.power * float(np.max(n.factor.middle)))
-    if not n.power and np.ndim(n.factor.middle) == 0 else _settled("POW")(x, n),
+    "POW": lambda x, n: (
+        Growing(x.factor.power(n.factor), x.power * float(np.max(n.factor.middle)))
+        if not n.power and np.ndim(n.factor.middle) == 0
+        else _settled("POW")(x, n)
+    ),
     "SQ": lambda x: Growing(x.factor.square(), 2.0 * x.power),
     "SQRT": lambda x: Growing(ARITHMETIC["SQRT"](x.factor), 0.5 * x.power),
     **{

@@ -565,9 +565,7 @@ class _Told:
         ]
         if not told:
             which = "all contacts" if count > 1 else "the contact"
-            return (
-                f"to close {which} parts would overlap, pass a limit, or be moved until faces lose each other",
-            )
+            return (f"to close {which} parts would overlap, pass a limit, or be moved until faces lose each other",)
         return (*told, *self._carried())
 
     @cached_property

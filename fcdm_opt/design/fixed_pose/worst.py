@@ -86,9 +86,7 @@ class Worst:
             self.active = np.array(self.scene.sizes.corners) if corners else np.empty((0, len(self.scene.sizes.box)))
 
     @classmethod
-    def of(
-        cls, problem: Problem, sizes: Sizes | None, low: float, high: float, true: TrueSizes | None = None
-    ) -> Worst:
+    def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float, true: TrueSizes | None = None) -> Worst:
         """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes.
 
         With `true` of bodies that are exact at points of their round faces.

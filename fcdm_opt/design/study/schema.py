@@ -151,9 +151,7 @@ class StudyArguments(Entry):
         "quick",
     )
     time_limit: Annotated[Number, Field(gt=0.0)] | None = declared(None, "seconds > 0 a point", 60.0)
-    sampling: Sampling = declared(
-        "latin hypercube", '"latin hypercube" or "random": how numbers are drawn', "random"
-    )
+    sampling: Sampling = declared("latin hypercube", '"latin hypercube" or "random": how numbers are drawn', "random")
     count: Label | None = declared(None, "how many draws >= 1, goes with uniform, normal or csv column", 1000)
     parameters: dict[str, Number | str] = declared(
         {}, "{ draft_deg = 1.0 }: numbers of one's own, or expressions in them", {"draft_deg": 1.0}

@@ -492,9 +492,7 @@ class _Tolerances:
                 if low.tau < tau < high.tau:
                     point = self.at(tau)
                     low, high = (point, high) if point.good else (low, point)
-        good, bad = narrowed(
-            self._may_be_good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
-        )
+        good, bad = narrowed(self._may_be_good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad)
         return (self.at(good), self.at(bad)) if not self.at(bad).good else self._narrowed(self.at(bad), high)
 
     def _may_be_good(self, tau: float) -> bool:
