@@ -70,11 +70,6 @@ class Solid(NamedTuple):
         even, turn = np.linalg.qr(self.points - self.ball[:3])
         return even * np.sign(np.diag(turn))
 
-    @property
-    def reach(self) -> float:
-        """No point is further from the seed."""
-        return float(_lengths(self.ball[:3]) + self.ball[3])
-
 
 def _planes(points: Array, loops: Sequence[tuple[int, ...]]) -> Array:
     """Return (unit normal, level, doubt) of each face, (f, 5), from the fan of triangles about its first corner."""
