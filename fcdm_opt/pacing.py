@@ -76,7 +76,7 @@ def at(text: str, done: int = 0, total: int = 0) -> None:
         listener(f"{text} ({on})" if on else text, done, total)
 
 
-class _Set:
+class _Override:
     """A context in which a variable has another value."""
 
     __slots__ = ("_token", "_value", "_variable")
@@ -91,9 +91,9 @@ class _Set:
         self._variable.reset(self._token)
 
 
-def working_on(what: str) -> _Set:
+def working_on(what: str) -> _Override:
     """Put this before whatever is said to be done meanwhile."""
-    return _Set(_on, what)
+    return _Override(_on, what)
 
 
 @contextmanager
@@ -123,7 +123,7 @@ def check_time(seconds: float | None, key: str) -> None:
         raise InputError("not a time", key=key, found=seconds, allowed="a number of seconds > 0")
 
 
-def within(seconds: float | None, share: float = SEARCHED) -> _Set:
+def within(seconds: float | None, share: float = SEARCHED) -> _Override:
     """Let what is done meanwhile search no longer than a share of so many seconds; None, or what is longer: as it is.
 
     Raises
@@ -131,7 +131,7 @@ def within(seconds: float | None, share: float = SEARCHED) -> _Set:
     InputError
         For what is no time.
     """
-    return _Set(_limit, _limit_within(seconds, share, "time"))
+    return _Override(_limit, _limit_within(seconds, share, "time"))
 
 
 def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") -> None:
@@ -149,28 +149,28 @@ def _limit_within(seconds: float | None, share: float, key: str) -> _Given:
     return min(known, _Given(now + share * seconds, seconds, last))._replace(last=last, kept=False)
 
 
-def sharing(share: float) -> _Set:
+def sharing(share: float) -> _Override:
     """Let what is done meanwhile take this share of the time that is left."""
     now, known = clock(), _limit.get()
     end, last = (now + share * (end - now) for end in (known.end, known.last))
-    return _Set(_limit, _Given(end, known.seconds, last))
+    return _Override(_limit, _Given(end, known.seconds, last))
 
 
-def judging() -> _Set:
+def judging() -> _Override:
     """Let what is done meanwhile take what is left of the time given and a little more: what was found is judged."""
     known = _limit.get()
-    return _Set(_limit, known._replace(end=known.last))
+    return _Override(_limit, known._replace(end=known.last))
 
 
-def telling() -> _Set:
+def telling() -> _Override:
     """Let what was found be told meanwhile whatever the time is: `check` passes, `over` leaves out what may be."""
     known = _limit.get()
-    return _Set(_limit, known._replace(end=known.last, kept=True))
+    return _Override(_limit, known._replace(end=known.last, kept=True))
 
 
 def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found | Other:
     """Return what work finds; `late` where the time is over by then, even while what was found is told."""
-    with _Set(_limit, _limit.get()._replace(kept=False)):
+    with _Override(_limit, _limit.get()._replace(kept=False)):
         try:
             check()
             return work(*arguments)
@@ -178,14 +178,14 @@ def in_time(work: Callable[..., Found], *arguments: Any, late: Other) -> Found |
             return late
 
 
-def looking(count: int) -> _Set:
+def looking(count: int) -> _Override:
     """Let what is done meanwhile ask so often whether the time is over, and then it is: alike on any machine."""
-    return _Set(_looks, [float(count)])
+    return _Override(_looks, [float(count)])
 
 
-def unlimited() -> _Set:
+def unlimited() -> _Override:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    return _Set(_limit, _Given(math.inf, math.inf, math.inf))
+    return _Override(_limit, _Given(math.inf, math.inf, math.inf))
 
 
 def left() -> float:

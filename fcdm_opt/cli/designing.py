@@ -355,7 +355,7 @@ def _each_case(
     known = dict[str, tuple[str, dict[str, Any]]]()
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        of_facets, alike = False, "" if made else _apart_from_sizes_made(file, problem)
+        of_facets, alike = False, "" if made else _question_key(file, problem)
         if alike in known:
             name, answers = known[alike]
             entry |= answers
@@ -387,8 +387,8 @@ def _each_case(
     inquiry.ask(answered)
 
 
-def _apart_from_sizes_made(file: OpenedFile, problem: Scene) -> str:
-    """Return what a case asks about all sizes as text; "" where it cannot be written down."""
+def _question_key(file: OpenedFile, problem: Scene) -> str:
+    """Return what cases have in common that differ only in the sizes made, as text; "" where it cannot be written."""
     try:
         (case,) = problem.to_dict()["case"]
     except (InputError, AttributeError):

@@ -27,7 +27,7 @@ from fcdm_opt.tolerances import DEFAULT
 # Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
 EXHAUSTIVE = 250_000
 BLOCK = 4096  # directions that are looked at together: what they take stays in the processor's memory
-MOST_PARTED = 4096  # part pairs of which the planes between them are looked at
+MOST_PAIRS = 4096  # part pairs whose separations along face normals are looked at
 MOST = 200  # vertices taken up in the search for the nearest points; a few for each face that holds them
 
 Rows = tuple[Any, Any]
@@ -185,12 +185,12 @@ class ScaledPair:
         bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
         return bounds
 
-    def parted_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
-        """Return the least over the part pairs of the largest gap along a face normal of either; or one up to `enough`.
+    def separation_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
+        """Return the least over the part pairs of the largest gap along a face normal of either, length.
 
-        0 of more than `MOST_PARTED` pairs, which take long.
+        Once a pair has no more than `enough`, that; 0 for more than `MOST_PAIRS` pairs, which take long.
         """
-        if self.count > MOST_PARTED:
+        if self.count > MOST_PAIRS:
             return 0.0
         frame, least = self._framed(np.asarray(rho)[None], transform[None]), np.inf
         for one, two in product(*self._solids):

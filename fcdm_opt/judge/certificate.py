@@ -774,7 +774,7 @@ class _Judge:
         claimed = solution.pair_gap
         wrong = abs(claimed - gap)
         if gap > 0 and claimed < gap and self._state(claimed) == state:  # a separation, no more than the distance
-            wrong = max(0.0, self.scaled.parted_by_faces(problem.target, self.transform, claimed) - claimed)
+            wrong = max(0.0, self.scaled.separation_by_faces(problem.target, self.transform, claimed) - claimed)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),

@@ -47,8 +47,9 @@ def _half_spaces(body: Body) -> _HalfSpaces:
 def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> bool:
     """Tell whether every two convex parts have the plane of a facet between them at both ends of each step.
 
-    Seen from the body that the facet is of, the other one's corners go straight on in a step, and sizes move planes and
-    corners in proportion: a plane that is between two parts at both ends is so all along.
+    Seen from the body that the facet is of, the other one's corners are taken to go straight on in a step, as `passes`
+    takes them, and sizes move planes and corners in proportion: a plane that is between two parts at both ends is so
+    all along.
 
     Parameters
     ----------

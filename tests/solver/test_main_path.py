@@ -16,17 +16,9 @@ from fcdm_opt.stages.order import STAGES
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
 # files anything may use
 GROUND = {
-    "process_pool",
-    "compiling",
-    "lazy_import",
-    "errors",
-    "moved_files",
-    "pacing",
-    "plain",
-    "threads",
-    "tolerances",
+    "compiling", "errors", "lazy_import", "moved_files", "pacing", "plain", "process_pool", "threads", "tolerances",
     "version",
-}
+}  # fmt: skip
 
 PACKAGES = {
     "geometry": set(),
