@@ -29,7 +29,7 @@ from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms, unit_normals
 from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
-from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept
+from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept, on_rings
 from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.tolerances import DEFAULT
@@ -448,10 +448,11 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
     if known:
         slack = SINGLE * np.abs(vertices).max(initial=0.0)
         corners = [np.unique(own) for _, own in known]
-        missed = [surface.misses(distinct[own]) for (surface, _), own in zip(known, corners, strict=True)]
+        moved = on_rings(distinct, [(surface, own) for (surface, _), own in zip(known, corners, strict=True)], slack)
+        missed = [surface.misses(moved[own]) for (surface, _), own in zip(known, corners, strict=True)]
         corner, (misses, normals) = np.concatenate(corners), map(np.concatenate, zip(*missed, strict=True))
         near = np.abs(misses) <= slack
-        moved = onto_planes(distinct, corner[near], normals[near], -misses[near])
+        moved = onto_planes(moved, corner[near], normals[near], -misses[near])
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
     left, bound = [surface.left_by(moved[own]) for surface, own in known if not surface.flat], 0.0

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
-from fcdm_opt.geometry.measures import cross, norms, unit_normals, volume_and_centroid
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units, volume_and_centroid
 from fcdm_opt.tolerances import DEFAULT
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
@@ -70,7 +70,7 @@ class Swept(NamedTuple):
 
     def misses(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (n, 3) are off the surface, away from axis or tube positive, and unit normals there."""
-        along, across, far = self._about(points)
+        along, across, far = self.about(points)
         outward = across / np.maximum(far, _TINY)[:, None]
         if self.line is not None:
             c, s = self.line
@@ -82,7 +82,7 @@ class Swept(NamedTuple):
 
     def bends(self, points: Array) -> Array:
         """Return the second derivatives of that distance at points, (n, 3, 3)."""
-        along, across, far = self._about(points)
+        along, across, far = self.about(points)
         outward = across / np.maximum(far, _TINY)[:, None]
         around = cross(np.broadcast_to(self.axis, outward.shape), outward)
         rate, flat = 1.0 / np.maximum(far, _TINY), np.zeros((len(points), 3, 3))
@@ -101,7 +101,7 @@ class Swept(NamedTuple):
         """Return it moved away from axis or tube by a length, and shifted."""
         return self._replace(origin=self.origin + shift, radius=self.radius + length)
 
-    def _about(self, points: Array) -> tuple[Array, Array, Array]:
+    def about(self, points: Array) -> tuple[Array, Array, Array]:
         """Return how far points are along the axis, where across it, and how far across."""
         local = points - self.origin
         along = local @ self.axis
@@ -137,8 +137,8 @@ class Swept(NamedTuple):
         points, hidden = corners, 0.0
         if self.line is not None:
             steps = np.roll(corners, -1, axis=1) - corners
-            _, start, _ = self._about(corners.reshape(-1, 3))
-            rise, way, long = self._about(steps.reshape(-1, 3) + self.origin)
+            _, start, _ = self.about(corners.reshape(-1, 3))
+            rise, way, long = self.about(steps.reshape(-1, 3) + self.origin)
             c, s = self.line
             square = np.maximum(long**2, _TINY)
             nearest = -(start * way).sum(axis=1) / square
@@ -320,6 +320,61 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
             table[k] = table[k + 1] + (table[k + 1] - table[k]) / (weight - 1.0)
     drawn, found = volume_and_centroid(corners)[1], table[0][:3] / table[0][3]
     return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+
+
+def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float) -> Array:
+    """Return points (n, 3) with equal angles, radii and heights about an axis that they share, where digits tell alike.
+
+    So facets between two such rings are plane, where the digits of a file bent them.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    surfaces : sequence of surfaces and the rows of their points
+    slack : float
+        Length by which rounding moved each at most.
+    """
+    axes = list[tuple[Swept, list[Ints]]]()
+    for surface, rows in surfaces:
+        if surface.flat:
+            continue
+        for first, own in axes:
+            across = first.about(surface.origin[None])[2]
+            if across[0] <= slack and norms(cross(first.axis, surface.axis)) <= DEFAULT.normal:
+                own.append(rows)
+                break
+        else:
+            axes.append((surface, [rows]))
+    every = [(surface, np.unique(np.concatenate(own))) for surface, own in axes]
+    often = np.bincount(np.concatenate([rows for _, rows in every]), minlength=len(points)) if every else ()
+    place = points.copy()
+    for surface, rows in every:
+        along, across, far = surface.about(points[rows])
+        alone = (np.asarray(often)[rows] == 1) & (far > slack / DEFAULT.sharp)
+        rows, along, across, far = rows[alone], along[alone], across[alone], far[alone]
+        if not len(rows):
+            continue
+        one = units(across[0])
+        two = cross(surface.axis, one)
+        angles = np.arctan2(across @ two, across @ one)
+        angles = np.where(angles < -2.0 * slack / far.min(), angles + 2.0 * math.pi, angles)
+        along, far, angles = _alike(along, slack), _alike(far, slack), _alike(angles, slack / float(far.min()))
+        turned = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * two
+        place[rows] = surface.origin + along[:, None] * surface.axis + far[:, None] * turned
+    return place
+
+
+def _alike(values: Array, slack: float) -> Array:
+    """Return values with the mean of all that are as near to one another as a slack on both sides explains."""
+    order = np.argsort(values, kind="stable")
+    group = np.cumsum(np.diff(values[order], prepend=-np.inf) > 2.0 * slack) - 1
+    count = np.bincount(group)
+    middle = np.bincount(group, values[order]) / count
+    ends = np.cumsum(count)
+    narrow = values[order][ends - 1] - values[order][ends - count] <= 2.0 * slack
+    found = values.copy()
+    found[order] = np.where(narrow[group], middle[group], values[order])
+    return found
 
 
 def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
