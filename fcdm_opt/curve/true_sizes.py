@@ -63,7 +63,9 @@ def widened(touching: TouchingSizes, sizes: Sequence[Size], *, least: bool = Tru
     return touching_true_faces(one, two, sizes, transform=touching.transform, least=least, permanent=False)
 
 
-def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:
+def made_at(
+    movable: Body, static: Body, sizes: Sequence[Size], made: Any, touching: TouchingSizes | None = None
+) -> dict[str, float]:
     """Return the deviations that are meant by name: all of them, or those at a named corner.
 
     Parameters
@@ -74,6 +76,8 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
         Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
         largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
         in the middle.
+    touching : TouchingSizes, optional
+        What is known of them at rest, with these sizes.
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
@@ -83,8 +87,10 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
         place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
         values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
     else:
-        touching = touching_true_faces(movable, static, sizes, least=False, permanent=False)
-        values = (touching.least() if made == "worst" else touching.largest())[1].tolist()
+        found = (
+            touching_true_faces(movable, static, sizes, least=False, permanent=False) if touching is None else touching
+        )
+        values = (found.least() if made == "worst" else found.largest())[1].tolist()
     return dict(zip(names, values, strict=True))
 
 

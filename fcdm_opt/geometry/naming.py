@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, equal_pairs, groups_of
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import by_size, components
+from fcdm_opt.geometry.polygons import by_size, components, distances
 from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
@@ -29,6 +29,8 @@ WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
 STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
+NUMBERED = 24  # corners of a body up to which one is told by its number
+NEAR_FACE = 1e-3  # of the size: so near to a face is what stands for it
 ENDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z, below and above: as drawings have them, where the front view looks
 along +y."""
@@ -113,25 +115,55 @@ def numbered_names(names: Sequence[str]) -> list[str]:
 def told_element(body: Body, element: Element) -> str:
     """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5".
 
-    An edge is told by the faces that meet in it; what lies within one round face is told as that.
+    An edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
+    with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)".
     """
     body = body.full_body or body
-    if body.exact is not None and (piece := body.piece_of(element)) is not None:
-        return _rounded(names_of_rows(body.exact.facets)[piece.rows[0]])
+    if body.exact is not None:
+        if (piece := body.piece_of(element)) is not None:
+            return _rounded(names_of_rows(body.exact.facets)[piece.rows[0]])
+        points, body = body.vertices[np.array(element.vertices) - 1], body.exact.facets
+        if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
+            rows = _rows_near(body, points.mean(axis=0))
+            if element.kind == "F":
+                return told_element(body, Element("F", body.faces[rows[0]]))
+            return _edge_or_corner(element.kind, [names_of_rows(body)[row] for row in rows], [*map(_place, points)])
     label, names = tuple(sorted(element.vertices)), told_faces(body)
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
         end, *number = name.split(" ", 1)
         told = " ".join((end, "face", *number)) if end in SIDES else _rounded(name)
         return f"{told} (facing {side})" if side else told
-    sides = list(dict.fromkeys(_rounded(names[face][0]) for face in body.faces_with(label) if face in names))
+    sides = [names[face][0] for face in body.faces_with(label) if face in names]
+    few = len(body.vertices) <= NUMBERED
+    ends = [str(v) if few else _place(body.vertices[v - 1]) for v in label]
+    return _edge_or_corner(element.kind, sides, ends)
+
+
+def _edge_or_corner(kind: str, sides: Sequence[str], ends: Sequence[str]) -> str:
+    """Return an edge or a corner in words, from the names of the faces that meet there and what its ends are called."""
+    sides = list(dict.fromkeys(map(_rounded, sides)))
     if len(sides) == 1 and is_round(sides[0]):
         return sides[0]
-    if element.kind == "V" and not (len(sides) == 2 and any(map(is_round, sides))):  # else on the rim of a round face
-        return f"corner {label[0]}"
+    if kind == "V" and not (len(sides) == 2 and any(map(is_round, sides))):  # else on the rim of a round face
+        return f"corner {ends[0]}"
     if len(sides) == 2:
         return f"edge between {sides[0]} and {sides[1]}"
-    return f"edge from corner {label[0]} to {label[-1]}"
+    return f"edge from corner {ends[0]} to {ends[-1]}"
+
+
+def _place(point: Array) -> str:
+    """Return where a corner is, in words."""
+    least = DEFAULT.weld * float(np.abs(point).max())
+    return f"at ({', '.join(f'{x if abs(x) > least else 0.0:.4g}' for x in point.tolist())})"
+
+
+def _rows_near(body: Body, point: Array) -> list[int]:
+    """Return the rows of the faces that a point is on or beside, the nearest first."""
+    corners, owners = body.face_triangles
+    off = distances(point[None], corners)[:, 0]
+    near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * body.size)
+    return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
 
 
 def is_round(told: str) -> bool:
@@ -148,7 +180,8 @@ def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
 
 def with_article(told: str) -> str:
     """Return an element in words with "the", but where a number names it."""
-    return told if told.startswith(("corner", "face ")) else f"the {told}"
+    numbered = told.startswith(("corner ", "face ")) and not told.startswith("corner at ")
+    return told if numbered else f"the {told}"
 
 
 def _rounded(name: str) -> str:

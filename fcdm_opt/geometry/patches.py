@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from itertools import product
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -291,6 +292,47 @@ def nearest_on_faces(
                 for g, n, x, y in zip(gap, normal, point, foot, strict=True)
             ]
     return sorted(found, key=lambda own: own.gap)
+
+
+def line_of_contact(
+    faces: Sequence[TrueFaces], scales: Sequence[float] | Array, transform: Array, point: Array
+) -> Array | None:
+    """Return the ends, (2, 3), of the straight line on which true faces touch through a point, a cylinder on a plane.
+
+    None where they touch in a point there. Arguments as `nearest_on_faces` takes them; the point is of both bodies.
+    """
+    both = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
+    size = max(own.scale * own.faces.body.size for own in both)
+    for pair in product(*(own.faces.at(own.drawn(point)) for own in both)):
+        patches = [own.patches[k] for own, k in zip(both, pair, strict=True)]
+        normals = [own.gaps(point[None])[1][0] for own in patches]
+        for along in [own.surface.ruling(point) for own in patches]:
+            ends = point + size * np.outer((1.0, -1.0), along)
+            near = DEFAULT.tie * size
+            if normals[0] @ normals[1] < 0.0 and max(np.abs(own.gaps(ends)[0]).max() for own in patches) <= near:
+                triangles = (own.corners[own.faces.owners == k] for own, k in zip(both, pair, strict=True))
+                spans = [_covered(*own, point, along, near) for own in zip(triangles, normals, strict=True)]
+                low, high = max(own[0] for own in spans), min(own[1] for own in spans)
+                if high - low > near:
+                    return np.asarray(point + np.outer((low, high), along))
+    return None
+
+
+def _covered(corners: Array, normal: Array, point: Array, along: Array, near: float) -> tuple[float, float]:
+    """Return from where to where a line through a point is on a face that looks along a normal, by its triangles."""
+    arms = corners[unit_normals(corners) @ normal > 0.0] - point
+    here, aside = arms @ along, arms @ cross(normal, along)
+    aside[np.abs(aside) <= near] = 0.0
+    there, beyond = (np.roll(own, -1, axis=1) for own in (here, aside))
+    rise = np.where(aside * beyond < 0.0, aside - beyond, np.nan)
+    met = np.hstack([np.where(aside == 0.0, here, np.nan), here + aside / rise * (there - here)])
+    met = met[~np.isnan(met).all(axis=1)]
+    low = high = -np.inf  # a stretch ends where as many pieces have ended as begun
+    for start, end in zip(*np.sort([np.nanmin(met, axis=1), np.nanmax(met, axis=1)]).tolist(), strict=True):
+        if high >= -near and start > high + near:
+            break
+        low, high = (start if start > high + near else low), max(high, end)
+    return low, high
 
 
 def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterator[tuple[Array, Array, Array, Array]]:

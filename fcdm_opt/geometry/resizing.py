@@ -200,7 +200,12 @@ def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
     return body
 
 
-_by_features = lru_cache(maxsize=16)(Body.by_features)
+@lru_cache(maxsize=16)
+def _by_features(body: Body, rule: int) -> Body:
+    """Return the same solid cut between its features, with what its facets stand for."""
+    return _with_faces_moved(body, body.by_features(rule), np.zeros(len(body.faces)))
+
+
 _resizing = lru_cache(maxsize=16)(Resizing.of)
 
 
@@ -624,9 +629,9 @@ def _kept_numbers(
             return None
         new[row] = new[row] + move
         known.add(row)
+    some = np.array(sorted(known))
     for row in sorted(set(range(len(body.vertices))) - known):  # no corner of any part: with the nearest one
-        nearest = min(known, key=lambda k: float(norms(body.vertices[k] - body.vertices[row])))
-        new[row] = new[nearest]
+        new[row] = new[some[norms(body.vertices[some] - body.vertices[row]).argmin()]]
     every = [*known, *range(len(body.vertices), len(new))]
     for k, points in changed.items():
         parts[k] = [numbered(place, every, DEFAULT.nominal * body.size) for place in points]

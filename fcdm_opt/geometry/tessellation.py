@@ -97,6 +97,12 @@ class Swept(NamedTuple):
             rate = rate * tube / long
         return np.asarray(flat + rate[:, None, None] * around[:, :, None] * around[:, None, :])
 
+    def ruling(self, point: Array) -> Array:
+        """Return the unit direction of the straight line on it through a point; 0 where there is none, or any is."""
+        if self.line is None or self.line[0] == 0.0:
+            return np.zeros(3)
+        return self.axis if self.line[1] == 0.0 else units(point - self.origin + self.radius / self.line[1] * self.axis)
+
     def offset(self, length: float, shift: Array) -> Self:
         """Return it moved away from axis or tube by a length, and shifted."""
         return self._replace(origin=self.origin + shift, radius=self.radius + length)
@@ -112,9 +118,7 @@ class Swept(NamedTuple):
         """Return it moved by a rigid 4x4 transform, then scaled about the origin."""
         turn, shift = transform[:3, :3], transform[:3, 3]
         origin = scale * (turn @ self.origin + shift)
-        return self._replace(
-            origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius
-        )
+        return self._replace(origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius)
 
     def left_by(self, corners: Array) -> tuple[float, float]:
         """Return how far triangles (m, 3, 3), wound outwards, stick out of a solid of that face, and fall short of it.
@@ -160,7 +164,6 @@ class Swept(NamedTuple):
         middle = self.misses(corners.mean(axis=1))[1]
         turned = (cross(two - one, three - one) * middle).sum(axis=1) < 0.0  # the material is on the other side
         return np.stack([np.where(turned, -low, high), np.where(turned, high, -low)], axis=1)
-
 
     def offsets(self, corners: Array) -> Array:
         """Return by how much planes of such triangles are to be moved, inward and outward, to clear the face, (m, 2).

@@ -22,10 +22,11 @@ DIFFERENCE = 1e-4  # of the motion: a central difference, by which speeds are kn
 MARGIN = 1e-6
 
 
-def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> float | None:
-    """Return an amount below which no motion makes parts touch; None where motions have several parameters.
+def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tuple[float, bool] | None:
+    """Return an amount below which no motion makes parts touch, and whether it was followed to its end.
 
-    Or are no translation, rotation or screw; or where it would take long, as of faces that are near all over.
+    It is not where that would take long, as of faces that are near all over: the amount is less than it might be then.
+    None where motions have several parameters, or are no translation, rotation or screw.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> flo
     if len(problem.motion.names) != 1 or problem.amount != "weighted" or not amount > 0.0:
         return None
     bodies = [body.scaled(scale) for body, scale in zip(problem.bodies[:2], problem.target.tolist(), strict=True)]
-    apart = FacesApart([true_faces(body) for body in bodies], MOST * (10 if longer else 1))
+    faces = [true_faces(body) for body in bodies]
     end = amount / float(problem.weights[0])
 
     def pose(q: float) -> Array:
@@ -52,16 +53,16 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> flo
     rate = (pose(step) - pose(-step)) / (2.0 * step)
     speeds = norms(bodies[0].vertices @ rate[:3, :3].T + rate[:3, 3])
     speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:3, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
-    found, near = end, NEAR * end
+    found, near, whole = end, NEAR * end, True
     for side in (1.0, -1.0):
-        x = 0.0
+        apart, x = FacesApart(faces, MOST * (10 if longer else 1)), 0.0
         for _ in range(STEPS):
             free = apart.least(pose(side * x), small=near * speed) if x < found - near else 0.0
             if not free > 0.0:
                 break
             x += free / speed
             pacing.check()
-        found = min(found, x)
-        if apart.remaining < 0:
+        found, whole = min(found, x), whole and apart.remaining >= 0
+        if not found > 0.0:
             return None
-    return min(found * float(problem.weights[0]), amount)
+    return min(found * float(problem.weights[0]), amount), whole

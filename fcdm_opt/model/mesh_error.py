@@ -133,11 +133,12 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if solve is None or one is None or two is None:
         return solution
     with suppress(pacing.TimeOverError):
-        if (known := apart_until(problem.of_facets, amount, longer=certify)) is not None:
-            return _between(solution, _least(solution, known), amount)
+        low, whole = apart_until(problem.of_facets, amount, longer=certify) or (0.0, False)
+        if whole:
+            return _between(solution, _least(solution, low), amount)
         outer = _Scene(one[1], two[1], ())
         seconds = max(SHORTEST, sum(solution.seconds.values()))
-        low = _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount)
+        low = max(low, _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount))
     return _between(solution, low, amount)
 
 

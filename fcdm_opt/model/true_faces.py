@@ -49,6 +49,7 @@ class Exchange:
         self.points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
         self.need = self.facets.clearance if "clear" in (self.facets.goal, self.facets.pair) else 0.0
         self._slack = self.facets.contact_slack
+        self._last: tuple[Array, float, list[NearestPoints]] | None = None
 
     @classmethod
     def of(cls, problem: Problem) -> Exchange | None:
@@ -75,7 +76,19 @@ class Exchange:
 
         Gaps are less what is asked for. Of keep-outs the second point is not theirs.
         """
-        facets, chosen = self.facets, list[NearestPoints]()
+        chosen = list[NearestPoints]()
+        for own in self._sorted(transform, max(slack, self._slack)):
+            if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
+                break
+            if not any(_same(own, other, self.facets) for other in chosen):
+                chosen.append(own)
+        return chosen
+
+    def _sorted(self, transform: Array, slack: float) -> list[NearestPoints]:
+        """Return all of them, the worst first; those of the last motion are kept."""
+        if self._last and (self._last[0] == transform).all() and self._last[1] == slack:
+            return self._last[2]
+        facets = self.facets
         movable, scale = facets.movable, float(facets.target[0])
         others = [(facets.static, float(facets.target[1]), self.need)]
         others += [(own.body, own.ends[0], own.clearance) for own in facets.keep_out]
@@ -86,12 +99,8 @@ class Exchange:
             both = [true_faces(movable), true_faces(body)]
             for own in nearest_on_faces(both, (scale, its_scale), transform, band):
                 found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1]))
-        for own in sorted(found, key=lambda own: own.gap):
-            if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
-                break
-            if not any(_same(own, other, facets) for other in chosen):
-                chosen.append(own)
-        return chosen
+        self._last = transform, slack, sorted(found, key=lambda own: own.gap)
+        return self._last[2]
 
     def add(self, found: Sequence[NearestPoints]) -> None:
         """Make the parts exact at these points."""

@@ -8,21 +8,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.show.printing import print_rows, print_text
+from fcdm_opt.show.printing import print_rows, print_text, wrapped
 from fcdm_opt.show.texts import number, shortened
 
 if TYPE_CHECKING:
     from fcdm_opt.model.contact_rows import ContactRow, ContactRows
 
 MOST, LONGEST = 20, 56
-"""Rows that are listed, and letters of a name."""
+"""Rows that are listed, and letters in a line of a name."""
+
+
+OF_LEAST = ("least gap", "gap >=")
+"""How what is asked begins where of many features none is named."""
 
 
 def rows_text(rows: ContactRows) -> str:
-    """Return the first rows as a table, as through a pipe, and how many more there are."""
-    kinds = {"contact": rows.contacts, "alignment": rows.alignments, "clearance": rows.clearances}
-    every = [(kind, row) for kind, own in kinds.items() for row in own]
-    every += [("switching point", rows.switching_point)] if rows.switching_point else []
+    """Return the first rows as a table, as through a pipe, and how many more there are.
+
+    Of contacts of which only the least gap is asked about, the least first.
+    """
+    kinds = {"contacts": rows.contacts, "alignments": rows.alignments, "clearances": rows.clearances}
+    every = [(f"{kind}[{k}]", row) for kind, own in kinds.items() for k, row in enumerate(own)]
+    every += [("switching_point", rows.switching_point)] if rows.switching_point else []
+    if any(row.asked.startswith(OF_LEAST) for row in rows.contacts):
+        count = len(rows.contacts)
+        every[:count] = sorted(every[:count], key=lambda own: float(own[1](q=rows.at)["gap"]))
     place = ", ".join(f"{name} {number(x)}" for name, x in zip(rows.parameters, rows.at.tolist(), strict=True))
     with redirect_stdout(StringIO()) as output:
         units = f"; lengths in {rows.unit}, angles in radians" if rows.unit else ""
@@ -48,7 +58,7 @@ def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:
     terms = (f"{parameter} {x:+.4g}" for parameter, x in steep if abs(x) > 1e-12)
     return {
         "row": kind,
-        "between": shortened(row.name, LONGEST),
+        "between": wrapped(row.name, LONGEST),
         "asked": row.asked,
         "value": ", ".join(f"{x + 0.0:+.4g}" for x in np.round(values.ravel(), 12).tolist()),
         "slope by each parameter": shortened(", ".join(terms), LONGEST) if values.size == 1 else "",

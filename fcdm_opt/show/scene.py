@@ -23,7 +23,7 @@ from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, section_plane, surface_of
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, section_plane, surface_of, touching
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -755,7 +755,7 @@ def contacts_of(
     Several are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
     """
     features, bodies = [*counted], shown.named or shown.bodies
-    met = [(contact.feature, own) for contact, own in pacing.in_time(curve.touching, rho, late=())]
+    met = [(contact.feature, own) for contact, own in pacing.in_time(touching, curve, rho, late=())]
     near = 1e-6 * max(body.size for body in bodies)
     whole = {feature: _shared_by_faces(feature, bodies) for feature, _ in met}
     made = {feature: [Touching.of(feature, list(own), *bodies)] for feature, own in whole.items() if len(own)}

@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.curve.contact import Contact
+from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
-from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.polygons import distances, fans
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.geometry.tessellation import Swept, onto
@@ -115,6 +117,23 @@ class Touching(NamedTuple):
         if not np.linalg.norm(across) > 1e-9 * movable.size * static.size:
             across = static.seed - movable.seed
         return cls(pieces, across / max(float(np.linalg.norm(across)), 1e-300))
+
+
+def touching(curve: DecisionCurve, rho: ArrayLike) -> list[tuple[Contact, Array]]:
+    """Return what touches at a scale pair, as `DecisionCurve.touching`; of bodies exact at points along whole lines.
+
+    A cylinder that is exact at a point of a plane touches it all along.
+    """
+    bodies = curve.movable, curve.static
+    faces = [true_faces(body if body.exact is None else body.exact.facets) for body in bodies]
+    found = list[tuple[Contact, Array]]()
+    for contact, corners in curve.touching(rho):
+        sides = zip(bodies, (contact.feature.one, contact.feature.two), strict=True)
+        if any(body.piece_of(own) is not None for body, own in sides):
+            line = line_of_contact(faces, np.asarray(rho), curve.transform, corners.mean(axis=0))
+            corners = corners if line is None else line
+        found.append((contact, corners))
+    return found
 
 
 class Cut(NamedTuple):

@@ -13,7 +13,7 @@ from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
-from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, DARK, GREY, NOTE, PAGE, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import shortened
@@ -125,7 +125,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
                           fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
             continue
         bar, less = item, item.value < 0.0
-        axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
+        axes.barh(row, bar.value, 0.62, color=GREY if less else DARK, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
                       ha="right" if less else "left", color=DARK, **beside)  # fmt: skip

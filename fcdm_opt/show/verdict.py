@@ -240,7 +240,9 @@ def labels_in_words(text: str, scene: Scene) -> str:
     for pair, problem in scene.relations.items():
         keep_outs = {own.name: own.body for own in problem.keep_out}
         head = "" if problem is scene else f"{' - '.join(pair)}: "
-        text = Feature.all_in_words(text, *drawn_bodies(problem), keep_outs, head)
+        exact = problem.exact_at is not None  # then labels are of these bodies
+        bodies = (problem.movable, problem.static) if exact else drawn_bodies(problem)
+        text = Feature.all_in_words(text, *bodies, keep_outs, head)
     return text
 
 

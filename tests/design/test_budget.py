@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from ordinary import box, problems
 
-from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
+from fcdm_opt import pacing
+from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Tolerances, budget
 from fcdm_opt.design.whatif.fitting import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.primitives import Box, Cylinder, cut
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
@@ -294,3 +296,26 @@ def test_tolerances_whose_parts_lie_in_larger_ones_were_all_looked_at_and_what_e
     assert (worst.points < 24, loosest.points) == (True, 2)
     assert "does not fit: peg" in worst.advice
     assert worst.advice in str(found)
+
+
+def test_where_time_was_over_there_was_no_budget_at_all() -> None:
+    """A peg between walls that close at .1: nothing is known within no time, and it is said for each corner."""
+    asked = bush()
+    with pacing.within(1e-9, share=1.0):
+        found = budget(asked, None, largest=0.15)
+    words = [(own.end, own.tolerance, own.proved, own.points) for own in found.values()]
+    assert words == [(End.TIME, 0.0, False, 0)] * 2
+    assert found["worst"].advice == found["worst"].reason == "the time given was over"
+
+
+def test_a_tolerance_at_which_round_parts_come_to_touch_was_one_of_their_facets() -> None:
+    """A pin of 10 in a bore of 10.1: the gap of .05 as drawn closes at .1 of each diameter, half of it a side."""
+    pin = Cylinder(5.0, 8.0, base=(0, 0, -4), facets=12, name="pin")
+    plate = cut(Box((30, 30, 6)), Cylinder(5.05, 20, base=(0, 0, -10), facets=12), name="plate")
+    sizes = [
+        Size("pin", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.02),
+        Size("bore", "static", faces="bore radius 5.05", each=-0.5, tolerance=0.0),
+    ]
+    asked = Problem(pin, plate, sizes=sizes, motion=X, goal="touch", unit="mm")
+    first, last = _Tolerances(asked, "worst", np.array([[-1.0, 1.0], [0.0, 0.0]]), None, 0.2, 1e-9).crossing
+    assert 0.1 - 8.0 * asked.contact_slack < first < 0.1 < last < 0.1 + 8.0 * asked.contact_slack

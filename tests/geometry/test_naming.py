@@ -15,7 +15,11 @@ from fcdm_opt import Body, Problem, Size, Translation, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
+from fcdm_opt.geometry.patches import line_of_contact, true_faces
+from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, cut
+from fcdm_opt.geometry.resizing import _by_features
 
 
 def ring(radius: float, count: int, z: float) -> np.ndarray:
@@ -162,3 +166,33 @@ def test_of_several_faces_in_one_plane_one_was_named_for_all() -> None:
     assert told[1] == "left face no. 2 (facing -x)"
     for faces, meant in (("left", tips), ("left no. 2", tips[1:2]), (f"F{tips[2] + 1}", tips[2:])):
         assert np.flatnonzero(Size("tips", "movable", faces=faces).offsets(comb)).tolist() == meant
+
+
+def test_corners_of_bodies_with_many_were_told_by_numbers_that_nothing_lists() -> None:
+    block = cut(Box((4.0, 2.0, 2.0)), Cylinder(0.5, 3.0, base=(1.0, 0.0, -1.5), facets=12))
+    corner = next(k for k, point in enumerate(block.vertices, 1) if np.allclose(point, (-2.0, -1.0, 1.0)))
+    assert told_element(block, Element("V", (corner,))) == "corner at (-2, -1, 1)"
+    exact = exact_at(block, [])
+    assert exact is not None
+    own = range(len(block.vertices) + 1, len(exact.vertices) + 1)
+    words = {told_element(exact, Element("V", (v,))) for v in own}
+    assert words
+    assert all(word.startswith(("corner at (", "edge between ")) or word == "bore of radius 0.5" for word in words)
+
+
+def test_a_part_cut_anew_for_its_sizes_lost_its_round_faces() -> None:
+    plate = cut(Box((30, 30, 6)), *(Cylinder(r, 10, base=(x, 0, -5), facets=12) for x, r in ((-7, 3), (7, 4))))
+    again = _by_features(plate, 0)
+    assert again is not plate
+    assert [[own.radius for own, _ in body.surfaces or ()] for body in (plate, again)] == [[3.0, 4.0]] * 2
+
+
+def test_a_line_of_contact_was_as_long_as_the_piece_that_is_exact_there() -> None:
+    """A roller of 30 on a table of 20; a ball touches in a point."""
+    roller, table = Cylinder(5.0, 30.0, base=(0, -15, 5), axis=(0, 1, 0)), Box((40, 20, 10), centre=(0, 0, -5))
+    faces = true_faces(roller), true_faces(table)
+    line = line_of_contact(faces, (1.0, 1.0), np.eye(4), np.array([0.0, 3.0, 0.0]))
+    assert line is not None
+    np.testing.assert_allclose(line[np.argsort(line[:, 1])], [[0, -10, 0], [0, 10, 0]], atol=1e-9)
+    ball = true_faces(Sphere(5.0, centre=(0, 0, 5), facets=12))
+    assert line_of_contact((ball, faces[1]), (1.0, 1.0), np.eye(4), np.zeros(3)) is None

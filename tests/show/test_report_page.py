@@ -67,11 +67,24 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "settled": [f"settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
-        "picture": {"scene": "<svg></svg>", "insets": ["<svg></svg>"], "high": 2.0,
-                    "key": [("swatch", "var(--movable)", text), ("1", "", text)]},
+        "picture": {
+            "scene": "<svg></svg>",
+            "insets": ["<svg></svg>"],
+            "high": 2.0,
+            "key": [("swatch", "var(--movable)", text), ("1", "", text)],
+        },
         "sizes": [
-            {"name": f"width {text}", "body": text, "what": "+x by 1", "low": "-0.1", "high": "0", "off": "-0.2",
-             "drawn": "8", "made": "7.8", "beyond": True}
+            {
+                "name": f"width {text}",
+                "body": text,
+                "what": "+x by 1",
+                "low": "-0.1",
+                "high": "0",
+                "off": "-0.2",
+                "drawn": "8",
+                "made": "7.8",
+                "beyond": True,
+            }
         ],
         "off_drawn": f"width {text} -0.2",
         "stack": {
@@ -288,6 +301,16 @@ def test_what_a_case_says_stood_four_times_on_the_page():
     words = visible(read(page(data)))
     assert words.lower().count("does not fit: 20.1 in 20.0") == 1
     assert words.count("choose other sizes") == 1
+
+
+def test_why_there_is_no_stack_up_was_said_once_a_case():
+    data = payload()
+    stack = {"notes": ["no stack-up: it takes long"]}
+    data["cases"] = [{**data["cases"][0], "name": name, "stack": stack} for name in "AB"]
+    data["files"][0]["cases"], data["matrices"] = [0, 1], []
+    assert visible(read(page(data))).count("No stack-up: it takes long.") == 1
+    data["cases"][1]["stack"] = None
+    assert "No stack-up: it takes long (cases A)." in visible(read(page(data)))
 
 
 def test_a_case_without_motion_says_so():

@@ -144,7 +144,7 @@ def test_rows_keep_parts_out_of_the_solid_of_a_surface(up, state):
 def test_printed_rows_were_thousands_of_letters():
     """The tip and the table's top by hand: 0.01 too deep, and as much higher as the probe is lifted."""
     text = str(fo.contact_rows(asked(motion=fo.Translation("z"))))
-    row = next(line for line in text.splitlines() if line.startswith("contact"))
+    row = next(line for line in text.splitlines() if line.startswith("contacts"))
     assert "corner 1 of probe" in row
     assert row.split("least gap = 0")[1].split() == ["-0.01", "TZ", "+1"]
     teeth = [0.4 * CUBE + (k, y, -0.4) for y in (0.0, 9.0) for k in range(8)]

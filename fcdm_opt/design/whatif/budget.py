@@ -11,16 +11,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.design.sizes import by_name, tolerance_boxes
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.resizing import Resizing
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.model.mesh_error import too_wide
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
@@ -28,7 +35,7 @@ from fcdm_opt.problem.fit import mismatched, verdict
 from fcdm_opt.problem.keys import Corner, Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded
+from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -39,7 +46,7 @@ CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
-DEARER = 4  # times: what a tolerance of sizes costs to look at
+DEARER = 8  # times: what a tolerance of sizes costs to look at
 SECANTS = 3  # guesses of a crossing by the amounts at both ends, before a bracket is halved
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
@@ -57,6 +64,7 @@ class End(Enum):
     MISFIT = "the parts do not go together"
     NOT_VERIFIED = "the judge rejects the motion"
     LARGEST = "the largest tolerance looked at is still good"
+    TIME = "the time given was over"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -292,9 +300,10 @@ def budget(
         largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
     shape = frozen(shape)
     each = dict[str, Budget]()
-    for letter in letters:
+    for k, letter in enumerate(letters):
         own_shape = {"larger": np.ones_like(shape), "smaller": -np.ones_like(shape)}.get(letter, shape)
-        each[letter] = _Tolerances(problem, letter, own_shape, limit, largest, accuracy).budget()
+        with pacing.sharing(1.0 / (len(letters) - k)):
+            each[letter] = _Tolerances(problem, letter, own_shape, limit, largest, accuracy).budget()
     return Budgets(problem=problem, limit=limit, shape=shape, largest=largest, each=each)
 
 
@@ -343,8 +352,16 @@ class _Point(NamedTuple):
         return self.solution.amount
 
     def like(self, other: _Point) -> bool:
-        """Tell whether the same contact is held by the same constraints in the same state."""
-        return self.solution.held_by == other.solution.held_by
+        """Tell whether the same contact is held by the same constraints in the same state; one is, where none moves."""
+        one, two = self.solution, other.solution
+        met = one.status is two.status is Status.ALREADY_SATISFIED
+        shared = met and {*getattr(one, "features", ())} & {*getattr(two, "features", ())}
+        return bool(shared) or one.held_by == two.held_by
+
+
+@lru_cache(maxsize=2)
+def _touching(one: Body, two: Body, sizes: tuple[Size, ...]) -> TouchingSizes:
+    return touching_true_faces(one, two, sizes, least=False, permanent=False)
 
 
 @dataclass(eq=False)
@@ -358,19 +375,80 @@ class _Tolerances:
     largest: float
     accuracy: float
     points: dict[float, _Point] = field(default_factory=dict)
+    questions: dict[float, Scene] = field(default_factory=dict)  # the last one
 
     def at(self, tau: float) -> _Point:
         """Solve at a tolerance, once."""
         if tau not in self.points:
-            solution = solve(self.asked(tau), effort="quick")
+            pacing.at(
+                f"looking for the largest tolerance, {self.letter}", min(len(self.points), self.cells), self.cells
+            )
+            solution = solve(self.question(tau), effort="quick")
             good = solution.usable and (self.limit is None or solution.amount <= self.limit * (1.0 + DEFAULT.cut))
             self.points[tau] = _Point(tau, good, solution)
         return self.points[tau]
+
+    @cached_property
+    def widest(self) -> Scene:
+        """The question at the largest tolerance: parts that can follow sizes there can follow smaller ones."""
+        return self.asked(self.largest)
+
+    @cached_property
+    def touching(self) -> TouchingSizes | None:
+        """How the gap at rest depends on sizes up to the largest tolerance; None where no corner asks for that."""
+        if self.letter not in CORNERS[:2] or isinstance(self.problem, Assembly):
+            return None
+        sizes = tuple(self.sizes(self.largest))
+        own = (tuple(size for size in sizes if size.body == role) for role in ROLES)
+        return _touching(*map(fit_for_sizes, (self.problem.request[role] for role in ROLES), own), sizes)
+
+    def sizes(self, tau: float) -> list[Size]:
+        """Return the sizes with this tolerance."""
+        ends = map(tuple, (tau * self.shape).tolist())
+        return [replace(size, tolerance=own) for size, own in zip(self.problem.sizes, ends, strict=True)]
+
+    def made(self, tau: float) -> Any:
+        """Return what is made at a tolerance: of two parts the deviations of sizes, of assemblies the corner's name."""
+        if isinstance(self.problem, Assembly):
+            return self.letter
+        sizes, (one, two) = self.sizes(tau), (self.problem.request[role] for role in ROLES)
+        known = self.touching and replace(self.touching, sizes=tuple(sizes))
+        return made_at(one, two, sizes, self.letter, known)
+
+    @cached_property
+    def crossing(self) -> tuple[float, ...]:
+        """The tolerances between which the parts at rest come to touch, from apart to overlapping or back, if any."""
+        known = self.touching
+        if known is None:
+            return ()
+        slack, ends = 2.0 * self.problem.contact_slack, (self.smallest, self.largest)
+
+        def above(tau: float) -> float:
+            return float(known.gap([*self.made(tau).values()])) - self.problem.clearance
+
+        sign = 1.0 if above(ends[0]) > 0.0 else -1.0
+        if not (sign * above(ends[0]) > slack and sign * above(ends[1]) < -slack):
+            return ()
+        close = lambda low, high: high - low <= self.accuracy * high  # noqa: E731
+        first, _ = narrowed(lambda tau: sign * above(tau) > slack, *ends, close)
+        _, last = narrowed(lambda tau: sign * above(tau) > -slack, *ends, close)
+        return first, last
 
     @property
     def cells(self) -> int:
         """How many cells of equal width are looked at: fewer of sizes, for which parts are made anew each time."""
         return CELLS // DEARER if by_name(self.problem) else CELLS
+
+    @property
+    def stride(self) -> int:
+        """How often a tolerance doubles from one that is looked at to the next, below the first cell."""
+        return 2 if by_name(self.problem) else 1
+
+    def is_narrow(self, good: float, bad: float) -> bool:
+        """Tell whether a bracket is as narrow as asked; or as what counts as touching."""
+        return bad - good <= self.accuracy * bad or (
+            bool(self.crossing) and self.crossing[0] <= good and bad <= self.crossing[1]
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -386,32 +464,56 @@ class _Tolerances:
         return SMALLEST * (self.problem.size if lengths else 1.0)
 
     def asked(self, tau: float) -> Scene:
+        """Return the question at a tolerance, of sizes with these tolerances."""
         table = tuple(map(tuple, (tau * self.shape).tolist()))
         if by_name(self.problem):
-            sizes = [replace(size, tolerance=ends) for size, ends in zip(self.problem.sizes, table, strict=True)]
-            return self.problem.changed(sizes=sizes, made=self.letter)
+            return self.problem.changed(sizes=self.sizes(tau), made=self.made(tau))
         if isinstance(self.problem, Assembly):
             scales = (1.0 + tau * self.shape[:, 0]).tolist()
             return self.problem.changed(scales=dict(zip(self.problem.parts, scales, strict=True)))
         goal = self.problem.goal
         return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
 
+    def question(self, tau: float) -> Scene:
+        """Return the question at a tolerance; of sizes of two parts by what is made: none is cut anew."""
+        if tau not in self.questions:
+            named = by_name(self.problem) and isinstance(self.problem, Problem)
+            self.questions = {tau: self.widest.changed(made=self.made(tau)) if named else self.asked(tau)}
+        return self.questions[tau]
+
     def budget(self) -> Budget:
-        spacing, (lie, why) = 0.0, order(self.asked(self.largest))
+        """Return the budget."""
+        try:
+            return self._found()
+        except pacing.TimeOverError:
+            return self._so_far()
+
+    def _so_far(self) -> Budget:
+        """Return what is known when the time is over: how far all tolerances that were looked at are good."""
+        bad = min((tau for tau, point in self.points.items() if not point.good), default=np.inf)
+        low = max((point for tau, point in self.points.items() if tau < bad), key=lambda own: own.tau, default=None)
+        high = self.points.get(bad)
+        return self._result(low, high, Order.ANY, End.TIME.value, self.largest / self.cells)
+
+    def _found(self) -> Budget:
+        spacing, (lie, why) = 0.0, order(self.widest, self.letter)
         if lie is not Order.ANY:
             low, high = self._nested(lie)
             if low is not None:  # the corner of a box of sizes may be another one there
-                lie, why = order(self.asked(low.tau))
+                lie, why = order(self.asked(low.tau), self.letter)
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
             low, high = self._scanned()
             why += f": sampled every {spacing:.3g} from {first:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
-        tolerance = 0.0 if low is None else low.tau
+        return self._result(low, high, lie, why, spacing)
+
+    def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
+        tolerance, late = 0.0 if low is None else low.tau, why == End.TIME.value
         return Budget(
             requirement=self.letter,
             tolerance=tolerance,
             table=frozen(tolerance * self.shape),
-            end=self._end(high),
+            end=End.TIME if late and high is None else self._end(high),
             solution=None if low is None else low.solution,
             above=None if high is None else high.solution,
             bracket=(tolerance, self.largest if high is None else high.tau),
@@ -448,7 +550,7 @@ class _Tolerances:
     def _scanned(self) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance of all that are looked at, from the smallest."""
         cell, smallest = self.largest / self.cells, self.smallest
-        halvings = range(int(np.log2(cell / smallest)), 0, -1) if cell > smallest else ()
+        halvings = range(int(np.log2(cell / smallest)), 0, -self.stride) if cell > smallest else ()
         taus = [*(cell / 2**k for k in halvings), *(cell * np.arange(1, self.cells)).tolist(), self.largest]
         low = self.at(smallest)
         if not low.good:
@@ -464,7 +566,8 @@ class _Tolerances:
         """Return a good tolerance and a bad one with one crossing between them, the first; None where all are good."""
         if high.tau - low.tau <= finest or self._is_calm(low, high):
             return None if high.good else (low, high)
-        middle = self.at((low.tau + high.tau) / 2)
+        predicted = (tau for tau in self.crossing if low.tau < tau < high.tau)
+        middle = self.at(next(predicted, (low.tau + high.tau) / 2))
         if not middle.good:
             return self._crossing(low, middle, finest)
         return self._crossing(low, middle, finest) or self._crossing(middle, high, finest)
@@ -484,7 +587,7 @@ class _Tolerances:
         """Return a bracket of the asked width, about where amounts of both ends cross the limit, else by halving."""
         for _ in range(SECANTS):
             rise = high.amount - low.amount
-            if self.limit is None or not rise > 0.0 or high.tau - low.tau <= self.accuracy * high.tau:
+            if self.limit is None or not rise > 0.0 or self.is_narrow(low.tau, high.tau):
                 break
             guess = low.tau + (self.limit - low.amount) / rise * (high.tau - low.tau)
             for side in (-0.25, 0.25):
@@ -492,11 +595,12 @@ class _Tolerances:
                 if low.tau < tau < high.tau:
                     point = self.at(tau)
                     low, high = (point, high) if point.good else (low, point)
-        good, bad = narrowed(self._may_be_good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad)
+        good, bad = narrowed(self._may_be_good, low.tau, high.tau, self.is_narrow)
         return (self.at(good), self.at(bad)) if not self.at(bad).good else self._narrowed(self.at(bad), high)
 
     def _may_be_good(self, tau: float) -> bool:
         """Tell whether a tolerance is good: parts that do not go together need no search for a shift."""
-        if tau not in self.points and self.problem.shifts and mismatched(self.asked(tau)):
+        asked = tau not in self.points and self.problem.shifts
+        if asked and any(map(too_wide, self.question(tau).relations.values())):
             return False
         return self.at(tau).good

@@ -84,7 +84,7 @@ class Order(Enum):
     ANY = "nothing is known"
 
 
-def order(problem: Scene) -> tuple[Order, str]:
+def order(problem: Scene, made: str = "") -> tuple[Order, str]:
     """Return how the tolerances lie that a problem's requirement can be made good for, and why that is so.
 
     Of an assembly nothing is known.
@@ -97,6 +97,8 @@ def order(problem: Scene) -> tuple[Order, str]:
     ----------
     problem : Problem or Assembly
         With a requirement, at any tolerance of the shape asked about.
+    made : str
+        The corner of its sizes that is asked about, where it names deviations; default what it says is made.
     """
     if not isinstance(problem, Problem):
         return Order.ANY, UNKNOWN
@@ -110,7 +112,7 @@ def order(problem: Scene) -> tuple[Order, str]:
     if by_name(problem) and problem.goal == "clear" and problem.pair != "touch":
         if problem.motion.shifts and _has_most_material(problem):  # the length that weighs turns may follow sizes
             return Order.FROM_ZERO, "faces only move outwards: a motion that clears larger parts clears smaller ones"
-        if problem.request["made"] == "loosest" and alone and bool((problem.target == 1.0).all()):
+        if (made or problem.request["made"]) == "loosest" and alone and bool((problem.target == 1.0).all()):
             need = problem.clearance - problem.contact_slack
             if float(problem.changed(made=None).curve.gap(problem.target)) >= need:  # all as drawn
                 return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"

@@ -28,7 +28,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges, solid_body
-from fcdm_opt.show.sections import Touching
+from fcdm_opt.show.sections import Touching, touching
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -183,10 +183,11 @@ class Frames:
     def _contacts(self, curve: DecisionCurve, sizes: Array) -> dict[Feature, list[Array]]:
         """Return the features at which the bodies shown touch, each with what two parts share of it, or nothing."""
         place = np.asarray(sizes)
-        met = curve.touching(place)
+        met = touching(curve, place)
         if not met:  # touching within `contact_slack`, which is wider than a place on the curve
             place = curve.nearest(place)
-            met = curve.touching(place) if (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all() else ()
+            near = bool((np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all())
+            met = touching(curve, place) if near else []
         sets: dict[Feature, list[Array]] = {}
         for contact, corners in met:
             sets.setdefault(contact.feature, []).append(corners)

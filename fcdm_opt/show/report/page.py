@@ -21,7 +21,7 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import parts_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.texts import amount_text, asked_text, bound_line, shown, study_facts
+from fcdm_opt.show.texts import amount_text, asked_text, bound_line, listed, shown, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -77,12 +77,24 @@ def page(payload: Data) -> str:
         files=files,
         matrices=payload["matrices"],
         listed=len(cases) > 1 and (len(payload["matrices"]) != 1 or any(k not in tabled for k in range(len(cases)))),
+        unstacked=_unstacked(cases, files),
         signs=SIGNS,
         inputs=_inputs(files),
         versions=payload["made"].items(),
         made_at=payload["made"]["date"],
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
     )
+
+
+def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
+    """Return why cases have no stack-up, each reason once, with the names of its cases where these are not all."""
+    known = dict[str, list[str]]()
+    for case in cases:
+        stack, unread = case["stack"] or {}, files[case["file"]].get("sizes_left")
+        reasons = stack["notes"] if stack else [f"no sizes by name: {unread}"] if unread else []
+        for reason in reasons if "worst" not in stack else ():
+            known.setdefault(reason, []).append(case["name"])
+    return [why if len(own) == len(cases) else f"{why} (cases {listed(own)})" for why, own in known.items()]
 
 
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
