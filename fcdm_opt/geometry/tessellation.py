@@ -353,8 +353,8 @@ def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float
     place = points.copy()
     for surface, rows in every:
         along, across, far = surface.about(points[rows])
-        alone = (np.asarray(often)[rows] == 1) & (far > slack / DEFAULT.sharp)
-        rows, along, across, far = rows[alone], along[alone], across[alone], far[alone]
+        free = (np.asarray(often)[rows] == 1) & (far > slack / DEFAULT.sharp)
+        rows, along, across, far = rows[free], along[free], across[free], far[free]
         if not len(rows):
             continue
         one = units(across[0])

@@ -77,13 +77,13 @@ class Budget(Plain):
         A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
         assembly's parts "made" (which way they are off), "larger" or "smaller".
     tolerance : float
-        All tolerances up to this one can be made good; 0 where none can. Of sizes the largest deviation of a length
-        (of a scale, where there are no lengths), those of the others in proportion.
+        All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells). Of sizes the
+        largest deviation of a length (of a scale, where there are no lengths), those of the others in proportion.
     table : (2, 2) or (k, 2) array
         What it means for each body, minus and plus, or each size, least and largest deviation: `tolerance` times the
         shape. Of an assembly's scales twice the deviation of each part.
     end : End
-        What is wrong just above it.
+        What is wrong just above it; or that the time given was over, so that larger ones may be good.
     solution : Solution or None
         At `tolerance`, None where that is 0 and the question does not hold there.
     above : Solution or None
@@ -174,6 +174,8 @@ class Budget(Plain):
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
         sizes = f": {self.sizes_text()}" if self.sizes else ""
+        if self.end is End.TIME and self.solution is None:
+            return f"{self.requirement}: not known, {self.advice}"
         return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
 
 
