@@ -25,6 +25,9 @@ DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 
 LEADER = 12.0
 """Points from which on a line leads from a name to what it names."""
 
+INDENT = "     "
+"""Of what belongs to the line above it."""
+
 CLEAR = 1.0
 """Points between a name and anything else."""
 
@@ -77,10 +80,10 @@ class Sheet:
         return self.figure.add_axes(self.place(left, bottom, width, height))
 
     def list(self, left: float, top: float, width: float, lines: Iterable[str]) -> None:
-        """Write lines, each wrapped with its own indent, downwards as far as there is room; say how many are left."""
+        """Write lines, wrapped, downwards as far as there is room; say how many are left."""
         made: list[str] = []
         room = int(top * 72.0 / (SPACING * NOTE))
-        entries = [fitted(self.figure, line, NOTE, width, hang="    ") for line in lines]
+        entries = [fitted(self.figure, line, NOTE, width, hang="" if line[:1] == " " else INDENT) for line in lines]
         for k, entry in enumerate(entries):
             more = 0 if k == len(entries) - 1 else 1
             if len(made) + len(entry) + more > room:

@@ -12,7 +12,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import SCALES, SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.grids import units_over
-from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.lettering import INDENT, Sheet, literal
 from fcdm_opt.show.plots import plane
 from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import NOTHING, share_text
@@ -61,7 +61,9 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     title, caption : str
         Text above and below the picture.
     """
-    sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
+    kind = {1: "sizes", 2: "pairs"}.get(len(sizes.box), "sets of sizes")
+    said = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
+    sheet = Sheet.of(PAGE, 3.2, title=title, caption="\n".join(filter(None, (caption, said))))
     named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
     labels = [
         literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
@@ -73,11 +75,9 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {measured(f'{largest:.4g}', sizes.unit)}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
-        lines.append(f"     {region if problem is None else labels_in_words(str(region), problem)}")
+        lines.append(f"{INDENT}{region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
-    solved = f"{sizes.solved} {({1: 'sizes', 2: 'pairs'}).get(len(labels), 'sets of sizes')} solved and judged"
-    lines += ["", *_signs(sizes), solved, f"largest error: {sizes.error_text}"]
     sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
 
