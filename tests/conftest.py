@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
@@ -26,16 +27,16 @@ providers.is_local_module_file = lambda path: False
 
 settings.register_profile(
     "tests",
-    max_examples=30,
+    max_examples=12,
     deadline=None,
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
+settings.register_profile("slow", settings.get_profile("tests"), max_examples=30)
 # without compiled kernels everything takes a hundred times as long
 settings.register_profile("plain Python", settings.get_profile("tests"), max_examples=5)
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-settings.load_profile("plain Python" if PLAIN else "tests")
 
 # `pytest -m fast`: under a minute on two cores with kernels compiled, and something of every package
 FAST = {
@@ -46,6 +47,16 @@ FAST = {
     "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution", "test_solver_closed_forms",
     "test_study_files", "test_study_tables", "test_table", "test_turns", "test_typing_mistakes", "test_working",
 }  # fmt: skip
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--slow`: without it, slow tests are left out unless they are named."""
+    parser.addoption("--slow", action="store_true", help="all tests, with all of their cases and more examples each")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose how many examples each test takes."""
+    settings.load_profile("plain Python" if PLAIN else "slow" if config.option.slow else "tests")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -65,11 +76,25 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if slow and config.option.markexpr == "fast" else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of fast files."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests of fast files; leave out slow tests and cases, unless all are asked for or these named."""
     for item in items:
         if item.path.stem in FAST:
             item.add_marker(pytest.mark.fast)
+    if config.option.slow or any("::" in name for name in config.args):
+        return
+    cases = Counter(item.nodeid.partition("[")[0] for item in items)
+    known, left = Counter[str](), list[pytest.Item]()
+    for item in items:
+        test, sampled = item.nodeid.partition("[")[0], item.get_closest_marker("sampled")
+        share = sampled.args[0] / cases[test] if sampled else 1.0
+        turn = int((known[test] + 1) * share) > int(known[test] * share)
+        known[test] += 1
+        if not turn or item.get_closest_marker("slow"):
+            left.append(item)
+    config.hook.pytest_deselected(items=left)
+    out = set(left)
+    items[:] = [item for item in items if item not in out]
 
 
 @pytest.fixture

@@ -251,6 +251,7 @@ def is_real(task: Task, q: np.ndarray, slack: float) -> bool:
     return not contact_faults(task.movable, task.static, pose, rho, tracked, slack * task.size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unions", "count", "seed"), [(False, 12, 5), (True, 5, 6)])
 def test_random_rays_agree_with_sampling(unions, count, seed):
     rng, ends = np.random.default_rng(seed), 0
@@ -324,6 +325,7 @@ def test_contact_times_of_a_bar_that_turns():
     assert all(touch.features and not touch.grazing for touch in times.touches)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unions", "count"), [(False, 13), (True, 6)])
 def test_random_contact_times_agree_with_sampling(unions, count):
     rng, touched = np.random.default_rng(11), 0

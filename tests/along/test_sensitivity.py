@@ -250,6 +250,7 @@ def test_limits_that_bind_change_the_amount(number, motion, goal):
     assert all(found.limits[other] == (0, 0) for other in found.limits if other != name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.02, (1.0, 1.05)], ids=["one scale", "range"])
 def test_a_keep_out_in_the_way_changes_the_amount(scale):
     asked = random_problem(1, X >> Y >> Z, "touch inside")
@@ -434,6 +435,7 @@ MOVED: list[tuple[str, Motion]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("goal", "motion"), MOVED, ids=lambda own: own if isinstance(own, str) else "".join(own.names))
 def test_the_motion_changes_with_the_pose_as_differences_of_exact_solves_say(goal: str, motion: Motion) -> None:
     """Of hulls in general position, with fewer contacts than parameters: that takes the constraints' curvature."""

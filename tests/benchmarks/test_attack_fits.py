@@ -215,6 +215,7 @@ def test_all_searches_find_the_lift_off_a_slab():
         assert least_amount([CUBE], [SLAB], steps, length=2.0) == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_rays_find_what_two_turns_can_do():
     """Two turns about one axis are one, shared between both: the amount is less by the root of two."""
     turn = MotionStep("R", (0, 0, 1), (0.0, 0.0, 0.0))
@@ -225,6 +226,7 @@ def test_rays_find_what_two_turns_can_do():
 # ----------------------------------------------------------------------------------------------------- tracked contacts
 
 
+@pytest.mark.slow
 def test_tracked_points_move_as_their_lines_say():
     """The exact translation against a scan of the tracked point itself, and both ends of it."""
     compared = 0

@@ -224,6 +224,7 @@ def test_the_scorer_knows_of_no_tool() -> None:
 # ------------------------------------------------------------------------------------------ our own command, by files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("only", ["hook and bar: clear", "sizes per face: touch, narrow", "three walls: locate, 0.99"])
 def test_our_command_answers_by_files_alone(tmp_path: Path, score: Any, only: str) -> None:
     out = tmp_path / "answers.json"

@@ -111,6 +111,7 @@ def test_a_method_without_its_library_has_no_time():
     assert exponents([row | {"x": x} for x in (1, 2, 4)]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_unions_are_drawn_with_so_many_parts_a_little_apart(family):
     pair = UnionPair.of(5, family, 4, 2)

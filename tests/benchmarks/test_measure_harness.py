@@ -425,6 +425,7 @@ def test_a_rival_that_leaves_hard_scenes_out_is_compared_where_it_answers():
 # --------------------------------------------------------------------------------- planted: a kernel wrong now and then
 
 
+@pytest.mark.slow
 def test_a_kernel_that_names_a_wrong_feature_once_in_hundreds_is_caught(monkeypatch):
     """The compiled walk itself is made to lie about one feature in 400; the run must say so and be called wrong."""
     true, calls = kernels.walk_many, []

@@ -263,6 +263,7 @@ def test_batches_are_right(shape: str) -> None:
     assert curves.counts.sum() >= 60
 
 
+@pytest.mark.slow
 def test_one_wrong_feature_in_hundreds_of_curves_is_found() -> None:
     drawn = DrawnPair.of(8, 8)
     transforms = drawn.transforms(400)

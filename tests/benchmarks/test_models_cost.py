@@ -124,6 +124,7 @@ def test_every_stage_has_a_mark_of_its_own():
     assert {*STAGES, "auto"} == set(STYLES)
 
 
+@pytest.mark.slow
 def test_every_stage_settles_something(solved):
     assert {model for _, model in solved} == {"auto", *STAGES}
 

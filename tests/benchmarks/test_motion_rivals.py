@@ -82,6 +82,7 @@ def test_a_keep_out_asks_for_more_than_the_contact(name: str) -> None:
     check(name, asked, 0.3, {key: own / 0.1 for key, own in LOOSE.items()}.get(name, EXACT))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [name for name in GENERAL if not name.startswith("coal")])
 def test_a_switching_point_goes_beyond_its_target(name: str) -> None:
     """By every method and by our own: none is smaller, and those that end on their conditions are as small."""

@@ -40,6 +40,7 @@ def by_name() -> dict[str, HardCase]:
     return {case.name: case for own in by_family().values() for case in own}
 
 
+@pytest.mark.slow
 def test_the_quick_form_has_a_fifth_of_every_family():
     every, quick = bodies.cases(False, 0), bodies.cases(True, 0)
     assert len({(case.family, case.name) for case in every}) == len(every)

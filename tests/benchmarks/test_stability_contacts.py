@@ -85,6 +85,7 @@ def oracle(case: HardCase) -> ExactCurve:
 # ----------------------------------------------------------------------------------------------------------- the cases
 
 
+@pytest.mark.slow
 def test_every_item_of_the_list_has_cases() -> None:
     assert {*LISTED.values(), "parts as drawn", "meshes that MuJoCo #3383 says touch"} == set(contacts.FAMILIES)
     assert {case.family for case in quick()} == set(contacts.FAMILIES)
@@ -229,6 +230,7 @@ def test_planted_methods_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(found["silent"]) == {"flagged"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", contacts.OURS)
 def test_ours_are_never_silently_wrong(name: str) -> None:
     asked = quick() if name == "decision_curve" else quick()[::2]  # two of a family at least, so one of each

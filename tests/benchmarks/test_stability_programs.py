@@ -147,6 +147,7 @@ UNASKED = (  # goals, amounts and keep-outs of which a distance does not tell
 )
 
 
+@pytest.mark.sampled(13)
 @pytest.mark.parametrize("family", [family for family in motions.FAMILIES if family not in UNASKED])
 def test_smaller_motions_do_not_do_by_another_librarys_distances(family):
     """The pair does not come to touch anywhere: its distance keeps its sign; nor is it clear."""
@@ -178,6 +179,7 @@ def test_smaller_motions_do_not_do_by_another_librarys_distances(family):
 # -------------------------------------------------------------------------------------------------------- ours is right
 
 
+@pytest.mark.sampled(4)
 @named("program")
 def test_ours_is_right_on_programs(case):
     assert programs.judged(case, ours(case)).outcome == "right"
@@ -189,6 +191,7 @@ def test_bodies_may_grow_to_twice_their_size():
     assert programs.judged(case, programs.METHODS["solve"](case.data)).outcome == "right"
 
 
+@pytest.mark.sampled(30)
 @named("motion")
 def test_ours_is_right_on_motions_or_says_that_it_found_none(case):
     verdict = motions.judged(case, ours(case))
@@ -219,6 +222,7 @@ def test_planted_answers_to_programs_are_seen_through(case):
     assert verdicts(case, {"flag": {"flag": "no convergence"}}) == {"flag": "flagged"}
 
 
+@pytest.mark.sampled(42)
 @named("motion")
 def test_planted_answers_to_motions_are_seen_through(case):
     """Larger, smaller, none, one too many, a bound too high; with the solver's motion to start from."""
@@ -264,6 +268,7 @@ def test_a_right_answer_is_wrong_where_a_smaller_motion_is_planted_as_the_truth(
 # ------------------------------------------------------------------------------------------------------------ methods
 
 
+@pytest.mark.slow
 def test_every_rival_is_asked_what_it_can_express():
     from fcdm_opt_benchmarks.motions import RIVALS
 

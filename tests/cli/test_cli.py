@@ -288,6 +288,7 @@ def test_a_command_ends_with_an_exit_code_that_its_page_lists(
 # ------------------------------------------------------------------------------------------------------------- pictures
 
 
+@pytest.mark.slow
 def test_pictures_are_written_under_safe_names(cubes: Path, short: Path, tmp_path: Path) -> None:
     out = tmp_path / "pictures"
     assert run("curve", cubes, "--out", out / "of curves").exit_code == 0
@@ -372,6 +373,7 @@ limits = { TX = [-1, 2] }
 """
 
 
+@pytest.mark.slow
 def test_keep_outs_are_kept_and_shown(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(CUBES + RIBS + SCENE_CASES)

@@ -211,6 +211,7 @@ def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", ["numpy.exceptions", "numba.core.types", "scipy.sparse"])
 def test_an_interrupt_while_libraries_load_ends_a_command_without_a_traceback(library: str) -> None:
     """It was swallowed by some of them, and others crashed."""
@@ -244,6 +245,7 @@ def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "interrupted\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_was_a_traceback_where_json_is_asked_for() -> None:
     with open("/dev/full", "w") as full:
@@ -254,6 +256,7 @@ def test_a_full_disk_was_a_traceback_where_json_is_asked_for() -> None:
     assert "Traceback" not in errors
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_is_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)

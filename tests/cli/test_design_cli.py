@@ -101,6 +101,7 @@ def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> N
     assert "another study" in errors
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Path) -> None:
     text = (PROBLEMS / "peg_tapered.toml").read_text()
@@ -135,6 +136,7 @@ def test_whatif_sets_any_key(tmp_path: Path) -> None:
     assert "bodies" not in text
 
 
+@pytest.mark.slow
 def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
     code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 0.1, "--compare", "--json")
     (case,) = json.loads(text)["files"][0]["cases"]
@@ -157,6 +159,7 @@ def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
     assert option[0] in errors
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 1.0, "--error", 0.05)
@@ -193,6 +196,7 @@ def test_a_pose_of_six_contacts_tells_each() -> None:
     assert 0.09 < best["worst_gap"] <= 0.1
 
 
+@pytest.mark.slow
 def test_an_assembly_has_a_pose_and_stack_ups(tmp_path: Path) -> None:
     """Two blocks on a floor, of which one is thicker by up to .1 and the other by .02 below."""
     path = tmp_path / "tower.toml"

@@ -109,11 +109,13 @@ def test_a_name_of_another_kind_of_file_made_a_folder_of_that_name(here: Path, l
     assert written("--out")(Path("run.1")) == Path("run.1")  # the name of a folder
 
 
+@pytest.mark.slow
 def test_a_case_name_longer_than_file_names_may_be_lost_the_answer(here: Path) -> None:
     result = run("solve", "p.toml", "--out", "o", "--json", text=BODIES + CASE.replace('"a"', f'"{"L" * 300}"'))
     assert "L" * 300 in json.dumps(json.loads(result.stdout))
 
 
+@pytest.mark.slow
 def test_names_outside_ascii_ended_in_a_traceback_on_ascii_terminals(here: Path) -> None:
     """The whole command, with a standard output that can print ASCII only."""
     (here / "p.toml").write_text(BODIES + CASE.replace('"a"', '"Gr\u00f6\u00dfe"'), encoding="utf-8")

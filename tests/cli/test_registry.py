@@ -45,6 +45,7 @@ motion = [{ translation = "x" }]
 """
 
 
+@pytest.mark.slow
 def test_only_what_solve_writes_had_a_schema(tmp_path: Path) -> None:
     """What is written is taken, and is not where a number is a word."""
     (file := tmp_path / "block.toml").write_text(BLOCK, encoding="utf-8")

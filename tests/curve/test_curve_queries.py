@@ -63,6 +63,7 @@ def test_distance_is_euclidean_and_never_below_the_gap(rng, reach, seeds):
         assert distance >= max(0.0, curve.gap(rho))
 
 
+@pytest.mark.slow
 def test_distance_of_unions_is_that_of_the_nearest_parts():
     rng = np.random.default_rng(11)
     for _ in range(20):

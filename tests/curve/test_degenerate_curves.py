@@ -289,16 +289,19 @@ def each(cases: Sequence[Case]) -> Any:
     return pytest.mark.parametrize("case", fewer(cases), ids=lambda case: case.name)
 
 
+@pytest.mark.sampled(28)
 @each([*ORIENTED, *FLUSH_CONTACTS, *SEEDED, *NO_OFFSET, *DIRECTED, *CLOSED])
 def test_parallel_flush_and_odd_seeds(case):
     check(case)
 
 
+@pytest.mark.sampled(54)
 @each([*SIZE_RATIOS, *ASPECTS, *FAR_AWAY, *UNITS])
 def test_sizes_and_places(case):
     check(case)
 
 
+@pytest.mark.sampled(52)
 @each([*MANY_POINTS, *SIDED, *TILTED, *MANY_MEET, *SMALL_NUMBERS])
 def test_points_and_features(case):
     check(case)
@@ -464,12 +467,14 @@ def cloud(seed: int, count: int) -> np.ndarray:
     return points / np.linalg.norm(points, axis=1)[:, None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), fewer([(4, 4), (1000, 4), (300, 300)]))
 def test_hulls_of_few_and_many_vertices(first, second):
     one, two = (TETRAHEDRON.array if count == 4 else cloud(count, count) for count in (first, second))
     check_proved(Body.convex(one), Body.convex(two + np.array([2.5, 1, 0.5])))
 
 
+@pytest.mark.slow
 def test_a_hull_of_tens_of_thousands_of_vertices():
     """All but a ball about its seed: its distance from a vertex is that of the centre, less the radius.
 

@@ -128,6 +128,7 @@ def test_contact_lines_equal_the_exact_line_of_the_pose(motion):
         np.testing.assert_allclose(row, expected / length, rtol=0, atol=1e-12 * size)
 
 
+@pytest.mark.sampled(31)
 @EVERY_MOTION
 @pytest.mark.parametrize("kinds", KIND_PAIRS, ids=str)
 def test_switching_points_equal_the_exact_meeting_of_two_lines(motion, kinds):

@@ -36,6 +36,7 @@ def tally() -> Tally:
     return found
 
 
+@pytest.mark.slow
 def test_diagrams_agree_with_the_undecomposed_meshes():
     found = tally()
     assert not found.wrong, "\n".join(found.wrong)
@@ -83,6 +84,7 @@ def test_solid_in_a_cavity_is_apart_until_it_fills_it():
         assert meshes.verdict(np.array(rho)).overlap != apart
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_parts_of_a_random_solid_fill_its_surface(family, turned):

@@ -182,6 +182,7 @@ def test_an_offset_that_cancels_twice_was_walked_with_no_digit_right():
     assert made.path == "exact"
 
 
+@pytest.mark.slow
 def test_unions_of_many_boxes_took_half_a_minute():
     """Most pairs of parts are found to be off the curve without being settled one by one."""
 

@@ -77,6 +77,7 @@ def test_the_curve_is_that_of_all_pairs(rng, counts, aligned):
         np.testing.assert_allclose(pruned.crossings(rho1), full.crossings(rho1), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_some_random_curves_have_segments_in_both_worlds():
     """The comparison above is not of empty curves."""
     rng, seen = np.random.default_rng(3), {True: 0, False: 0}
@@ -87,6 +88,7 @@ def test_some_random_curves_have_segments_in_both_worlds():
     assert min(seen.values()) >= 2
 
 
+@pytest.mark.slow
 def test_of_sixty_by_sixty_parts_less_than_one_in_twenty_is_walked():
     rng = np.random.default_rng(0)
     one, two = (heap(rng, 60, False) for _ in range(2))
@@ -97,6 +99,7 @@ def test_of_sixty_by_sixty_parts_less_than_one_in_twenty_is_walked():
     assert modelled["part_pairs_kept"] / 3600 < 0.05
 
 
+@pytest.mark.slow
 def test_a_floor_on_a_floor_is_one_segment_of_few_pairs():
     """Every tile of one lies on tiles of the other: thousands of contacts at once, one line."""
 
@@ -111,6 +114,7 @@ def test_a_floor_on_a_floor_is_one_segment_of_few_pairs():
     assert curve.modelled["part_pairs_kept"] < 0.05 * curve.modelled["part_pairs_total"]
 
 
+@pytest.mark.slow
 def test_bounds_of_pairs_never_exceed_their_distance():
     rng = np.random.default_rng(1)
     for _ in range(10):
@@ -125,6 +129,7 @@ def test_bounds_of_pairs_never_exceed_their_distance():
                 assert bounds[i, j] <= distance + 1e-12
 
 
+@pytest.mark.slow
 def test_the_gap_of_many_parts_is_that_of_the_nearest_pair():
     rng = np.random.default_rng(2)
     for _ in range(10):
@@ -140,6 +145,7 @@ def test_the_gap_of_many_parts_is_that_of_the_nearest_pair():
             assert gap <= curve.distance(rho) + 1e-12
 
 
+@pytest.mark.slow
 def test_the_nearest_point_is_on_the_curve_and_none_is_nearer():
     rng, found = np.random.default_rng(4), 0
     for _ in range(10):

@@ -160,6 +160,7 @@ def turned(name: str, *profile: tuple[float, float]) -> fo.Body:
     return fo.Body.from_mesh(mesh, name=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("goal", "faces", "up"),
     [("at", ["F3", "F5"], 0.5), ("seat", ["F1", "F5"], 0.0), ("touch", ["cylinder radius 9"], 0.0),
@@ -215,6 +216,7 @@ def test_a_pin_made_too_thick_is_told_not_to_fit() -> None:
     assert "not fit: pin 16.060 in plate 16.000" in str(solution)  # 7.98 x 2 + .1, not the widths across flats
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dovetail", "lid"])
 def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
     """By a first-order formula: dV / dp of a face is its area; of all faces at once too."""
@@ -300,6 +302,7 @@ def test_a_face_that_is_not_there_is_refused_whatever_is_made() -> None:
         fo.Problem(box((-5, 13, 2), (5, 20, 28)), slot(), sizes=[size], motion=X, goal="touch")
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("key", REFUSED)
 def test_what_no_size_is_is_refused_with_what_is_allowed(key: str) -> None:
     arguments, said = REFUSED[key]
@@ -413,6 +416,7 @@ def pairs_of_bodies(kind: str, rng: Any) -> tuple[fo.Body, fo.Body]:
     return peg, fo.Body.from_parts([np.array(corners) * [3, 3, 1], np.array(corners) * [1, 3, 3] + [2, 0, 0]])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("faces", [False, True])
 @pytest.mark.parametrize("kind", ["hulls", "aligned boxes", "a turned box on two others"])
 def test_rows_of_two_uniform_scales_are_the_lines_of_the_decision_curve(kind: str, faces: bool) -> None:
@@ -495,6 +499,7 @@ def test_derivatives_by_sizes_are_those_of_the_closed_forms() -> None:
         assert found.sizes == pytest.approx({name: told[problem.name].get(name, 0.0) for name in found.sizes}, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_by_sizes_are_those_of_differences() -> None:
     """Random hulls that are scaled, and whose faces are moved besides: corners of three faces, so that all exist."""
     from scipy.spatial import HalfspaceIntersection

@@ -110,6 +110,7 @@ SCENES: dict[str, tuple[Solid, list[fo.Size]]] = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("scene", SCENES)
 def test_plates_with_several_features_refused_the_sizes_of_each(scene: str) -> None:
     """Cuts ran from one bore to another, along no face's plane; the parts made are now those that manifold3d makes."""
@@ -126,6 +127,7 @@ def test_plates_with_several_features_refused_the_sizes_of_each(scene: str) -> N
     assert (whole - right).volume() == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["three bores", "stepped bores"])
 def test_gaps_over_the_sizes_of_several_features_are_those_of_the_parts_made(scene: str) -> None:
     solid, sizes = SCENES[scene]
@@ -144,6 +146,7 @@ def dowels(static: str) -> tuple[fo.Body, fo.Body]:
     return pins, plate
 
 
+@pytest.mark.slow
 def test_two_dowels_in_two_bores_have_the_play_that_is_left_of_each_and_the_pitch() -> None:
     """It was refused: the plate was "cut beside face F47 along no face's plane"."""
     pins, plate = dowels("dowels_holes")
@@ -175,6 +178,7 @@ def test_two_dowels_in_two_bores_have_the_play_that_is_left_of_each_and_the_pitc
     assert solved.parameters["TX"] == pytest.approx(need, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_dowel_in_a_slot_beside_one_in_a_bore_has_sizes() -> None:
     pins, plate = dowels("dowels_slot")
     sizes = [
@@ -191,6 +195,7 @@ def test_a_dowel_in_a_slot_beside_one_in_a_bore_has_sizes() -> None:
     assert common.volume() == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_facets_of_other_bores_at_the_same_distance_were_taken_for_a_cylinders() -> None:
     solid, sizes = SCENES["three bores"]
     drawn = body(solid([0.0] * 4))
@@ -240,6 +245,7 @@ def test_a_slot_closed_exactly_by_its_sizes_was_taken(solid: Any, size: fo.Size,
             resized(drawn, {size: value})
 
 
+@pytest.mark.slow
 def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
     """A cut that passes a corner of the plate changes parts, not the solid; it was refused from there on."""
     solid, sizes = SCENES["two bores in a pocket"]
@@ -254,6 +260,7 @@ def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
         assert (filled(made) - solid(p)).volume() + (solid(p) - filled(made)).volume() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["stl"])  # its digits are fewer than those of the OFF
 def test_a_cones_name_was_refused_and_its_label_moved_one_facet_of_it(suffix: str) -> None:
     plug, socket = (fo.Body.from_file(CASES / f"taper_{name}.{suffix}", unit="mm") for name in ("plug", "socket"))

@@ -113,6 +113,7 @@ def test_indices_of_a_product_are_those_of_its_formula():
     assert found.contributions[0].first_order + found.contributions[1].total == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "amount",
     [
@@ -168,6 +169,7 @@ def test_contributions_of_measured_pairs_are_those_of_sizes_drawn_one_by_one():
         assert abs(one.first_order - (9.0 if one.body == "movable" else 16.0) / 25.0) < 5.0 * one.first_order_error
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_truth_as_often_as_it_says():
     own = linear(1.0, 1.0)
     truth, held, widths = 1.0 - 0.125, 0, []
@@ -229,6 +231,7 @@ def test_limits_of_parameters_count_too():
     assert near(both.contributions[1].share_without, 0.0, FEW)  # v = 1/2: u = 0 is a point
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [2, 512, 10**6])
 def test_neither_pairs_nor_counts_hang_on_the_size_of_a_block(monkeypatch, block):
     own = table(squares(2), lambda x, y: (0.5 + share_1(x)) * (0.25 + share_2(y)), errors=(1e-3, 0.0))

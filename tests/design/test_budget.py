@@ -287,6 +287,7 @@ def bush() -> Problem:
     return Problem(peg, plate, sizes=sizes, motion=X >> Translation("y"), goal="clear", target=(1, 1), unit="mm")
 
 
+@pytest.mark.slow
 def test_tolerances_whose_parts_lie_in_larger_ones_were_all_looked_at_and_what_ends_them_was_not_said() -> None:
     """Both walls of 2.2 - 2 close at a tolerance of .2: .1 each; what has more play is clear as drawn."""
     found = budget(bush(), None, largest=0.15, accuracy=1e-6)

@@ -71,6 +71,7 @@ def test_half_of_the_box_needs_no_motion_to_be_clear():
     assert [region.share for region in found.regions] == pytest.approx([0.5, 0.5], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_beyond_a_limit_there_is_no_motion():
     found = compensation_map(slab(limits={"TX": (-0.05, 0.05)}), error=1e-3)
@@ -219,6 +220,7 @@ def running() -> CompensationMap:
     return compensation_map(peg(4, limits=limits), box=((1.01, 1.02), (0.999, 1.0)), error=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_running_clearance_follows_its_closed_form_and_ends_where_the_hole_is_too_small():
     found = running()
@@ -243,6 +245,7 @@ def test_boundaries_of_the_running_clearance_are_where_the_walls_are():
         assert off.max() <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 @pytest.mark.parametrize("goal", ["at", "seat"])
 def test_map_agrees_with_single_solves_of_goals_at_and_seat(goal):
@@ -257,6 +260,7 @@ def test_map_agrees_with_single_solves_of_goals_at_and_seat(goal):
             assert abs(solution.amount - at.amount[k]) <= at.error[k]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_two_processes_make_the_same_map():
     box = ((0.995, 1.005), (0.995, 1.005))
@@ -265,6 +269,7 @@ def test_two_processes_make_the_same_map():
     assert json.dumps(one) == json.dumps(two)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "limit"), [(0, 1.0), (26, 1.0), (60, 0.03), (130, 1.0)])
 def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkeypatch, count, limit):
     """A yield of 37.5 % (37.4 to 37.6 %) was told where half of all pairs pass."""
@@ -296,6 +301,7 @@ def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkey
         assert {cell for grid in grids(found, slab()) for row in grid.cells for cell in row} == {"?"}
 
 
+@pytest.mark.slow
 def test_a_pair_that_took_long_left_no_time_for_the_others(monkeypatch):
     """That of the box's lower corner goes on for as long as it may."""
     solved, now = sampling.sample_at, [0.0]

@@ -22,6 +22,7 @@ def tower(sizes=(THICK, DEEP), contacts=(("lower", "floor"), ("upper", "lower"))
     return fo.Assembly(parts, contacts, sizes, {"lower": motion, "upper": motion}, **more)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("asked", "window", "status", "value", "lift"),
     [
@@ -158,6 +159,7 @@ def gate() -> fo.Assembly:
     return fo.Assembly(parts, contacts, sizes, {"lower": X >> Z, "upper": X >> Y >> Z})
 
 
+@pytest.mark.slow
 def test_a_gap_is_opened_by_all_sizes_of_its_loop() -> None:
     stack = fo.stack_up(gate(), of=("upper", "frame"))
     worst = stack.worst()
@@ -173,6 +175,7 @@ def test_a_gap_is_opened_by_all_sizes_of_its_loop() -> None:
     assert fo.verify(stack.yield_(2_000)).passed
 
 
+@pytest.mark.slow
 def test_the_judge_moves_the_parts_as_their_sizes_do() -> None:
     stack = fo.stack_up(gate(), of=("upper", "frame"))
     (pair,) = stack.touching.pairs

@@ -102,6 +102,7 @@ def run_with(monkeypatch: pytest.MonkeyPatch) -> Callable[..., StudyResult]:
 # ----------------------------------------------------------------------------------------------------- lost workers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [False, True])
 def test_rows_are_the_same_though_a_process_is_killed(
     cluster: Any, study: Study, expected: StudyResult, tmp_path: Path, run_with: Any, own: bool
@@ -115,6 +116,7 @@ def test_rows_are_the_same_though_a_process_is_killed(
     assert untimed(result) == untimed(expected)
 
 
+@pytest.mark.slow
 def test_points_that_always_kill_are_rows(
     cluster: Any, study: Study, expected: StudyResult, tmp_path: Path, run_with: Any
 ) -> None:
@@ -128,6 +130,7 @@ def test_points_that_always_kill_are_rows(
     assert found[:3] + found[4:] == wanted[:3] + wanted[4:]  # nobody else is blamed
 
 
+@pytest.mark.slow
 def test_a_worker_of_dask_that_is_killed_is_replaced(cluster: Any) -> None:
     with workers("dask", None, cluster.scheduler_address, limit=None, work=fragile) as answers:
         run = answers(points(60))
@@ -139,6 +142,7 @@ def test_a_worker_of_dask_that_is_killed_is_replaced(cluster: Any) -> None:
         assert {row["status"] for row in rows} == {"SOLVED"}
 
 
+@pytest.mark.slow
 def test_a_study_that_kills_workers_of_dask_again_and_again_ends(study: Study, tmp_path: Path, run_with: Any) -> None:
     keys = [point.key for point in study.points()]
     work = partial(killing_the_worker, frozenset(keys[3:4]))

@@ -127,6 +127,7 @@ def test_whole_steps_cost_what_rounding_adds():
     assert math.isnan(rows(found)["whole steps"].estimate)
 
 
+@pytest.mark.slow
 def test_savings_are_those_of_solves_without():
     looked_at, costing = 0, 0
     for seed in range(60):

@@ -198,6 +198,7 @@ def proved(asked: fo.Problem, found) -> None:
         assert all(check.passed for check in checks), checks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sizes", [((0.99, 1.01), (0.99, 1.01)), ((0.99, 1.01), (0.95, 0.99)), ((0.99, 1.01), (0.99, 1.05))]
 )
@@ -216,6 +217,7 @@ def test_the_peg_takes_the_middle_of_its_range(sizes):
     assert found.gap <= ACCURACY * found.value
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("window", "status", "value"),
     [
@@ -263,6 +265,7 @@ def test_a_probe_on_a_slab_stands_at_the_middle_of_its_range():
     assert (quick.lower_bound, quick.cells, quick.check(asked)) == (0.0, 0, ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case", "sizes", "counts"),
     [
@@ -289,6 +292,7 @@ def test_no_pose_of_a_dense_grid_is_better(name, case, sizes, counts):
     assert np.abs(judged(asked, corners, about[None])).max() == pytest.approx(found.value, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_three_parameters_tell_what_is_left():
     asked = problem("peg_square_tight", 1)
     found = best_pose(asked, box=((1.0, 1.03), (0.99, 1.01)), effort=1500)
@@ -394,6 +398,7 @@ def test_keep_outs_are_kept_clear_of_at_all_sizes(asked, window, status, least, 
         assert "keep-out 'post'" in {check.name for check in forged.claims().checks() if not check.passed}
 
 
+@pytest.mark.slow
 def test_a_proof_that_was_tampered_with_is_rejected():
     asked = problem("peg_square")
     found = best_pose(asked)

@@ -90,6 +90,7 @@ def test_a_map_over_scales_of_parts_with_sizes_made_was_judged_by_those_drawn() 
     assert not failed(fo.assembly_yield(sizes_map, sizes=(fo.Uniform(0.98, 1.02),) * 2, budget=0.04, count=20_000))
 
 
+@pytest.mark.slow
 def test_a_size_and_a_scale_share_a_map(monkeypatch: pytest.MonkeyPatch) -> None:
     """The lower part's top moves by the size, the upper part's bottom by half of its scale."""
     monkeypatch.setattr("fcdm_opt.design.compensation.refined_mesh.GRID", (0.0, 1.0))  # linear

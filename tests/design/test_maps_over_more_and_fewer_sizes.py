@@ -34,6 +34,7 @@ def before_a_wall(**more: object) -> fo.Problem:
     return fo.Problem(block, wall, sizes=sizes, motion=fo.Translation("x"), goal="touch", unit="mm", **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_map_over_one_and_over_three_sizes_was_refused(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -122,6 +123,7 @@ def test_a_box_of_sizes_is_covered_once_and_quadratics_are_found_again(sizes: in
         own.at(*np.zeros(sizes + 1))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_the_command_line_takes_one_size_with_its_box_and_what_was_measured(tmp_path: Path) -> None:
     file = Path(__file__).parents[2] / "problems" / "slot_and_key.toml"

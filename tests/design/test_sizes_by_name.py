@@ -85,6 +85,7 @@ def test_a_map_over_what_are_no_sizes_is_refused(over: Any) -> None:
         fo.compensation_map(peg_in_channel(), over=over)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> None:
     """Amount 0.125 + slot_depth - key_foot; the depth uniform within 0.05, the foot normal with sigma 0.02 / 3."""
@@ -107,6 +108,7 @@ def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> No
 # --------------------------------------------------------------------------------------------- what-ifs and studies
 
 
+@pytest.mark.slow
 def test_a_size_with_a_space_in_its_name_is_set_on_the_command_line(tmp_path: Path) -> None:
     file = tmp_path / "peg.toml"
     file.write_text("""
@@ -244,6 +246,7 @@ def test_a_window_that_no_pose_meets_is_proved_to_be_none() -> None:
     assert best.parameters["TX"] == pytest.approx(-0.035, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_no_pose_on_a_fine_grid_is_better_than_the_best_of_two_shifts() -> None:
     """Hulls in general position, all their faces with tolerances; poses of the grid by stack-ups of their own."""
     rng = np.random.default_rng(3)
@@ -302,6 +305,7 @@ def test_clearances_are_those_of_the_stack_up() -> None:
     assert told.box.tolist() == [[-0.02, 0.03], [0.0, 0.01]]
 
 
+@pytest.mark.slow
 def test_the_pose_command_tells_sizes_by_name() -> None:
     code, text, said = run("pose", KEY, "--case", "to a side, at the least gap", "--clearance", "0.03,0.1")
     assert code == 0, said

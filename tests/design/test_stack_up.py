@@ -294,6 +294,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_cheapest_tolerances_are_those_of_brute_force(name: str) -> None:
     one, two, faces = SCENES[name]

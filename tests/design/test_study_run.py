@@ -124,6 +124,7 @@ def test_rows_are_the_same_with_two_processes_and_with_one(whole: Path, tmp_path
     assert timeless(rows(tmp_path)) == timeless(rows(whole))
 
 
+@pytest.mark.slow
 def test_a_point_is_answered_alike_whatever_was_asked_before() -> None:
     points = [_asked(point) for point in study().points()]
     one, other = list(map(evaluate, points)), list(map(evaluate, points[::-1]))[::-1]
@@ -170,6 +171,7 @@ CHILD = """
 """
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_a_good_store_no_worker_and_no_lock(tmp_path: Path, watched: Any) -> None:
     code = textwrap.dedent(CHILD.format(problem=str(EXAMPLE), out=str(tmp_path)))
     run = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, start_new_session=True)
@@ -232,6 +234,7 @@ def fragiles(names: list[str], mark: Path) -> list[Asked]:
     return [(f"{k}", "scene", {"name": name, "file": str(mark)}, False, "proved") for k, name in enumerate(names)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_a_lost_worker_costs_the_one_point_that_loses_it_twice(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], jobs: int

@@ -54,6 +54,7 @@ def first_that_holds(corners, x, y):
     return -1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "corners",
     [squares(1), squares(7), scattered(0, 1), scattered(300, 2), graded(9)],

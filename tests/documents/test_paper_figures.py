@@ -34,6 +34,7 @@ def words(name: str) -> list[str]:
     return [text.get_text() for text in shown(figure(name))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fig3", "fig4", "fig5", "fig6", "fig7"])
 def test_texts_keep_apart_and_say_that_the_bodies_are_reconstructions(name: str) -> None:
     check_texts(figure(name), least=10)
@@ -81,6 +82,7 @@ def test_published_motions_meet_each_requirement_and_ours_beside_them(name: str,
         assert asked.published_text in told
 
 
+@pytest.mark.slow
 def test_the_script_writes_every_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = {name: figure(name) for name in ("fig3", "fig4")}  # by the script's own, which are replaced then
     monkeypatch.setattr(script(), "FIGURES", {name: lambda own=own: own for name, own in drawn.items()})

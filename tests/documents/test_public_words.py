@@ -55,6 +55,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 def test_a_type_checker_refuses_words_that_there_are_not(tmp_path):
     """All in one run: one line a word, and the program as it should be, of which nothing is said."""
     (tmp_path / "right.py").write_text(PROGRAM)

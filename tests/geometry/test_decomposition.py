@@ -87,6 +87,7 @@ def test_star_shaped_unit_cubes_are_covered_by_few_parts_that_all_hold_the_seed(
     assert covered.all()
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", VOXELS)
 def test_decompositions_do_not_depend_on_pose_or_unit(name):
     voxels, count, few = VOXELS[name]
@@ -146,6 +147,7 @@ def check_exactly(mesh: Mesh) -> None:
         assert sum(volumes_before_rounding(solid.space, joined)) == truth
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("family", ["hulls", "boxes", "box less boxes", "extrusion", "hollow"])
 @pytest.mark.parametrize("number", range(2))
 def test_volumes_of_partitions_with_rational_cuts_add_up_exactly(family, number):
@@ -191,6 +193,7 @@ def ring(sides: int, radius: float, phase: float = 0.0) -> np.ndarray:
     return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("outline", "holes", "count"),
     [
@@ -223,6 +226,7 @@ def held_by_parts(body: Body, points: np.ndarray) -> np.ndarray:
     return counts
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("number", range(2))
 def test_parts_of_random_solids_hold_the_points_that_their_meshes_hold(family, number):
@@ -329,6 +333,7 @@ def surface_samples(triangles: np.ndarray, rng: np.random.Generator, count: int)
     return (rng.dirichlet(np.ones(3), count)[:, :, None] * triangles[which]).sum(axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bulge", [0.0, 0.35])
 def test_the_deviation_of_coacd_bounds_what_samples_show(bulge, monkeypatch):
     finest = 0.02  # of the size: coarser than for users, and soon told

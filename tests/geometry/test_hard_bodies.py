@@ -215,6 +215,7 @@ def test_many_points_on_the_surface_of_a_slanted_box():
     assert counts(Body.convex(points @ R.T * [1, 1, 1])) == (8, 12, 6)
 
 
+@pytest.mark.slow
 def test_a_union_of_two_large_parts_hides_their_seam():
     """Two prisms of 400 sides, one on the other: the shared end is no face, their sides are one face each."""
     low, high = prism(400), prism(400) + np.array([0, 0, 2])

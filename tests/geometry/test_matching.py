@@ -86,6 +86,7 @@ def read(tmp_path, name, kind, points, triangles):
     return fo.Body.from_file(path, unit="mm")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["off", "stl"])
 @pytest.mark.parametrize(
     ("movable", "static", "axis", "amount"),
@@ -99,6 +100,7 @@ def test_walls_equal_in_both_files_do_not_overlap_by_their_last_digits(kind, mov
     assert solution.amount == pytest.approx(amount, abs=3e-14 if kind == "off" else 1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("make", "sides", "kinds"),
     [(stepped, 3, ("stl", "stl")), (stepped, 8, ("text.stl", "text.stl")), (chamfered, 5, ("stl", "off")),
@@ -187,6 +189,7 @@ def test_single_precision_far_from_the_origin_is_not_called_exact(tmp_path):
     assert "larger or 1.7 mm smaller: the rounded coordinates of box only" in known_to(body, [body], "mm")[0]
 
 
+@pytest.mark.slow
 def test_a_ring_of_reflex_edges_that_is_no_face_is_plane(tmp_path):
     """Of 45 sides, the single precision copy came in 46 parts, and took 36 s, where the exact file has two."""
     plug, _, _ = chamfered(31, 0.7, 0.1)

@@ -506,6 +506,7 @@ def meet_beyond(one: Any, two: Any) -> bool:
     return any(any(cross(minus(x, shared[0]), minus(shared[1], shared[0]))) for x in others)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("shared", [0, 1, 2])
 @pytest.mark.parametrize(("reach", "unit", "away"), [(1, 1, 0), (2, 1, 0), (3, 1, 0), (9, 1, 0), (2, 0.1, 1e6)])
 def test_crossings_are_those_of_rational_arithmetic(shared, reach, unit, away):

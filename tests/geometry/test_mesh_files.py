@@ -408,6 +408,7 @@ def _drive(phase: float) -> bytes:
     return trimesh.Scene(named).export(file_type="glb")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [0.0, 0.1])
 def test_parts_of_an_assembly_whose_facets_cross_are_one_body(tmp_path, phase):
     """They were refused: "faces 259 and 1043 cross", of a shaft with its key and hub as a STEP file has them."""

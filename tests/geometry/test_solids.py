@@ -87,6 +87,7 @@ def test_a_cube_in_the_middle_of_a_surface_body_is_inside(subdivisions, place):
     assert PlacedSolids(cube, big, ONES, shifted(0, 0, 12)).nested == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refined", [1, 3])
 def test_depth_of_surface_bodies_does_not_fall_with_refinement(refined):
     """A box .5 wide of sides 4 stands 1.5 deep in one of 20; in the middle of it 10 + 2 deep."""
@@ -108,6 +109,7 @@ def test_how_deep_parts_overlap_was_worked_out_to_tell_that_they_do_not_touch(mo
         assert float(curve.gap((1.0, 1.0))) == pytest.approx(high - 2.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_depth_of_balls_converges_to_the_closed_form():
     """Radii less the distance of their centres, that of one inside the other too."""
     for subdivisions, off in ((1, 0.28), (2, 0.07)):
@@ -134,6 +136,7 @@ def test_depth_of_a_peg_tight_all_round_is_that_of_its_walls():
 # ------------------------------------------------------------------------------------------- what asks whole solids
 
 
+@pytest.mark.slow
 def test_the_gap_of_a_cube_in_the_middle_of_a_surface_body_was_positive():
     big, cube = ball(10, 1), box(1)
     for one, two in ((cube, big), (big, cube)):
@@ -144,6 +147,7 @@ def test_the_gap_of_a_cube_in_the_middle_of_a_surface_body_was_positive():
         assert fo.decision_curve(one, two, transform=shifted(0, 0, 15)).gap((1, 1)) == pytest.approx(4, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("goal", "up", "turned", "subdivisions"), [("clear", 0, False, 1), ("touch", 0, True, 1), ("clear", 3, True, 1)]
 )
@@ -167,6 +171,7 @@ def test_a_surface_body_was_moved_over_a_keep_out_into_its_middle():
     assert found.parameters["TZ"] == pytest.approx(-41, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_keep_out_kept_as_a_surface_was_clear_of_a_part_in_its_middle():
     """Clear of a plate 9 below by staying: upwards out of a ball of 8 about the part, 9; onto the plate within another
     ball no way leads."""
@@ -199,6 +204,7 @@ def test_the_judge_refuses_a_motion_into_the_middle_of_a_keep_out_or_partner():
     assert {"pair state", "inside", "clearance"} <= failed
 
 
+@pytest.mark.slow
 def test_a_third_part_of_an_assembly_in_the_middle_of_a_surface_body_was_let_pass():
     parts = {"plate": box((5, 5, 1), (0, 0, -30)), "part": box(1, (0, 0, -20))}
     asked = {"contacts": [{"parts": ("part", "plate"), "goal": "touch"}], "motions": {"part": fo.Translation("z")}}
@@ -216,6 +222,7 @@ def read(name, **kept):
     return fo.Body.from_file(CASES / name, unit="mm", **kept)
 
 
+@pytest.mark.slow
 def test_the_gap_of_surface_bodies_was_that_of_the_parts_modelled():
     """An arm 50.08 x .9985 above a table at 50; gears 379.749 um apart by a collision library on the raw meshes."""
     arm = read("arm.off", seed=(0, 0, 10), decomposition="surface")
@@ -231,6 +238,7 @@ def test_the_gap_of_surface_bodies_was_that_of_the_parts_modelled():
     assert found.pair_gap == pytest.approx(0.379749, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("finer", [False, True])
 def test_depth_of_an_overlap_with_a_scan_halved_with_each_refinement(finer):
     """Cubes of 2, one of them scanned with a noise of 4e-4, 1.5 deep along x as drawn."""
@@ -246,6 +254,7 @@ def test_depth_of_an_overlap_with_a_scan_halved_with_each_refinement(finer):
     assert "overlap by 1.5 mm" in state_text(situation, "mm")
 
 
+@pytest.mark.slow
 def test_an_overlap_of_parts_of_many_triangles_was_said_to_touch():
     """Blocks on each other with waves of 1e-3, one of them with a bar below that reaches .02 into the other."""
     steps = np.linspace(-10, 10, 21)
@@ -277,6 +286,7 @@ def test_an_overlap_of_parts_of_many_triangles_was_said_to_touch():
             assert situation.gap == pytest.approx(-deep, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_init_moved_a_pin_that_is_tight_all_round(tmp_path, monkeypatch):
     """20.02 in 20, as finely meshed: no small shift does, and after one of .01 the overlap is twice as large."""
     pin = trimesh.creation.cylinder(radius=10.01, height=40, sections=32)

@@ -32,6 +32,7 @@ def chord(radius: float, angles: np.ndarray) -> float:
     return radius * (1 - math.cos(widest / 2))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("radius", [0.5, 9.9, 400.0])
 @pytest.mark.parametrize("share", [1e-2, 1e-3, 1e-4])
 def test_a_cylinder_falls_short_by_the_height_of_its_chords(tmp_path: Path, radius: float, share: float) -> None:
@@ -46,6 +47,7 @@ def test_a_cylinder_falls_short_by_the_height_of_its_chords(tmp_path: Path, radi
     np.testing.assert_allclose(np.hypot(*local.T[:2]), radius, rtol=2e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [0.05, 0.004])
 def test_a_bore_sticks_out_by_the_height_of_its_chords(tmp_path: Path, asked: float) -> None:
     body = read(tmp_path, polyhedron(PLATE, SIDES, "mm", bore=10.0), deviation=asked)
@@ -60,6 +62,7 @@ def test_a_bore_sticks_out_by_the_height_of_its_chords(tmp_path: Path, asked: fl
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["mm", "in", "m"])
 def test_the_deviation_asked_for_is_in_the_unit_of_the_body(tmp_path: Path, unit: str) -> None:
     """A ball, of which the tessellation library keeps only half of what is asked."""
@@ -81,6 +84,7 @@ def test_plane_faces_have_no_error(tmp_path: Path) -> None:
     assert not any("triangles" in note for note in body.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SURFACES)
 def test_triangles_leave_a_surface_by_what_a_fine_grid_of_points_finds(kind: str) -> None:
     """Never less; of tori up to 2.1 % more, as their bound allows."""
@@ -112,6 +116,7 @@ def test_triangles_leave_a_surface_by_what_a_fine_grid_of_points_finds(kind: str
         assert back == pytest.approx(found[::-1], rel=1e-9, abs=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "profile",
     [

@@ -181,6 +181,7 @@ def test_faces_of_parts_that_reach_a_true_face_by_little_are_named_after_it() ->
     assert seen >= SIDES // 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("goal", "requirement"), [("seat", "A"), ("seat", "D"), ("touch", "B")])
 def test_contacts_name_the_solids_own_corners(goal: str, requirement: str) -> None:
     shaft, bore = shaft_on_a_step()

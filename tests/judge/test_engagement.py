@@ -102,6 +102,7 @@ def test_the_part_inside_may_be_the_one_that_stands_still() -> None:
     assert fo.solve(problem).status is Status.OUTSIDE_FIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("movable", [t_nut, t_rail])
 def test_walls_further_apart_than_sizes_change_tell_nothing(movable, monkeypatch: pytest.MonkeyPatch) -> None:
     """Part pairs that bounds leave too far apart to close are left out: with all of them the same is found."""
@@ -373,6 +374,7 @@ def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) ->
     assert data["files"][0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
 
 
+@pytest.mark.slow
 def test_the_report_shows_nothing_green_of_a_motion_outside_the_fit(problem_file: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     made = CliRunner().invoke(app, ["report", str(problem_file), "--out", str(page)], catch_exceptions=False)

@@ -239,6 +239,7 @@ def test_every_field_and_every_key_is_changed_below():
     assert keys - {item.name for item in fields(fo.Solution)} - {"sensitivity"} == DERIVED
 
 
+@pytest.mark.sampled(50)
 @pytest.mark.parametrize(("key", "case", "change"), ROWS)
 def test_a_changed_field_is_refused(key, case, change):
     data = copy.deepcopy(told(case))
@@ -275,6 +276,7 @@ def changed_evidence(name: str):
             yield other
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", [item.name for item in fields(Evidence)])
 def test_changed_evidence_is_refused(name):
     found = solution("beyond")

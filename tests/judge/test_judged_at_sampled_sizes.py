@@ -224,6 +224,7 @@ def test_a_bound_beyond_its_evidence_is_refused():
     assert failed(replace(found, value=found.value, lower_bound=found.value * 1.5), proof=True)
 
 
+@pytest.mark.slow
 def test_commands_say_that_they_judged(tmp_path):
     file = "problems/slot_and_key.toml"
     result = CliRunner().invoke(app, ["stack", file, "--case", "as drawn", "--draws", "5000"])

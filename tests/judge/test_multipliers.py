@@ -150,6 +150,7 @@ ONE = {  # problems with six parameters, and the amount where there is a closed 
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ONE)
 def test_a_bound_of_six_parameters_carried_no_evidence(name: str) -> None:
     problem, amount = ONE[name]
@@ -196,6 +197,7 @@ def meet(one: np.ndarray, two: np.ndarray) -> bool:
     return linprog(np.zeros(len(one) + len(two)), A_eq=system, b_eq=[0, 0, 0, 1, 1]).status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["touch, apart", "edges that cross", "edges apart"])
 def test_multipliers_of_any_motion_exclude_none_that_does(name: str) -> None:
     """Parts that meet as made are to come apart, others to meet: whether they do is told by a linear program."""

@@ -91,6 +91,7 @@ def test_a_comb_kept_as_a_surface_was_moved_through_its_slots(decomposition: str
     assert solution.advice.startswith("Does not fit: ")
 
 
+@pytest.mark.slow
 def test_pins_moved_within_their_holes_were_said_to_go_through_slivers_of_the_cut() -> None:
     bodies = (drawn(name) for name in ("pattern_pins", "pattern_plate"))
     motion = fo.Translation("x") >> fo.Translation("y")
@@ -99,6 +100,7 @@ def test_pins_moved_within_their_holes_were_said_to_go_through_slivers_of_the_cu
     assert list(solution.parameters.values()) == pytest.approx([-0.33698, 0.18383], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_nut_was_moved_one_thread_further_through_its_bolt() -> None:
     problem = fo.Problem(drawn("thread_nut"), drawn("thread_bolt"), target=(0.99, 1.0), goal="clear", motion=UP)
     solution = fo.solve(problem, effort="quick")
@@ -106,6 +108,7 @@ def test_a_nut_was_moved_one_thread_further_through_its_bolt() -> None:
     assert solution.status is Status.OUTSIDE_FIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decomposition", ["surface", "auto"])
 def test_a_countersunk_screw_may_rise_in_its_countersink(decomposition: str) -> None:
     """A cone of 90 degrees, larger by 2 %, rises by what its radius grows, and stays in the bore."""
@@ -158,6 +161,7 @@ def test_a_block_made_too_wide_was_lifted_out_of_a_channel_kept_as_a_surface(dec
         assert solution.parameters["TZ"] == pytest.approx(lift, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radius", "turn", "sides"), [(10.0, 180.0 / 32.0, 32), (10.05, 0.0, 32), (10.05, 0.0, 24), (9.99, 0.0, 24)]
 )
@@ -238,6 +242,7 @@ def test_a_part_that_goes_through_one_it_has_no_contact_with_is_told() -> None:
     assert solution.advice.startswith("peg leaves the place in which it is drawn in plate. ")
 
 
+@pytest.mark.slow
 def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_did_not_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

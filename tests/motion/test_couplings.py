@@ -65,6 +65,7 @@ def kelvin() -> tuple[fo.Body, fo.Body]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coupling", "slope"), [(maxwell, 45.0), (kelvin, 40.0)])
 @pytest.mark.parametrize("scale", [1.02, 0.98])
 def test_a_plate_made_larger_rises_by_what_its_balls_grow(coupling, slope: float, scale: float) -> None:

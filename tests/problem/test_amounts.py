@@ -94,6 +94,7 @@ def test_least_displacement_is_no_larger_than_that_of_the_least_weighted_motion(
             assert moved.lower_bound <= moved.amount
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_no_smaller_displacement_of_a_free_motion_is_found_from_rest(seed):
     """The least weighted motion may lie in another valley."""
@@ -295,6 +296,7 @@ def test_no_motion_in_whole_steps_within_the_limits_is_said():
     assert not solution.parameters
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_no_smaller_motion_in_whole_steps_is_clear(seed):
     """Every smaller grid motion is tried with the oracle's gap."""
@@ -353,6 +355,7 @@ def test_limits_that_are_one_value_lock_a_parameter():
     assert list(solution.parameters.values()) == pytest.approx([0.2, 0.3, 0.1], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amount", ["weighted", "displacement"])
 def test_free_with_all_but_one_parameter_locked_is_that_parameter(amount):
     for name, motion in (("TX", X), ("RZ", Rotation("z"))):

@@ -332,6 +332,7 @@ CORNER = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [X >> Y >> Z, fo.Free()], ids=["shifts", "free"])
 @pytest.mark.parametrize("asked", [("floor", "wall", "back"), ("floor", "wall")], ids=["all", "one in the way"])
 def test_a_block_between_fixed_parts_of_sizes_of_their_own(motion, asked) -> None:
@@ -621,6 +622,7 @@ def test_whatif_and_study_of_a_file_of_an_assembly(tmp_path) -> None:
     assert [row["amount"] for row in result.rows()] == pytest.approx([found["after"]["amount"], least], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_report_says_and_draws_each_case_without_scripts(tmp_path) -> None:
     out = tmp_path / "loop.html"
     assert run("report", FILE, "--out", out).exit_code == 0
@@ -708,6 +710,7 @@ def test_what_a_file_cannot_ask_is_refused_with_its_place(tmp_path, old, new, ke
     assert run("solve", path).exit_code == 2
 
 
+@pytest.mark.slow
 def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
     """The quick form of the comparison, whose full form is benchmarks/compare_assemblies.py."""
     rival = loaded(Path(__file__).parents[2] / "benchmarks" / "compare_assemblies.py")
@@ -722,6 +725,7 @@ def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
     assert not real.feasible(q + 1e-4)
 
 
+@pytest.mark.slow
 def test_a_part_that_must_go_round_another_keeps_on_its_face_by_more_than_a_border() -> None:
     """It was not found: the least motion leaves a foot and its beam no more than an edge, which is no face on face."""
     boxes = {
@@ -802,6 +806,7 @@ def certified(request) -> fo.AssemblySolution:
     return fo.solve(ASKED[request.param], certify=True)
 
 
+@pytest.mark.slow
 def test_the_bound_of_an_assembly_is_proved_anew(certified) -> None:
     assert certified.lower_bound == pytest.approx(certified.amount, rel=1e-4)
     assert fo.verify(certified, proof=True).passed
@@ -815,6 +820,7 @@ def test_the_bound_of_an_assembly_is_proved_anew(certified) -> None:
             assert fo.verify(claimed).passed
 
 
+@pytest.mark.slow
 def test_a_solution_of_an_assembly_is_read_again_as_it_was_told(certified) -> None:
     told = json.loads(json.dumps(certified.to_dict()))
     read = fo.AssemblySolution.from_dict(told)
@@ -833,6 +839,7 @@ def test_a_solution_of_an_assembly_is_read_again_as_it_was_told(certified) -> No
     assert not fo.verify(fo.AssemblySolution.from_dict(nudged)).passed
 
 
+@pytest.mark.slow
 def test_notebooks_show_an_assembly(certified) -> None:
     shown = certified._repr_html_()
     assert f"{certified.amount:.4f}"[:-1] in shown

@@ -104,6 +104,7 @@ def test_published_motions_of_the_boxes_meet_their_goals_in_closed_form() -> Non
         assert np.all(problem.published <= problem.limits[:, 1])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("path", sorted(PROBLEMS.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_case_of_the_project_comes_back_from_plain_data(path: Path) -> None:
     for number, problem in enumerate(load_problems(path)):

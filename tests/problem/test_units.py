@@ -234,6 +234,7 @@ def test_words_say_it() -> None:
     assert solved("").solution.to_dict()["motion"] == solved("mm").solution.to_dict()["motion"].removesuffix(" mm")
 
 
+@pytest.mark.slow
 def test_report_says_it(tmp_path: Path) -> None:
     load(tmp_path, 'unit = "mm"')
     path = tmp_path / "boxes.toml"
@@ -274,6 +275,7 @@ PICTURES: dict[str, tuple[Callable[[str, Path], Figure], str]] = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.usefixtures("coarse_maps")
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures_say_it(name: str, tmp_path: Path) -> None:
@@ -296,6 +298,7 @@ def test_study_says_it(tmp_path: Path) -> None:
     assert mixed.unit == ""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_cards_say_it(tmp_path: Path) -> None:
     made: dict[str, Callable[[str], Any]] = {

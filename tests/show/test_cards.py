@@ -175,6 +175,7 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert named == 4  # a certificate and a what-if name no body
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_other_cards_show_their_numbers(solution: fo.Solution) -> None:
     what = fo.whatif(solution, tolerance=0.03)
@@ -208,6 +209,7 @@ def test_no_motion(solution: fo.Solution) -> None:
     assert "\u2717 NOT_FOUND" in read(nothing).words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["peg_square", "lid", "bracket_stuck"])
 def test_unions_and_keep_outs(name: str) -> None:
     problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]

@@ -65,6 +65,7 @@ def test_solve_writes_one_table_for_all_files(tmp_path: Path) -> None:
     assert shifted["RZ_deg"] == ""
 
 
+@pytest.mark.slow
 def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     """The shift is 2 - r1 - r2: at (+1 %, -0.4 %) it is -0.006."""
     problem = peg()
@@ -84,6 +85,7 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert "Measure the parts" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
     """The peg is 2 wide as drawn, the wall's place is none: the first is a measure, the other a deviation."""

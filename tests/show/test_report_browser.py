@@ -214,6 +214,7 @@ def shows(opened, case, frame):
     assert float(opened.text("now-gap")) == pytest.approx(frame["pair_gap"], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", ["nominal", "rescaled", "corrected", "tracked"])
 def test_poses_change_scene_curve_and_numbers(wide, payload, pose):
     case = payload["cases"][0]
@@ -491,6 +492,7 @@ def test_readable_without_scripts(browser, address):
     context.close()
 
 
+@pytest.mark.slow
 def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
     made = result(["A", HOSTILE])
     made.answers.clear()
@@ -511,6 +513,7 @@ def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
         opened.context.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}])
 def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
     path = tmp_path / "study.html"

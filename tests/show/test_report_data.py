@@ -80,6 +80,7 @@ EVERY = (("example1",), ("example2",), ("boxes",), LID, ("bracket_stuck",))
 # -------------------------------------------------------------------------------------------------------- as a whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", EVERY)
 def test_payload_is_plain_json(names):
     payload = gathered(*names)
@@ -468,6 +469,7 @@ def test_table_is_laid_out_as_the_papers(name):
     assert all(case["quadrant"] for case in payload["cases"])
 
 
+@pytest.mark.slow
 def test_a_case_whose_goal_is_the_files_was_said_to_be_none_of_the_file():
     """Of the lid, A, B and C write the goal that D has by default."""
     (table,) = gathered("lid")["matrices"]

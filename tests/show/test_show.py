@@ -97,6 +97,7 @@ def texts(figure: Any) -> list[str]:
 # ---------------------------------------------------------------------------------------------------------------- files
 
 
+@pytest.mark.slow
 @KINDS
 def test_the_same_picture_gives_the_same_bytes(kind: str, tmp_path: Path) -> None:
     first, second = (save(draw(kind, 1, "B"), tmp_path / part / "picture") for part in ("one", "two"))
@@ -109,6 +110,7 @@ def test_the_same_picture_gives_the_same_bytes(kind: str, tmp_path: Path) -> Non
     assert "<dc:date>" not in svg.read_text()
 
 
+@pytest.mark.slow
 def test_drawing_leaves_the_global_plotting_state_alone() -> None:
     code = """if True:
         import sys, tempfile, matplotlib

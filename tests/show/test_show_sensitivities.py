@@ -101,6 +101,7 @@ def test_without_a_motion_there_are_no_bars_and_the_picture_says_so() -> None:
     check_texts(figure, least=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name"),
     [("example1", "B"), ("example2", "A"), ("bracket", "past the ribs"), ("lid", "A flush on the rim")],
@@ -130,6 +131,7 @@ def test_what_has_no_derivative_is_said_not_drawn() -> None:
     assert math.isnan(made["clearance"].value)
 
 
+@pytest.mark.slow
 def test_an_album_writes_the_sensitivities_of_a_solved_case(tmp_path: Path) -> None:
     said: list[str] = []
     album = Album(tmp_path / "album", said.append)

@@ -162,6 +162,7 @@ def test_no_text_runs_off_the_page_or_into_another(made: Any) -> None:
     check_texts(study_figure(made()))
 
 
+@pytest.mark.slow
 def test_an_album_takes_studies(tmp_path: Path) -> None:
     said: list[str] = []
     album = Album(tmp_path / "album", said.append)

@@ -233,6 +233,7 @@ def test_a_direction_that_does_not_separate_is_noticed():
     assert failed(problem, turned, proof.lower_bound) == {"APART"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", ["beyond", "touch", "clear"])
 def test_a_forged_proof_beyond_a_motion_that_does_is_noticed(goal):
     problem = paper_case("example1", 2)
@@ -357,6 +358,7 @@ def raised(amount: Callable[[Any, Any], Any], goal: str) -> fo.Problem:
     return fo.Problem(TIP, TABLE, motion=motion, goal=goal, tolerance=0.05, requirement="A", amount=amount(x, z))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("amount", "goal", "least"),
     [

@@ -122,6 +122,7 @@ def test_a_common_motion_and_swapped_bodies_change_no_clearance():
         assert swapped.parameters["TZ"] == pytest.approx(-least.parameters["TZ"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_unions_among_keep_outs_keep_clearances_as_the_march_finds_them():
     rng = np.random.default_rng(3)
     for _ in range(12):

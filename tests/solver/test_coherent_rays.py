@@ -26,6 +26,7 @@ def asked(name: str, tolerance: float) -> Problem:
     return CASES[name].changed(tolerance=tolerance, published=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_the_least_motion_grows_with_the_tolerance(name: str) -> None:
     """Beyond a larger target is beyond every smaller one."""
@@ -35,6 +36,7 @@ def test_the_least_motion_grows_with_the_tolerance(name: str) -> None:
     assert (np.diff(amounts) > 0).all(), amounts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), [("B", 0.036), ("B", 0.04), ("B", 0.05), ("C", 0.05)])
 def test_a_proved_bound_is_near(name: str, tolerance: float) -> None:
     solution = fo.solve(asked(name, tolerance), certify=True)
@@ -42,6 +44,7 @@ def test_a_proved_bound_is_near(name: str, tolerance: float) -> None:
     assert (1.0 - WINDOW) * solution.amount <= solution.lower_bound <= solution.amount
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tolerance"), [("B", 0.038), ("B", 0.05), ("C", 0.03)])
 def test_no_direction_has_a_smaller_motion(name: str, tolerance: float) -> None:
     """By brute force: along each of many rays until the contact is lost, with the uncompiled test of the contact."""

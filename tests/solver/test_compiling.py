@@ -46,6 +46,7 @@ CALL = "import sys; sys.path.insert(0, sys.argv[1]); from caller import whole; p
 LOGGED = "import logging; logging.basicConfig(); logging.getLogger('fcdm_opt').setLevel('INFO'); "
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["step"])  # and in the end the other
 def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_path: Path, kind: str) -> None:
     folder = tmp_path / "sources"
@@ -71,6 +72,7 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
     assert answer(factor=3.0, share=0.5) == (3.5, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["kernel", "step"])
 def test_kept_code_of_what_calls_a_module_that_moved_is_made_anew(tmp_path: Path, kind: str) -> None:
     kept, said = (
@@ -183,6 +185,7 @@ def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
         assert " at 0x" not in repr(said), made
 
 
+@pytest.mark.slow
 def test_compiling_in_a_library_call_prints_nothing(tmp_path: Path) -> None:
     (tmp_path / "caller.py").write_text(CALLER)
     (tmp_path / "callee.py").write_text(CALLEE.format(kind="step", factor=2.0, share=0.0))
@@ -194,6 +197,7 @@ def test_compiling_in_a_library_call_prints_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.rglob("*.nbc"))
 
 
+@pytest.mark.slow
 def test_a_first_run_compiled_for_most_of_a_minute_what_small_bodies_need_for_seconds(tmp_path: Path) -> None:
     problem = Path(__file__).parents[2] / "problems" / "example1_touch.toml"
     done = subprocess.run(
@@ -242,6 +246,7 @@ def test_two_processes_beside_each_other_both_compiled_one_kernel(tmp_path: Path
     assert (done.stdout, done.stderr.count("compiling")) == ("[2.0, 2.0]\n", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="no processes beside")
 def test_plain_python_of_processes_beside_was_never_noted_so_that_asking_again_never_got_compiled_code(
     tmp_path: Path,
@@ -280,6 +285,7 @@ def test_processes_that_compile_at_once_do_not_mix_versions(tmp_path: Path, monk
     assert [files.load(key) for key in keys] == ["code for ('float64',)", "code for ('int64',)"]
 
 
+@pytest.mark.slow
 def test_rivals_in_the_charts_ran_as_plain_python() -> None:
     """A kernel whose name starts with an underscore gets no entry from Python: nothing there may call one."""
     called = set[str]()

@@ -46,6 +46,7 @@ def problem(number: int) -> fo.Problem:
                       pair=pair)  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.02, 0.04, 0.045])
 def test_where_the_contact_ends_first_a_free_path_is_no_dearer(tolerance: float) -> None:
     """From 0.04 on the least motion stands at the end of a window of directions, that local searches miss."""
@@ -56,6 +57,7 @@ def test_where_the_contact_ends_first_a_free_path_is_no_dearer(tolerance: float)
     assert free.lower_bound <= free.amount <= coherent.amount * (1.0 + EQUAL)
 
 
+@pytest.mark.slow
 def test_of_random_hulls_free_paths_are_no_dearer() -> None:
     found = 0
     for number in range(12):
@@ -70,6 +72,7 @@ def test_of_random_hulls_free_paths_are_no_dearer() -> None:
     assert found > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [10, 18, 36])
 def test_rays_of_a_free_path_are_no_dearer(number: int) -> None:
     """Where descent answers before, too."""

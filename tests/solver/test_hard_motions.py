@@ -183,6 +183,7 @@ def test_a_ball_turned_about_its_centre_is_proved_infeasible(motion, near, goal)
     assert refused(problem(ball(), plate, motion=motion, goal=goal), Status.INFEASIBLE).lower_bound == math.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [RX >> RY >> RZ, Free()], ids=["three turns", "free"])
 def test_without_a_proof_a_ball_is_not_called_infeasible(motion):
     plate = box((2.25, 0, 0), (0.25, 3, 3))
@@ -285,6 +286,7 @@ def test_seeds_that_coincide_as_drawn_are_refused_by_name():
     assert problem(CUBE, box((2, 0, 0), 0.5, seed=(0, 0, 0)), motion=Screw(Z_AXIS)).weights.size == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "there"),
     [(X >> Screw(), "anywhere"), (X >> Screw(pitch=0.3), "just there"), (X >> Screw(pitch=0.3), "beside"),
@@ -468,6 +470,7 @@ def test_a_gap_that_is_stationary_at_rest_is_closed(pair, goal, motion, model):
         assert consistent(solve(problem_, certify=True)).gap <= GAP
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [RX >> RY >> RZ, Free()], ids=["three turns", "free"])
 @pytest.mark.parametrize("goal", ["touch", "clear"])
 def test_where_no_turn_gains_anything_at_rest_the_descent_went_far_astray(goal, motion):
@@ -480,6 +483,7 @@ def test_where_no_turn_gains_anything_at_rest_the_descent_went_far_astray(goal, 
 # --------------------------------------------------------------------- optimisers: dependent gradients, almost feasible
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("motion", [X >> Y >> Z, Free(), X >> Y >> Z >> RX >> RY >> RZ], ids=["three", "free", "six"])
 @pytest.mark.parametrize("off", [1.0, 1e-3, 1e-6, 1e-7, 1e-8])
 def test_a_corner_is_brought_to_a_corner_however_near(motion, off):
@@ -488,6 +492,7 @@ def test_a_corner_is_brought_to_a_corner_however_near(motion, off):
     np.testing.assert_allclose(solution.transform[:3, 3], off, rtol=1e-6, atol=ROOM)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("off", "turning"),
     [(1e-3, (Free(), X >> Y >> Z >> RX >> RY >> RZ)), (1e-6, (Free(),)), (1e-8, (X >> Y >> Z >> RX >> RY >> RZ,))],
@@ -704,6 +709,7 @@ def swept() -> list[Problem]:
     return found
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("number", range(1, SWEPT, 2))
 def test_degenerate_problems_get_an_answer_that_stands(number):
     asked = swept()[number]

@@ -78,6 +78,7 @@ def grown(number: int) -> set[tuple[int, ...]]:
     return cubes
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("name", [*SOLIDS, *range(4)])
 def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str | int) -> None:
     vertices, faces = surface_of(grown(name) if isinstance(name, int) else VOXELS[name][0])
@@ -153,6 +154,7 @@ ELL = surface_of(VOXELS["L"][0])
 NOTCH = list(product((1, 2), (1, 2), (0, 1)))  # what an L has not of a block of 2 x 2 x 1
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("shapes", "direction", "low", "high"),
     [
@@ -191,6 +193,7 @@ def test_ranges_over_the_facets_of_a_surface_are_those_of_solids_cut(shapes, dir
     assert [event.kind for event in found[0].events] == [event.kind for event in found[1].events]
 
 
+@pytest.mark.slow
 def test_parts_of_large_meshes_that_are_apart_have_no_gap_at_all_sizes(bored: fo.Body) -> None:
     problem = Problem(
         prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
@@ -308,6 +311,7 @@ def test_contact_rows_of_a_large_mesh_were_refused() -> None:
     assert min(float(row(q=[0.0, 0.0])["gap"]) for row in rows.contacts) == pytest.approx(-0.2, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
     problem = Problem(
         prism(SIDES, PEG, -1.0, 5.0), bored, tolerance=0.01, requirement="C", motion=Translation("x"), goal="touch"
@@ -384,6 +388,7 @@ def test_boxes_that_overlap_are_found_as_by_comparing_all() -> None:
         assert set(listed) == wanted
 
 
+@pytest.mark.slow
 def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch: pytest.MonkeyPatch) -> None:
     """The plate grows about its middle and takes its pin along: the ring must follow aside, or it does not seat."""
     from manifold3d import Manifold

@@ -241,6 +241,7 @@ def test_derivatives_of_jets() -> None:
 # ---------------------------------------------------------------------------------------------------------- the chart
 
 
+@pytest.mark.slow
 def test_the_quick_chart_is_solved_and_asked_anew() -> None:
     cases = chart_cases(True, 0)
     assert len({case.name for case in cases}) == len(QUICK) + 3

@@ -72,6 +72,7 @@ def test_a_taper_from_step_files_is_proved_of_its_cones(tmp_path: Path) -> None:
     assert "smallest possible (proved)" in verdict_text(solution)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "phase"), [(24, 0.5), (32, 0.0)])
 def test_a_taper_of_facets_is_not_proved_of_them(count: int, phase: float) -> None:
     plug, socket = frustum(count, phase), bored(WIDE, WIDE + TAPER * LONG, 16.0, count)
@@ -93,6 +94,7 @@ def test_balls_apart_touch_between_what_larger_and_smaller_ones_do() -> None:
     assert solution.amount_low < solution.amount == pytest.approx(solution.amount_high)
 
 
+@pytest.mark.slow
 def test_round_faces_away_from_the_contact_leave_nothing_open(tmp_path: Path) -> None:
     """A pin 1 above a plate with a bore elsewhere: its plane end meets the plane top."""
     text = cylinder(3.0, 8.0, np.eye(3))
@@ -149,6 +151,7 @@ SOLIDS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("kind", "decomposition"),
     [("cylinder", "auto"), ("tube", "auto"), ("rounded", "auto"), ("cone", "surface"), ("dome", "surface"),
@@ -193,6 +196,7 @@ TORI = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("kind", TORI)
 def test_fillets_of_plain_meshes_count_as_tori(tmp_path: Path, kind: str, single: bool) -> None:
@@ -213,6 +217,7 @@ def test_fillets_of_plain_meshes_count_as_tori(tmp_path: Path, kind: str, single
     assert inner < mesh.volume < outer
 
 
+@pytest.mark.slow
 def test_a_ring_on_its_side_touches_where_its_torus_may() -> None:
     mesh = trimesh.creation.revolve(np.array(arc(10, 0, 3, 0, 2 * np.pi, 13)), sections=16)
     turned = np.array(mesh.vertices) @ about_z(math.pi / 16).T
@@ -374,6 +379,7 @@ def shaft_in_a_bush(radius: float, bore: float) -> fo.Problem:
     return fo.Problem(shaft, bush, target=(1.0, 1.0), motion=x, goal="clear", limits={"TX": (-1.0, 1.0)})
 
 
+@pytest.mark.slow
 def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
     """The cylinders have .02 of play, their facets overlap by up to .048 - .02; it was "impossible (proved)"."""
     problem = shaft_in_a_bush(9.98, 10.0)
@@ -404,6 +410,7 @@ def test_a_press_fit_that_no_smaller_parts_mend_passes_the_judge() -> None:
     assert not fo.verify(replace(solution, amount_low=0.0, amount_high=1.0)).passed
 
 
+@pytest.mark.slow
 def test_what_the_mesh_leaves_open_is_stored_and_judged() -> None:
     plug, socket = frustum(24, 0.5), bored(WIDE, WIDE + TAPER * LONG, 16.0, 24)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))
@@ -450,6 +457,7 @@ def test_what_meshes_leave_open_of_an_assembly_is_told() -> None:
     assert "smallest possible together (proved)" in assembly_verdict(exact)
 
 
+@pytest.mark.slow
 def test_errors_of_facets_come_back_with_a_stored_body(tmp_path: Path) -> None:
     cap = [(0, 0), (10, 0, 0, 0), (0, 10)]
     for text, decomposition in ((cylinder(6.0, 9.0, np.eye(3)), "auto"), (revolved(cap, np.eye(3)), "surface")):

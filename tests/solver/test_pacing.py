@@ -99,6 +99,7 @@ def test_time_that_does_for_it_changes_nothing(counted: None) -> None:
     assert one.amount == pytest.approx(0.05 * math.sqrt(3.0), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_share_of_the_looks_finds_motions_and_a_share_none(counted: None) -> None:
     found = [solve(in_the_corner(Free()), time=looks).status.found for looks in LOOKS]
     assert not found[0]

@@ -115,6 +115,7 @@ KNOWN: dict[str, tuple[Boxes, Boxes, Boxes, Any, dict[str, Any], list[float]]] =
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_free_motion_was_not_least(name: str) -> None:
     """Local programs of one way apart ended up to a fifth above a motion that is known to do."""
@@ -143,6 +144,7 @@ def test_one_and_two_parameters_are_proved_to_one_percent(file: str) -> None:
         assert not solution.doubt
 
 
+@pytest.mark.slow
 def test_where_the_origin_is_does_not_matter() -> None:
     """Ten thousand sizes off, amounts agree to 1e-9 of the size."""
     amounts = []
@@ -223,6 +225,7 @@ def test_efforts_that_are_none_are_refused(key: str, how: dict[str, Any]) -> Non
         fo.solve(problem, **how)
 
 
+@pytest.mark.slow
 def test_a_proof_ends_with_its_time(ticking: Iterator[int]) -> None:
     """Six parameters never close; the time given is kept to within one batch of cells."""
     movable, static, _, seed, asked, _ = KNOWN["a step on a step beside a block"]

@@ -59,6 +59,7 @@ def test_a_pin_meets_its_bore_after_its_play_along_any_direction(play: float, fa
     assert solution.amount == pytest.approx(play, **NEAR)
 
 
+@pytest.mark.slow
 def test_a_pin_beside_its_bore_is_cleared_to_where_it_just_fits() -> None:
     """Two parameters: the nearest point of a disc; parts that overlap need no less than those within them."""
     solution = usable(asked(pin(9.9, at=(0.2, 0.1)), plate(10.0), X >> Y, goal="clear"))
@@ -106,6 +107,7 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
     assert solution.amount_low == pytest.approx(abs(off), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     block = fo.Prism([(-60, -9), (60, -9), (60, 30), (30, 30), (0, 0), (-30, 30), (-60, 30)], 60.0)
     problem = asked(fo.Cylinder(8.0, 50.0, base=(0, 8.0 * math.sqrt(2.0) + 0.1, 5.0)), block, Y)
@@ -114,6 +116,7 @@ def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(mo
     assert usable(problem, certify=True).amount_low == pytest.approx(0.1, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_slot_of_half_rounds_is_a_round_face_that_goes_on_in_planes() -> None:
     """Surfaces that are smooth along an edge have one normal there: it was a singular system of equations."""
     rounds = [fo.Cylinder(5.1, 20, base=(x, 0, -10)) for x in (-3, 3)]
@@ -188,6 +191,7 @@ def test_what_does_not_fit_by_a_hundredth_is_proved_not_to() -> None:
     assert solution.amount_low == math.inf
 
 
+@pytest.mark.slow
 def test_a_solution_of_round_faces_is_stored_and_judged_again() -> None:
     solution = usable(asked(pin(9.9), plate(10.0), X))
     read = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
@@ -236,6 +240,7 @@ def test_a_stack_up_of_a_press_fit_is_that_of_its_diameters() -> None:
     assert not all(check.passed for check in claimed.checks())
 
 
+@pytest.mark.slow
 def test_a_stack_up_looked_at_the_contact_that_is_nearest_as_drawn_alone() -> None:
     """A stepped pin of .02 and .05 play: the small step grows by .03, its bore shrinks by .025, and they interfere."""
     bores = fo.Cylinder(10.0, 22.0, facets=16), fo.Cylinder(6.0, 16.0, base=(0, 0, -15.5), facets=16)
@@ -253,6 +258,7 @@ def test_a_stack_up_looked_at_the_contact_that_is_nearest_as_drawn_alone() -> No
     assert problem.changed(made="worst").made == {"small": 0.06, "bore": -0.05}
 
 
+@pytest.mark.slow
 def test_one_pose_for_all_diameters_is_in_the_middle_of_the_bore() -> None:
     """Gaps of -.0075 to .0095 in the middle; .001 beside it they are as far off on either side."""
     problem = fit(((0.002, 0.015), (0.0, 0.021)))
@@ -267,6 +273,7 @@ def test_one_pose_for_all_diameters_is_in_the_middle_of_the_bore() -> None:
     assert fo.verify(found).passed
 
 
+@pytest.mark.slow
 def test_parts_of_an_assembly_meet_on_their_true_faces() -> None:
     """One after the other: a pin in a sleeve in a plate; and together: a roller on two flanks."""
     way = fo.Translation((0.6, 0.8, 0.0))

@@ -163,6 +163,7 @@ def test_a_bump_on_the_way_ends_the_coherent_range():
     seated(asked.changed(path="free"), 0.05 * math.hypot(50, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "axis", "reach"),
     [(BLOCK, (1, 0), 5.1), (PRISM, (1, 0), 5.1), (PRISM, (0, 1), 4)],

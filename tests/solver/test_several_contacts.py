@@ -137,6 +137,7 @@ def pocket() -> fo.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("goal", "motion"), [("at", SHIFTS), ("fit", SHIFTS), ("at", fo.Free())], ids=str)
 def test_flush_walls_that_are_not_listed_are_left_too(pocket, goal, motion) -> None:
     """Of three flush walls one is listed: the block that has grown by 2 % about its middle leaves all by its growth."""
@@ -466,6 +467,7 @@ def test_a_corner_on_a_corner_and_an_edge_stay_on_each_other(requirement) -> Non
     assert refused.value.key == "contacts"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("requirement", "ABCD")
 def test_a_corner_that_turns_on_a_corner_was_held_by_other_corners_of_its_faces(requirement) -> None:
     """No motion was found, as any corner that lies in a face as drawn stood for it. Of a turn the shift is known."""

@@ -100,6 +100,7 @@ def test_thin_parts_that_slip_past_each_other_touch_as_drawn(number: int) -> Non
     assert {"apart below", "overlapping above"} <= {check.name for check in solution.certificate.checks}
 
 
+@pytest.mark.slow
 def test_a_clearance_nobody_had_proved_took_a_quarter_of_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts swollen by their clearance have many times the vertices, and as many cells were looked at as without."""
     rng = np.random.default_rng(0)
@@ -121,6 +122,7 @@ def test_a_clearance_nobody_had_proved_took_a_quarter_of_a_minute(monkeypatch: p
     assert vertices[0] < 1e7
 
 
+@pytest.mark.slow
 def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of hundreds of pairs that touch was looked at where each of as many contacts opens, all pairs of edges."""
     sphere = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
@@ -146,6 +148,7 @@ def test_a_ball_in_its_cup_was_asked_at_every_step_of_every_facet(monkeypatch: p
     assert (made[0].translate([0.0, 0.0, rise - 1e-4]) ^ made[1]).volume() > 1e-6
 
 
+@pytest.mark.slow
 def test_a_shaft_in_a_bore_of_other_sides_went_to_the_nonlinear_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 48 part pairs it tried dozens of starts and choices, for minutes; a descent from a contact ends at once."""
 
@@ -192,6 +195,7 @@ def test_the_distance_of_a_cone_of_many_sides_from_a_large_ball_is_known() -> No
     assert ScaledPair(cone, ball).signed_distance((1.0, 1.0), np.eye(4)) == pytest.approx(lowest - 1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_screw_in_its_nut_touches_where_dozens_of_facets_are_near() -> None:
     """Facets nearly as near as those that touch open at other changes of the sizes, and need not open at these."""
     turns, made = np.arange(24) * np.pi / 12, []

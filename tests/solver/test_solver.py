@@ -119,6 +119,7 @@ def agree(one: Solution, two: Solution, factor: float = 1.0) -> None:
 # ------------------------------------------------------------------------------------------------- every single answer
 
 
+@pytest.mark.sampled(5)
 @EVERY_TASK
 def test_every_answer_is_judged_and_bounded(number):
     solution = answer(number)
@@ -162,6 +163,7 @@ def sequence(steps: list[Step]) -> Motion:
     return made
 
 
+@pytest.mark.sampled(24)
 @SOME_TASKS
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 1e3])
 def test_the_unit_of_length_scales_amounts_and_lengths_only(number, factor):
@@ -315,6 +317,7 @@ def tracked_pair(problem: Problem, T: np.ndarray) -> np.ndarray:
     return np.array([float(x) for x in exact_meeting(problem, problem.nominal_contact.features, T)])
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("number", TRACKED_TASKS, ids=lambda k: "-".join(map(str, TASKS[k])))
 def test_no_smaller_motion_takes_the_tracked_point_beyond_its_target(number):
     problem, solution = task(number), answer(number)
@@ -429,6 +432,7 @@ def odd_problem(rng: np.random.Generator) -> Problem | None:
         return None
 
 
+@pytest.mark.slow
 def test_whatever_is_asked_gets_a_status_and_no_exception():
     rng, asked, statuses = np.random.default_rng(51), 0, set()
     while asked < 16:

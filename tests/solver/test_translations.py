@@ -210,6 +210,7 @@ def test_one_pair_of_many_faces_is_settled(number):
         assert solution.lower_bound == solution.amount
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("count", "axes"), [(8, "xyz"), (8, "slanted"), (24, "xyz"), (24, "slanted"), (100, "slanted"), (400, "xyz")]
 )

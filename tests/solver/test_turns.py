@@ -71,6 +71,7 @@ def amount_at(task: Task, theta: np.ndarray, apart: bool) -> float:
     return float(np.hypot(np.linalg.norm(rest[:3] / rest[3]) * gaps.max(), turning))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("motion", range(len(MOTIONS)))
 @pytest.mark.parametrize("apart", [True, False])
 def test_no_search_finds_less_than_the_bound(motion, apart):
@@ -99,6 +100,7 @@ def test_no_search_finds_less_than_the_bound(motion, apart):
     assert searched >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [True, False])
 def test_one_rotation_agrees_with_a_fine_grid(apart):
     answered = 0
