@@ -97,10 +97,14 @@ class WholeSurfaces:
         found, near = 0, FIRST * self._size
         corners, solid = self._placed(one, inner.points), self._placed(two, outer.points)[outer.triangles]
         low, high = solid.min(axis=1) - near, solid.max(axis=1) + near
+        box = low.min(axis=0), high.max(axis=0)
         for rows in inner.shells:
             pacing.check()
             ends = [rows[place(corners[rows], axis=0)] for place in (np.argmin, np.argmax)]
             points = corners[np.unique([*rows[:: max(1, len(rows) // CORNERS)], *ends[0], *ends[1]])]
+            beyond = ((points < box[0]) | (points > box[1])).any(axis=1)
+            if 2 * np.count_nonzero(beyond) > len(points):
+                continue
             boxes = [solid[((low <= point) & (point <= high)).all(axis=1)] for point in points]
             on = [(distances(point[None, None], own) <= near).any() for point, own in zip(points, boxes, strict=True)]
             free = ~np.array(on)  # at corners that touch, rounding chooses

@@ -62,8 +62,8 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
         Text above and below the picture.
     """
     kind = {1: "sizes", 2: "pairs"}.get(len(sizes.box), "sets of sizes")
-    said = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
-    sheet = Sheet.of(PAGE, 3.2, title=title, caption="\n".join(filter(None, (caption, said))))
+    below = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
+    sheet = Sheet.of(PAGE, 3.2, title=title, caption="\n".join(filter(None, (caption, below))))
     named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
     labels = [
         literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
