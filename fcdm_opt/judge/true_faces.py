@@ -1,8 +1,9 @@
 """The judge's look at round faces: on points of these, by equations of its own, and finer where they come nearest.
 
 What is solved for bodies of facets must hold for the faces that these stand for. Points are taken on the triangles of
-either body near the other, brought onto the surface that a triangle stands for, and measured against the surfaces of
-the other body; about the nearest the grid is made finer until it tells no more.
+either body near the other, brought onto the face that a triangle stands for, which ends where its surface meets the
+next one, and measured against the faces of the other body; about the nearest the grid is made finer until it tells no
+more.
 """
 
 from __future__ import annotations
@@ -11,19 +12,24 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.patches import TrueFaces
 from fcdm_opt.geometry.tessellation import Swept
 
 GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
 FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
-ROUNDING = 1e-12  # of areas
+AROUND = -1.0, -0.5, 0.0, 0.5, 1.0  # of its width: the next, which is less wide, leaves none between
+ROUNDING = 1e-12  # of areas, and of a chord how far off surfaces a point counts as on them
 SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
 FEWEST = 6  # times at least; then until it tells no more
 SLACK = 1e-9  # of the band: nearer to a rim a point is on it
-SMOOTH = 0.99  # cosine of the angle of two faces from which on one goes on in the other
-KEPT = 6  # points about which it is made finer, of each two surfaces
+TIMES_ONTO = 8  # that points are brought onto two surfaces
+SMOOTH = 1e-9  # square of the angle at which a surface goes on in the next one
+ROUND = 1e-6  # of a chord: by so much its ends differ in height and radius about an axis that it is round of
+BENT = 1e-12  # of a chord: an edge that leaves it by less is straight
+BOWED = 1.5  # times what an edge leaves its chord at three places: it does nowhere by more
+KEPT, OF_EACH = 16, 2  # points about which it is made finer, of each two surfaces, and of each triangle
 
 
 def gap_of_true_faces(
@@ -65,6 +71,8 @@ class _There:
             return np.asarray((seed + scale * (points - seed)) @ pose[:3, :3].T + pose[:3, 3])
 
         self.corners = there(faces.corners)
+        self.neighbours = _neighbours(faces.corners, faces.owners)
+        self._known = dict[int, list[tuple[int, Array, Array, Array, Array]]]()
         self.patches = [
             (
                 own.surface._replace(
@@ -78,40 +86,144 @@ class _There:
             for own in faces.patches
         ]
 
-    def onto(self, k: int, points: Array) -> Array:
-        """Return points brought onto a surface."""
-        surface, _ = self.patches[k]
-        if not self.is_round[k]:
-            return points
-        for _ in range(3):
-            height, directions = _height(surface, points)
-            points = points - height[:, None] * directions
-        return points
+    def points(self, k: int, which: Ints, shares: Array) -> Array:
+        """Return points of a face by triangles of it and shares of their corners: those of sides are on its edges."""
+        corners = self.corners[which]
+        points = np.einsum("nk,nki->ni", shares, corners)
+        on_edges, edges = np.zeros(len(points), bool), points.copy()
+        for s in range(3):
+            there, next_, others = s, (s + 1) % 3, self.neighbours[which, s]
+            whole = shares[:, there] + shares[:, next_]
+            for m in self.bent_neighbours(k, others):
+                rows = np.flatnonzero((others == m) & (whole > 0.0))
+                start, end = corners[rows, there], corners[rows, next_]
+                along = (shares[rows, next_] / whole[rows])[:, None]
+                curve = _on_edge(self.patches[k][0], self.patches[m][0], start, end, along)
+                points[rows] += whole[rows, None] * (curve - start - along * (end - start))
+                ends = shares[rows, (s + 2) % 3] == 0.0
+                on_edges[rows[ends]], edges[rows[ends]] = True, curve[ends]
+        if self.is_round[k]:
+            for _ in range(3):
+                height, directions = _height(self.patches[k][0], points)
+                points = points - height[:, None] * directions
+        return np.where(on_edges[:, None], edges, points)
 
-    def cut_off(self, points: Array, own: int, band: Array, least: Array, cosine: float = np.inf) -> Flags:
-        """Tell which points are before another face than their own by so much at least and at most: not of the face.
+    def bent_neighbours(self, k: int, others: Ints) -> list[int]:
+        """Return which of its neighbours it may have bent edges with."""
+        return [m for m in np.unique(others).tolist() if m != k and (self.is_round[k] or self.is_round[m])]
 
-        Not those before faces to which the angle has no smaller cosine.
-        """
-        found, normals = np.zeros(len(points), bool), _height(self.patches[own][0], points)[1]
-        for k in range(len(self.patches)):
-            if k == own:
-                continue
-            surface, side = self.patches[k]
-            height, directions = _height(surface, points)
-            off = side * height
-            sharp = np.abs(np.einsum("ni,ni->n", normals, directions)) < cosine
-            rows = np.flatnonzero((off > least) & (off <= band) & sharp & ~found)
-            feet = points[rows] - height[rows, None] * directions[rows]
-            found[rows] = _over(feet, directions[rows], self.corners[self.owners == k])
+    def has(self, k: int, feet: Array, slack: float) -> Flags:
+        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord."""
+        if not len(feet):
+            return np.zeros(0, bool)
+        surface, side = self.patches[k]
+        own = np.flatnonzero(self.owners == k)
+        normals = side * _height(surface, feet)[1]
+        found = _over(feet, normals, self.corners[own])
+        beyond = np.zeros(len(feet), bool)
+        for m, start, end, low, high in self._bent_edges(k):
+            i, e = overlapping_between(feet, feet, low - slack, high + slack).T
+            along = end[e] - start[e]
+            length = np.linalg.norm(along, axis=1)
+            share = np.einsum("ni,ni->n", feet[i] - start[e], along) / length**2
+            between = (share >= 0.0) & (share <= 1.0)
+            i, e, along, length, share = (each[between] for each in (i, e, along, length, share))
+            chord = start[e] + share[:, None] * along
+            out = np.cross(along, normals[i]) / length[:, None]
+            curve = _on_edge(surface, self.patches[m][0], start[e], end[e], share[:, None])
+            off, bow = (np.einsum("ni,ni->n", each - chord, out) for each in (feet[i], curve))
+            found[i[(off >= 0.0) & (off <= bow + slack)]] = True
+            beyond[i[(off <= 0.0) & (off > bow + slack)]] = True
+        return found & ~beyond
+
+    def _bent_edges(self, k: int) -> list[tuple[int, Array, Array, Array, Array]]:
+        """Return the edges of a face that leave their chords, by the face beyond: ends of these, and of their boxes."""
+        if k not in self._known:
+            self._known[k] = found = []
+            which, s = np.nonzero((self.owners == k)[:, None] & (self.neighbours != k))
+            for m in self.bent_neighbours(k, self.neighbours[which, s]):
+                rows = self.neighbours[which, s] == m
+                start, end = (self.corners[which[rows], own] for own in (s[rows], (s[rows] + 1) % 3))
+                one, two, bow = self.patches[k][0], self.patches[m][0], np.zeros(len(start))
+                for share in (0.25, 0.5, 0.75):
+                    curve = _on_edge(one, two, start, end, np.full((len(start), 1), share))
+                    bow = np.maximum(bow, np.linalg.norm(curve - start - share * (end - start), axis=1))
+                bent = bow > BENT * np.linalg.norm(end - start, axis=1)
+                start, end, room = start[bent], end[bent], BOWED * bow[bent, None]
+                if len(start):
+                    found.append((m, start, end, np.minimum(start, end) - room, np.maximum(start, end) + room))
+        return self._known[k]
+
+    def nearer(self, points: Array, k: int, depth: Array, slack: float) -> Flags:
+        """Tell which points are less deep behind another face than behind this one, or as little before one."""
+        found = np.zeros(len(points), bool)
+        for m, (surface, side) in enumerate(self.patches):
+            if m != k:
+                height, directions = _height(surface, points)
+                off = side * height
+                rows = np.flatnonzero((off > slack - depth) & (off <= depth) & ~found)
+                found[rows] = self.has(m, points[rows] - height[rows, None] * directions[rows], slack)
         return found
+
+
+def _neighbours(corners: Array, owners: Ints) -> Ints:
+    """Return the surface on the other side of each side of triangles, from a corner to the next, (t, 3)."""
+    _, same = distinct_rows(corners.reshape(-1, 3))
+    ends = np.sort(np.stack([same, np.roll(same.reshape(-1, 3), -1, axis=1).reshape(-1)], axis=1), axis=1)
+    found = np.repeat(owners, 3)
+    of = found.copy()
+    order = np.lexsort(ends.T)
+    pair = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
+    one, two = order[pair], order[pair + 1]
+    found[one], found[two] = of[two], of[one]
+    return found.reshape(-1, 3)
+
+
+def _on_edge(one: Swept, two: Swept, start: Array, end: Array, share: Array) -> Array:
+    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord."""
+    along = end - start
+    points = start + share * along
+    length = np.linalg.norm(along, axis=1)
+    middle, half = 0.5 * (start + end), (share - 0.5) * along
+    for surface in (one, two):  # about an axis of which they are round: where they go on in each other no more is told
+        if surface.flat:
+            continue
+        z, far = zip(*(_about(surface, own) for own in (start, middle, end)), strict=True)
+        r = [np.linalg.norm(own, axis=1) for own in far]
+        alike = np.maximum(np.abs(z[0] - z[2]), np.abs(r[0] - r[2])) <= ROUND * length
+        square = r[0] ** 2 - np.einsum("ni,ni->n", half, half)
+        rows = np.flatnonzero(alike & (square > 0.0) & (r[1] > ROUND * r[0]))
+        bowed = middle[rows] + half[rows] + (np.sqrt(square[rows]) / r[1][rows] - 1.0)[:, None] * far[1][rows]
+        off = [np.maximum(*(np.abs(_height(own, at)[0]) for own in (one, two))) for at in (bowed, points[rows])]
+        nearer = off[0] < off[1]
+        points[rows[nearer]] = bowed[nearer]
+    along = along / np.maximum(length, np.finfo(float).tiny)[:, None]
+    for _ in range(TIMES_ONTO):
+        found = (_height(surface, points) for surface in (one, two))
+        height, directions = (np.stack(own, axis=1) for own in zip(*found, strict=True))
+        if np.abs(height).max(initial=0.0) <= ROUNDING * length.max(initial=0.0):
+            break
+        across = directions - np.einsum("nki,ni->nk", directions, along)[..., None] * along[:, None]
+        (a, b), (_, c) = np.einsum("nki,nli->kln", across, across)
+        whole = np.maximum(a + c, np.finfo(float).tiny)
+        det = a * c - b * b
+        smooth = det <= SMOOTH * whole**2  # then as of one surface
+        inverse = np.array([[c, -b], [-b, a]]) / np.where(smooth, 1.0, det)
+        inverse = np.where(smooth, np.array([[a, b], [b, c]]) / whole**2, inverse)
+        points = points - np.einsum("nki,kln,nl->ni", across, inverse, height)
+    return points
+
+
+def _about(surface: Swept, points: Array) -> tuple[Array, Array]:
+    """Return how far points are along the axis of a surface, and where across it."""
+    local = points - surface.origin
+    z = local @ surface.axis
+    return z, local - np.outer(z, surface.axis)
 
 
 def _height(surface: Swept, points: Array) -> tuple[Array, Array]:
     """Return how far points are off a surface, and the ways there: from the nearest point of its profile."""
-    local = points - surface.origin
-    z = local @ surface.axis
-    radial = local - np.outer(z, surface.axis)
+    z, radial = _about(surface, points)
     r = np.sqrt(np.einsum("ni,ni->n", radial, radial))
     out = radial / np.where(r > 0.0, r, 1.0)[:, None]
     if surface.line is None:  # a circle of this radius about (ring, 0) in the half-plane of r and z
@@ -133,45 +245,55 @@ def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[
         for j in np.unique(own.owners[near]).tolist():
             if (j, k) in without:
                 continue
-            triangles = own.corners[near & (own.owners == j)]
-            deepest = max(deepest, _of_two(own, j, triangles, other, k, theirs, band))
+            triangles = np.flatnonzero(near & (own.owners == j))
+            deepest = max(deepest, _of_two(own, j, triangles, other, k, band))
     return deepest
 
 
-def _of_two(own: _There, j: int, triangles: Array, other: _There, k: int, theirs: Array, band: float) -> float:
+def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: float) -> float:
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
-    shares = np.array([(1.0 - u - v, u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
+    shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
+    shares[shares < 1e-9] = 0.0
     surface, side = other.patches[k]
-    which, shares = np.repeat(np.arange(len(triangles)), len(shares)), np.tile(shares, (len(triangles), 1))
-    deepest, width = -np.inf, 1.0
+    which, shares = np.repeat(triangles, len(shares)), np.tile(shares, (len(triangles), 1))
+    deepest, width, slack = -np.inf, 1.0, SLACK * band
     for turn in range(TIMES):
-        points = own.onto(j, np.einsum("nk,nki->ni", shares, triangles[which]))
+        points = own.points(j, which, shares)
         height, directions = _height(surface, points)
         depth = -side * height
-        feet, slack = points - height[:, None] * directions, SLACK * band
         inside = np.abs(height) <= band
         rows = np.flatnonzero(inside)
-        inside[rows] = _over(feet[rows], directions[rows], theirs)
-        for there, face, places, far in ((own, j, points, band), (other, k, feet, band), (other, k, points, depth)):
-            rows = np.flatnonzero(inside)
-            most = np.broadcast_to(far, inside.shape)[rows]
-            least = slack - most if far is depth else np.full(len(rows), slack)  # behind the nearest face alone
-            smooth = SMOOTH if there.is_round[face] and far is band else np.inf  # it goes on in such a face
-            inside[rows] = ~there.cut_off(places[rows], face, most, least, smooth)
+        inside[rows] = other.has(k, points[rows] - height[rows, None] * directions[rows], slack)
+        rows = np.flatnonzero(inside)  # sides of triangles from a bent edge may cut across its bow
+        inside[rows] = own.has(j, points[rows], slack)
+        rows = np.flatnonzero(inside)
+        inside[rows] = ~other.nearer(points[rows], k, depth[rows], slack)
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
         if turn >= FEWEST and deepest - before <= 1e-12 * float(np.abs(points).max()):
             break
-        best = np.flatnonzero(inside)[np.argsort(-depth[inside])[:KEPT]]
+        best = _best(np.flatnonzero(inside)[np.argsort(-depth[inside])], which)
         width *= FINER
-        moves = width * np.array([(u, v) for u in (-1.0, 0.0, 1.0) for v in (-1.0, 0.0, 1.0)])
+        moves = width * np.array([(u, v) for u in AROUND for v in AROUND])
         moves = np.column_stack([-moves.sum(axis=1), moves])
         shares = np.clip(shares[best][:, None] + moves, 0.0, 1.0).reshape(-1, 3)
         shares /= shares.sum(axis=1, keepdims=True)
         which = np.repeat(which[best], len(moves))
     return deepest
+
+
+def _best(order: Ints, which: Ints) -> Ints:
+    """Return the first rows of an order, few of each triangle: what is largest on a grid may not be it between."""
+    kept, count = list[int](), dict[int, int]()
+    for row, triangle in zip(order.tolist(), which[order].tolist(), strict=True):
+        if count.get(triangle, 0) < OF_EACH:
+            count[triangle] = count.get(triangle, 0) + 1
+            kept.append(row)
+            if len(kept) == KEPT:
+                break
+    return np.array(kept)
 
 
 def _over(feet: Array, directions: Array, triangles: Array) -> Flags:

@@ -216,6 +216,23 @@ def test_the_judge_refuses_motions_that_are_right_for_facets_alone(monkeypatch: 
     assert gap == pytest.approx(0.01, abs=1e-9)
 
 
+def test_the_judge_took_points_beyond_the_rims_of_round_faces() -> None:
+    """A taper in its socket, of whose rim facets fall short by .3, and a tip that is in a disc beyond its facets."""
+    slope, shift = 0.1, np.eye(4)
+    plug = fo.Cone(10.5, 8.5, 20, base=(0, 0, -5), facets=12)
+    socket = fo.cut(fo.Box((40, 40, 10), centre=(0, 0, 5)), plug)
+    for risen in (0.0, 0.03, -0.03):
+        shift[2, 3] = risen
+        gap = gap_of_true_faces([true_faces(plug), true_faces(socket)], np.ones(2), shift, 3.0)
+        assert gap == pytest.approx(-risen * slope / math.hypot(1.0, slope), abs=1e-9)
+    way = np.array([math.cos(math.pi / 12), math.sin(math.pi / 12), 0.0])  # to the middle of a facet, 9.66 away
+    around = np.outer([0, 1, 3, 3], way) + np.array([(0, 0, 0), (0, 0, 9), (0, 1, 9), (0, -1, 9)])
+    for far, gap in ((9.8, -0.1), (9.96, -0.04), (10.02, 0.02)):
+        tip = fo.Body.convex(far * way + (0, 0, 3.9) + around, name="tip")
+        faces = [true_faces(tip), true_faces(fo.Cylinder(10, 4, facets=12))]
+        assert gap_of_true_faces(faces, np.ones(2), np.eye(4), 1.0) == pytest.approx(gap, abs=1e-9)
+
+
 def fit(limits: tuple[tuple[float, float], tuple[float, float]], **more) -> fo.Problem:
     """A shaft and a bore of diameter 20, line to line as drawn, of other facets."""
     shaft, bore = limits
