@@ -37,6 +37,7 @@ from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.tolerances import DEFAULT
 
+MOST_OF_TIME = 0.6  # share of it in which true faces are looked for: else there is none for facets
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
 
@@ -126,21 +127,35 @@ def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
     if how.effort != "quick" and pacing.limited():
         facets_known(problem)
-    solution = _solved_all(problem, how)
-    at_once = partial(_solved_all, how=_at_once(how))
-    fits = has_round_faces(problem) and (solution.usable or not pacing.in_time(too_wide, problem, late=True))
-    points = pacing.in_time(points_of_true_faces, problem, at_once, outside_fit, late=None) if fits else None
-    if points is not None:
-        found = pacing.in_time(lambda: _solved_all(problem.with_exact_points(points), how), late=solution)
-        refused = problem.goal == "clear" and found.status in IMPOSSIBLE
-        solution = found if found.usable or refused else solution
+    wide, solution = has_round_faces(problem) and pacing.in_time(too_wide, problem, late=True), None
+    if not wide:
+        solution = _of_true_faces(problem, how)
+    if solution is None:
+        solution = _solved_all(problem, how)
+        if wide and solution.usable:  # as where one part is lifted off the other
+            solution = _of_true_faces(problem, how) or solution
     quick = how.effort == "quick"
     return with_mesh_error(solution, partial(_solved_again, how), certify=how.certify, quick=quick)
 
 
-def _at_once(how: _How) -> _How:
-    """Return how a question is solved whose answer is looked at alone."""
-    return how._replace(certify=False, effort="quick", judge=False)
+def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
+    """Return the solution with parts that are exact where their round faces meet; None where none is known in time."""
+    if not has_round_faces(problem):
+        return None
+    asked = problem
+    for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
+        quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
+        with pacing.sharing(MOST_OF_TIME):
+            solve_parts = partial(_solved_all, how=quick)
+            points = pacing.in_time(points_of_true_faces, asked, solve_parts, outside_fit, late=None)
+        if points is None or points == asked.exact_at:
+            continue
+        asked = problem.with_exact_points(points)
+        found = pacing.in_time(_solved_all, asked, how, late=None)
+        refused = found is not None and problem.goal == "clear" and found.status in IMPOSSIBLE
+        if refused or (found is not None and found.usable):
+            return found
+    return None
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:
@@ -222,6 +237,7 @@ class _How(NamedTuple):
     effort: Effort
     seconds: float | None
     judge: bool = True
+    confirm: bool = True  # look whether a motion that was found quickly is the least
 
 
 class _Watch:
@@ -298,7 +314,7 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
     if how.model != "auto":
         return answer, None
     if how.effort == "quick":
-        return confirmed(task, answer), None
+        return confirmed(task, answer) if how.confirm else answer, None
     with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 

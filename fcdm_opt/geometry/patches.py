@@ -29,6 +29,7 @@ STARTS = 24  # places from which the nearest points of two faces are looked for
 STEPS = 60  # of Newton's method
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
+STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
@@ -408,14 +409,14 @@ def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Arr
     surfaces = [own.surface for own in on]
     points = onto(points, surfaces)
     gap, normal = against.gaps(points)
-    moving = np.arange(len(points))
+    start, moving = points.copy(), np.arange(len(points))
     for _ in range(STEPS):
         here, pulled = points[moving], normal[moving]
         own = np.stack([each.gaps(here)[1] for each in on], axis=1)
         tangents = np.linalg.svd(own)[2][:, len(on) :]
         slope = (tangents @ pulled[:, :, None])[..., 0]
-        steep = np.abs(slope).max(axis=1) > LEVEL
-        moving, here, own, tangents, slope, pulled = (x[steep] for x in (moving, here, own, tangents, slope, pulled))
+        going = (np.abs(slope).max(axis=1) > LEVEL) & (norms(here - start[moving]) <= STRAYED * extent)
+        moving, here, own, tangents, slope, pulled = (x[going] for x in (moving, here, own, tangents, slope, pulled))
         if not len(moving):
             break
         pull = inverse_of(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
