@@ -152,7 +152,8 @@ def _interruptible() -> Iterator[None]:
     ended = threading.Event()
 
     def watch() -> None:
-        while numbers := os.read(reader, 64):  # written by the signal itself, before Python handles it
+        while not ended.is_set():
+            numbers = os.read(reader, 64)  # written by the signal itself, before Python handles it
             if signal.SIGINT in numbers and not ended.wait(PATIENCE if multiprocessing.active_children() else GRACE):
                 _end()
 
@@ -167,6 +168,8 @@ def _interruptible() -> Iterator[None]:
         ended.set()
         signal.signal(signal.SIGINT, handler)
         signal.set_wakeup_fd(before)
+        with suppress(BlockingIOError):  # full: then there is what to read
+            os.write(writer, b"\0")  # its end is not told while a process that was begun has a copy
         os.close(writer)
         watcher.join()
         os.close(reader)

@@ -605,9 +605,10 @@ def _draw_contacts(
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     if cut is not None:  # of areas lines are seen, of lines points
         met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
-        few = len(contacts) <= MOST_TOLD
+        few = len(contacts) <= MOST_TOLD or not any(met)
         rest = [own or cut.behind(each.pieces)[: None if few else 0] for own, each in zip(met, contacts, strict=True)]
-        contacts = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
+        seen = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
+        contacts = seen or contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat = corners @ page
         if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
