@@ -183,8 +183,8 @@ def _along(solution: Solution | None, motion: Translation) -> Solution | None:
     if solution is None or not solution.usable or solution.transform is None:
         return solution
     problem = solution.problem.changed(motion=motion)
-    (name,), way = motion.names, motion.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3]
-    return solution.changed(problem=problem, parameters={name: float(solution.transform[:3, 3] @ way)})
+    (name,), axis = motion.names, motion.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3]
+    return solution.changed(problem=problem, parameters={name: float(solution.transform[:3, 3] @ axis)})
 
 
 def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
