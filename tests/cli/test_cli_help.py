@@ -245,6 +245,27 @@ def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "interrupted\n")
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are no copies here")
+def test_a_command_that_failed_beside_a_process_that_it_began_hung() -> None:
+    """That had a copy of the pipe by which interrupts are heard, which was read until all copies were closed."""
+    failing = """if True:
+        import os, time, typer
+        from fcdm_opt.cli import guarding
+        try:
+            with guarding.guarded():
+                if not (child := os.fork()):
+                    time.sleep(1000.0)
+                raise ValueError("as an example")
+        except typer.Exit as end:
+            os.kill(child, 9)
+            os._exit(end.exit_code)
+        """
+    run = [sys.executable, "-c", failing]
+    done = subprocess.run(run, text=True, capture_output=True, timeout=PATIENCE, check=False)
+    assert done.returncode == INTERNAL
+    assert done.stderr.startswith("error: internal: ValueError: as an example")
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_was_a_traceback_where_json_is_asked_for() -> None:
