@@ -132,6 +132,8 @@ def range_command(
         if isinstance(problem, Problem) and not problem.contacts and problem.nominal_contact is None:
             touching = contact_times(problem, along)
             entry |= {"contact_times": touching.to_dict()}
+            if inquiry.pictures:
+                say(f"no picture of case {problem.name!r}: parts apart, or overlapping, have no contact to follow")
             return [(None, touching)]
         found = coherent_range(problem, along)
         times = contact_times_or_refusal(problem, along)

@@ -11,6 +11,7 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.moved_files import to_csv
+from fcdm_opt.plain import finite
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -138,6 +139,7 @@ def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Bounded]]) -> None:
-    """Write a row for each named solution as CSV."""
+    """Write a row for each named solution as CSV; what there is none of is left empty."""
     rows = case_rows(cases)
-    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *(list(row.values()) for row in rows)])
+    cells = ([*map(finite, row.values())] for row in rows)
+    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *cells])

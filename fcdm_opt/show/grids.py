@@ -54,7 +54,9 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     sizes = [np.linspace(low, high, many) for low, high in np.asarray(found.box)]
     points = found.at(*np.meshgrid(*sizes, indexing="ij"))
     shape = (-1, many) if len(sizes) > 1 else (many, 1)
-    motion, unknown = points.parameters.reshape(*shape, len(scene.coordinates)), points.undecided.reshape(shape)
+    motion = points.parameters.reshape(*shape, len(scene.coordinates))
+    open_ = np.isfinite(points.amount) & ~np.isfinite(points.error)  # found beside it, and maybe across a jump
+    unknown = (points.undecided | open_).reshape(shape)
     heads = [
         [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
@@ -73,7 +75,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
         cells = [
-            ["?" if open_ else number(0.0 if abs(x) <= small else x) for x, open_ in zip(*row, strict=True)]
+            ["?" if left else number(0.0 if abs(x) <= small else x) for x, left in zip(*row, strict=True)]
             for row in zip(values.tolist(), unknown.tolist(), strict=True)
         ]
         made.append(Grid(own.name, "deg" if turned else found.unit, rows, across, cells))
@@ -139,7 +141,8 @@ def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str)
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]
     to_csv(paths[0], lines[:-1])
     words = {"title": title, "down": down, "across": across, "moved": moved, "off": off, "unit": found.unit,
-             "reached": number(found.reached), "undecided": found.undecided,
-             "bounded": np.isfinite(found.reached)}  # fmt: skip
+             "reached": number(found.reached), "bounded": np.isfinite(found.reached),
+             "open": any("?" in row for table in tables for row in table.cells),
+             "jumps": any(own.jumps for own in found.boundaries)}  # fmt: skip
     write(paths[1], rendered("grid.html", grids=tables, **words))
     return paths

@@ -87,7 +87,7 @@ class Sheet:
         for k, entry in enumerate(entries):
             more = 0 if k == len(entries) - 1 else 1
             if len(made) + len(entry) + more > room:
-                made.append(f"... and {len(entries) - k} more lines")
+                made.append(f"... and {len(entries) - k} more")
                 break
             made += entry
         x, y, *_ = self.place(left, top, 0.0, 0.0)

@@ -151,6 +151,7 @@ def test_mesh_files_have_no_chord_error(tmp_path: Path) -> None:
     assert "--deviation: neither file is STEP; found 0.01" in " ".join(made.output.split())
 
 
+@pytest.mark.slow
 def test_from_step_files_to_the_answer(tmp_path: Path) -> None:
     """A peg of radius 9.9 in a bore of 10, side by side: the gap drawn, 0.1, is what a shift needs for it to touch."""
     peg, plate, path = tmp_path / "peg.step", tmp_path / "plate.step", tmp_path / "fit.toml"

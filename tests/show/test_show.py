@@ -168,7 +168,7 @@ def test_a_list_without_room_says_how_much_is_left_out() -> None:
     sheet = Sheet.of(3.0, 0.7)
     sheet.list(0.1, 0.65, 2.5, [f"line {k}" for k in range(20)])
     last = shown(sheet.figure)[0].get_text().splitlines()
-    assert last[-1] == f"... and {20 - (len(last) - 1)} more lines"
+    assert last[-1] == f"... and {20 - (len(last) - 1)} more"
     assert last[:-1] == [f"line {k}" for k in range(len(last) - 1)]
 
 

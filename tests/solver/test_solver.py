@@ -136,6 +136,7 @@ def test_every_answer_is_judged_and_bounded(number):
     assert min(solution.seconds.values()) >= 0
 
 
+@pytest.mark.slow
 def test_most_tasks_have_an_answer_of_every_kind_of_goal():
     found = [(TASKS[number][3], answer(number).status.found) for number in range(len(TASKS))]
     for goal in ("touch", "clear", "beyond", "at inside"):

@@ -48,7 +48,7 @@ function drawScene() {
   if (seen.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(plane ? lifted(seen, plane) : seen), marker: ring,
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(plane ? lifted(seen, plane, 0.02) : seen), marker: ring,
       hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
@@ -86,10 +86,10 @@ function bodyTraces(frame, colours, plane) {
         type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, edges), hoverinfo: "skip",
         line: { color: part ? colours.ink : colour, width: 2.5 },
       },
-      {
+      ...(!clear ? [] : [{ // inside a solid it would stick out in pieces
         type: "scatter3d", mode: "markers", name: `${role} seed`, ...columns([seed]),
         marker: { symbol: "cross", size: 5, color: colour }, hoverinfo: "text", text: [`seed of ${name}`],
-      },
+      }]),
     ];
   });
 }
@@ -129,8 +129,8 @@ function cutOpen(points, { triangles, edges }, { facing, level }, closed = true)
     across: rim.map(own => own.map(k => k - points.length)) };
 }
 
-/** Points a little before a section, which would hide half of their marks. */
-const lifted = (points, { facing }) => points.map(p => p.map((x, k) => x + 0.004 * extent().size * facing[k]));
+/** Points a little before a section, which would hide half of their marks; the more, the larger these are. */
+const lifted = (points, { facing }, by = 0.004) => points.map(p => p.map((x, k) => x + by * extent().size * facing[k]));
 
 /** Triangles of the areas within outlines that lie in a plane, by strips between neighbouring corners. */
 function filled(points, outlines, facing) {
