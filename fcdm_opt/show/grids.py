@@ -19,6 +19,8 @@ from fcdm_opt.show.texts import number
 
 LINES = {1: 21, 2: 11, 3: 5}
 """Values of each size that are listed, of a map over so many; of more 3."""
+UNSURE = 0.1
+"""Of the largest amount: a motion that may be off by more is not told."""
 NOTHING = 1e-5
 """Of the largest value, what is listed as 0: less than four digits of it tell."""
 
@@ -55,8 +57,9 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     points = found.at(*np.meshgrid(*sizes, indexing="ij"))
     shape = (-1, many) if len(sizes) > 1 else (many, 1)
     motion = points.parameters.reshape(*shape, len(scene.coordinates))
-    open_ = np.isfinite(points.amount) & ~np.isfinite(points.error)  # found beside it, and maybe across a jump
-    unknown = (points.undecided | open_).reshape(shape)
+    most = max(found.error, UNSURE * float(np.nanmax(points.amount, initial=0.0)))
+    between = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # of motions found beside it, on a jump
+    unknown = (points.undecided | between).reshape(shape)
     heads = [
         [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
@@ -75,7 +78,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
         values = np.degrees(motion[..., k]) if turned else motion[..., k]
         small = NOTHING * float(np.nanmax(np.abs(values), initial=0.0))
         cells = [
-            ["?" if left else number(0.0 if abs(x) <= small else x) for x, left in zip(*row, strict=True)]
+            ["?" if unsure else number(0.0 if abs(x) <= small else x) for x, unsure in zip(*row, strict=True)]
             for row in zip(values.tolist(), unknown.tolist(), strict=True)
         ]
         made.append(Grid(own.name, "deg" if turned else found.unit, rows, across, cells))

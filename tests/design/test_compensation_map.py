@@ -359,3 +359,16 @@ def test_transforms_of_a_map_are_those_of_its_motions():
     with pytest.raises(InputError, match=r"1 of 2 asked are sizes .* found \[9.0, 9.0\]"):  # was nan without a word
         found.at([1.0, 9.0], [1.0, 9.0])
     assert str(found.table.at(9.0, 9.0)) == "outside the sizes that the map is of"
+
+
+def test_cells_beside_a_jump_told_a_motion_between_two_that_do() -> None:
+    """Of a map that was cut off: a peg is shifted to either wall, and by half of both it would touch neither."""
+    problem = fo.load_problems(f"{PROBLEMS}/peg_square.toml")[0]
+    found = fo.compensation_map(problem, budget=40)
+    (grid, *_) = grids(found, problem, lines=5)
+    places = np.meshgrid(*(np.linspace(*ends, 5) for ends in found.box), indexing="ij")
+    near, cells = 0.1 * float(np.nanmax(found.at(*places).amount)), np.array(grid.cells)
+    assert (cells == "?").any()
+    for a, b, cell in zip(*(own[(cells != "?") & (cells != "-")].tolist() for own in (*places, cells)), strict=True):
+        least = fo.solve(problem.changed(requirement=None, tolerance=None, target=(a, b)), effort="quick")
+        assert abs(float(cell)) == pytest.approx(abs(least.parameters[grid.name]), abs=near)
