@@ -361,6 +361,7 @@ def test_transforms_of_a_map_are_those_of_its_motions():
     assert str(found.table.at(9.0, 9.0)) == "outside the sizes that the map is of"
 
 
+@pytest.mark.slow
 def test_cells_beside_a_jump_told_a_motion_between_two_that_do() -> None:
     """Of a map that was cut off: a peg is shifted to either wall, and by half of both it would touch neither."""
     problem = fo.load_problems(f"{PROBLEMS}/peg_square.toml")[0]
