@@ -277,7 +277,7 @@ def json_(asked: Asked) -> None:
 def report(asked: Asked) -> None:
     opened = SimpleNamespace(path=Path("scene.toml"), title="", note="", problems=(asked.question,), error=None)
     if isinstance(asked.question, fo.Assembly):
-        text = assembly_page([head(opened)], [asked.solution])
+        text = assembly_page([{**head(opened), "cases": [0]}], [asked.solution])
     else:
         text = page(gather([opened], certify=False, frames=-1.0))
     assert f"{asked.scene.least(OFF):.4g}" in text

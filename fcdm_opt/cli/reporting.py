@@ -81,13 +81,14 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
     from fcdm_opt.show.solved import solved_case
 
     opened = opened_files(paths, cases, assemblies=True)
-    solutions, codes = [], [BAD_INPUT for file in opened if file.error]
+    heads, solutions, codes = [], [], [BAD_INPUT for file in opened if file.error]
     for file in opened:
+        heads.append({**head(file), "cases": range(len(solutions), len(solutions) + len(file.problems))})
         for assembly in file.problems:
             say(f"{file.path.name}: case {assembly.name}")
             solutions.append(solved_case(assembly, certify=certify).solution)
     codes += [code_of(own.usable, own.status.name) for own in solutions]
-    return assembly_page(list(map(head, opened)), solutions) if solutions else "", codes
+    return assembly_page(heads, solutions) if solutions else "", codes
 
 
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:

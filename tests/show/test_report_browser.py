@@ -318,7 +318,7 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     path = PROBLEMS / "assemblies" / "loop_of_four.toml"
     asked = next(each for each in fo.load_assemblies(path) if each.scales["key"] == 1.02)
     solution = fo.solve(asked)
-    text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": ""}], [solution])
+    text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [solution])
     assert "relative to left wedge, which carries it" in text
     assert text.count('<table class="title-block">') == 1  # a sheet of two parts had one, of several none
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
@@ -414,9 +414,7 @@ def on_paper(opened, wanted, **options):
     opened.page.select_option("#print", wanted)
     opened.page.emulate_media(media="print", **options)
     opened.page.wait_for_selector("html.printing", state="attached")
-    yield lambda size: len(
-        re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format=size, prefer_css_page_size=True))
-    )
+    yield lambda size: len(re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format=size, prefer_css_page_size=True)))
     opened.page.emulate_media(media="screen", color_scheme="light")
     opened.page.wait_for_selector("html:not(.printing)", state="attached")
     opened.page.select_option("#print", "sheets")

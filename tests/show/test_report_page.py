@@ -343,8 +343,9 @@ def test_a_table_of_all_cases_where_no_table_of_requirements_has_them():
 
 
 def test_a_sheet_on_paper_is_known_by_its_title_block():
+    """Its revision was a digest of the case, which no tool for files gives."""
     words = visible(read(page(payload())))
-    for told in ("aplain.toml, case first", "2026-01-01", "000000000000", "Checked", "Approved"):
+    for told in ("aplain.toml, case first", "2026-01-01", "111111111111 (start of the file's SHA-256)", "Approved"):
         assert told in words
     assert "Numerical tolerances of solver and judge (1)" in words  # not the parts'
 
@@ -401,7 +402,8 @@ def test_values_as_text(value, text):
 
 def test_marks_say_it_in_words():
     yes_no = environment().get_template("pieces.html").module.yes_no
-    assert [re.sub("<[^>]+>", "", yes_no(x)) for x in (True, False, None)] == ["✓ yes", "✗ no", "○ not asked"]
+    told = [re.sub("<[^>]+>", "", yes_no(x)) for x in (True, False, None)]
+    assert told == ["✓&nbsp;yes", "✗&nbsp;no", "○&nbsp;not asked"]
 
 
 def test_a_table_without_rows_is_left_out():

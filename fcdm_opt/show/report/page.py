@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
@@ -103,7 +102,7 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     Parameters
     ----------
     files : sequence of mappings
-        Of each file "file", "title", "note", "sha256", "meshes" and an "error" or None.
+        Of each file "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
     solutions : sequence of AssemblySolution
     """
     titles = [file["title"] or file["file"] for file in files]
@@ -112,7 +111,8 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         contacts = (parts := parts_of(solution)).contacts
         pieces = parts_pieces(parts)
         figures.append(assembly_scene(solution, contacts, pieces))
-        cases.append(_assembly_case(solution, picture_of(pieces, f"case-{number}")))
+        file = next(file for file in files if number in file["cases"])
+        cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
         stack = stack_report(solution.assembly)  # of the parts as drawn: alike for all cases of a file
         if stack and stack not in stacks:
             stacks.append(stack)
@@ -126,7 +126,6 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         stacks=stacks,
         arrows=ARROWS,
         inputs=_inputs(files),
-        sources=", ".join(file["file"] for file in files),
         versions=(versions := made()).items(),
         made_at=versions["date"],
     )
@@ -149,7 +148,6 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
-        "sha256": digest(canonical(assembly.to_dict())),
         "usable": solution.usable,
         "verdict": assembly_verdict(solution),
         "picture": picture,
