@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
@@ -81,7 +81,8 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
     from fcdm_opt.show.solved import solved_case
 
     opened = opened_files(paths, cases, assemblies=True)
-    heads, solutions, codes = [], [], [BAD_INPUT for file in opened if file.error]
+    heads, solutions = list[dict[str, Any]](), list[Any]()
+    codes = [BAD_INPUT for file in opened if file.error]
     for file in opened:
         heads.append({**head(file), "cases": range(len(solutions), len(solutions) + len(file.problems))})
         for assembly in file.problems:
