@@ -64,11 +64,13 @@ _limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.i
 _looks: ContextVar[list[float]] = ContextVar("looks", default=[math.inf])  # noqa: B039 (counted down where it is set)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
+_whole: ContextVar[str] = ContextVar("whole", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
 
 
 def at(text: str, done: int = 0, total: int = 0) -> None:
     """Say what is done from here on, in words that may follow "still", and how far it is where that is known."""
+    text = ": ".join(filter(None, (_whole.get(), text)))
     if not over():  # then it stays what the time was over at
         _doing.set(text)
     on = _on.get()
@@ -94,6 +96,11 @@ class _Override:
 def working_on(what: str) -> _Override:
     """Put this before whatever is said to be done meanwhile."""
     return _Override(_on, what)
+
+
+def part_of(whole: str) -> _Override:
+    """Say of whatever is said to be done meanwhile that it is a piece of this: "mapping: judging the motion found"."""
+    return _Override(_whole, whole)
 
 
 @contextmanager

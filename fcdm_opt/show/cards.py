@@ -394,7 +394,6 @@ def yield_card(result: AssemblyYield) -> Card:
 def map_card(sizes: CompensationMap) -> Card:
     """Return the card: its regions, their boundaries over the box, and its error."""
     solves = f"from {counted(sizes.solved, 'solve')} in {sizes.seconds:.1f} s"
-    length = sizes.unit or "length"
     lines = [
         (k, f"{region.share:.1%}", " to ".join(map(number, region.amounts)) if region.kind == "motion" else "-", region)
         for k, region in enumerate(sizes.regions, 1)
@@ -404,7 +403,7 @@ def map_card(sizes: CompensationMap) -> Card:
         "Compensation map",
         facts=[
             ("cells", simplices(len(sizes.table), len(sizes.over)), solves),
-            ("largest error", sizes.error_text, f"(asked for {number(sizes.error, 3)} {length})"),
+            ("largest error", sizes.error_text),
         ],
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",

@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import DARK, NOTE, TITLE, Figure, new_figure
 
-SPACING = 1.45
-"""Distance of lines, in sizes of their text."""
+SPACING, DESCENT, ASCENT = 1.2, 0.24, 0.76
+"""Distance of lines, and how far letters of the font reach below and above the line, in sizes of their text."""
+
+LEADING = (SPACING - DESCENT) / ASCENT
+"""The same distance as matplotlib counts it: to the descent above, in ascents."""
 
 EDGE = 0.08
 """Inches that words keep from the edge of the page."""
@@ -66,7 +69,7 @@ class Sheet:
         if head:
             figure.text(0.5, 1.0 - EDGE / whole, literal("\n".join(head)), ha="center", va="top", fontsize=TITLE)
         if foot:
-            look: Any = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": SPACING / 1.2}
+            look: Any = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": LEADING}
             figure.text(0.5, EDGE / whole, literal("\n".join(foot)), **look)
         return cls(figure, (width, height), below)
 
@@ -91,7 +94,7 @@ class Sheet:
                 break
             made += entry
         x, y, *_ = self.place(left, top, 0.0, 0.0)
-        self.figure.text(x, y, literal("\n".join(made)), va="top", fontsize=NOTE, linespacing=SPACING / 1.2)
+        self.figure.text(x, y, literal("\n".join(made)), va="top", fontsize=NOTE, linespacing=LEADING)
 
     def legend(self, handles: Sequence[Any], labels: Sequence[str], *, bottom: float, most: int = 4) -> float:
         """Put a legend in as few rows as fit across the page above `bottom`; return its height in inches."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import SCALES, SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
@@ -17,15 +18,19 @@ from fcdm_opt.show.plots import plane
 from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import NOTHING, share_text
 from fcdm_opt.show.verdict import labels_in_words
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap, MapRegion
     from fcdm_opt.problem.scene import Scene
 
-FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
-"""Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
-below which one gets no number in the picture."""
+FINE, SHADES, LEVELS, TICKS, LISTED, SHARE = 240, 48, 10, 6, 12, 0.004
+"""Points a side at which a map is drawn, shades and contours of the amount, ticks at their colours, regions that are
+listed, and the share of the box below which one gets no number in the picture."""
+
+CLEAR = 0.09
+"""Share of a side that an amount on a contour line keeps from what is marked, corners and other amounts."""
 
 MARGIN, BOTTOM, SIDE, GAP = 0.72, 0.38, 2.75, 0.18
 """Where the axes are, in inches from the lower left, how long a side of them all is, and what panels are apart."""
@@ -146,7 +151,8 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     top = _top(max((float(amount.max()) for *_, amount, _ in panels if amount.count()), default=0.0))
     filled = None
     for axes, pair, grid, amount, region in panels:
-        filled = _fill(axes, box[list(pair)], grid, amount, top) or filled
+        marked = [np.asarray(sizes.nominal), *(own.place for _, own in _numbered(sizes))] if last == 1 else None
+        filled = _fill(axes, box[list(pair)], grid, amount, top, marked) or filled
         if last > 1:
             for number in range(len(sizes.regions)):
                 if 0 < np.count_nonzero(region == number) < region.size:
@@ -162,11 +168,17 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
             axes.text(*own.place, str(number), **NUMBER)
     if filled is None:
         return
+    bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
+    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(top, TICKS))
+    bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
+
+
+def _levels(top: float, count: int) -> Array:
+    """Return round amounts up to the largest, `count` of them at most but for both ends."""
     from matplotlib.ticker import MaxNLocator
 
-    bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
-    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
-    bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
+    values = np.asarray(MaxNLocator(count).tick_values(0.0, top))
+    return values[values <= top * (1.0 + DEFAULT.cut)]
 
 
 def _top(largest: float) -> float:
@@ -179,17 +191,35 @@ def _numbered(sizes: CompensationMap) -> list[tuple[int, MapRegion]]:
     return [(k, own) for k, own in enumerate(sizes.regions[:LISTED], 1) if own.share >= SHARE]
 
 
-def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float) -> Any:
-    """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any."""
+def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float, marked: list[Array] | None) -> Any:
+    """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any.
+
+    Where it is known which places are marked, each piece of a line has its amount written on it, where it is farthest
+    from these, the edges, and amounts written before.
+    """
     from matplotlib.patches import Rectangle
+    from matplotlib.patheffects import withStroke
 
     low, high = box[:, 0], box[:, 1]
     axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="white", edgecolor=GREY, hatch="//", zorder=0.5))
     if amount.count() == 0:
         return None
-    filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, 4 * LEVELS + 1), cmap="cividis", zorder=1)
-    axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
-                 alpha=0.7, zorder=2)  # fmt: skip
+    filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, SHADES + 1), cmap="cividis", zorder=1)
+    lines = axes.contour(*grid, amount, levels=_levels(top, LEVELS)[1:], colors="white", linewidths=0.5, alpha=0.8,
+                         zorder=2)  # fmt: skip
+    if marked is None:
+        return filled
+    taken = [(place - low) / (high - low) for place in (*marked, *product(*box))]
+    begins = [(own.vertices, np.flatnonzero(own.codes == own.MOVETO)) for own in lines.get_paths() if len(own.vertices)]
+    for piece in [piece for points, first in begins for piece in np.split(points, first[1:])]:
+        spots = (piece - low) / (high - low)
+        room = np.linalg.norm(spots[:, None] - taken, axis=2).min(axis=1)
+        room = np.minimum(room, 2.0 * np.minimum(spots, 1.0 - spots).min(axis=1))
+        if room.max() >= CLEAR:
+            taken.append(spots[room.argmax()])
+    places = [tuple(low + spot * (high - low)) for spot in taken[len(marked) + 4 :]]
+    for text in axes.clabel(lines, fmt="%.3g", fontsize=NOTE, inline_spacing=2, manual=places) if places else ():
+        text.set(color=BLACK, alpha=1.0, path_effects=[withStroke(linewidth=1.6, foreground="white")])
     return filled
 
 

@@ -24,7 +24,7 @@ from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREY, PAGE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import print_rows, print_text, wrapped
 from fcdm_opt.show.scene import ShownPair, draw_directions, draw_numbered
@@ -253,9 +253,12 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
     sheet = Sheet.of(PAGE, 2.9, title=title, caption=caption)
     bars, gaps = sheet.axes(1.3, 0.45, 1.9, 2.2), sheet.axes(4.0, 0.45, 2.6, 2.2)
     shown = stack.contributions[:MOST_BARS]
-    for row, own in enumerate(shown):
-        bars.barh(row - 0.2, 100.0 * own.worst, 0.38, color=BLUE, label="worst case" if row == 0 else None)
-        bars.barh(row + 0.2, 100.0 * own.variance, 0.38, color=GREY, label="variance" if row == 0 else None)
+    rows = np.arange(len(shown))
+    for up, of, color in ((-0.2, "worst", BLUE), (0.2, "variance", GREY)):
+        shares = [100.0 * getattr(own, of) for own in shown]
+        drawn = bars.barh(rows + up, shares, 0.38, color=color, label=f"{of} case" if of == "worst" else of)
+        bars.bar_label(drawn, fmt="%.3g", padding=2.0, fontsize=NOTE)
+    bars.margins(x=0.16)  # room for the numbers
     bars.set_yticks(range(len(shown)), [literal(wrapped(own.size, SIZE)) for own in shown])
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
@@ -324,17 +327,16 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
     for own, low, high in zip(places, *(end.tolist() for end in ends), strict=True):
         seen[own] = replace(seen[own], tolerance=(low, high))
     gap = widened(stack.touching, seen, least=False).gap(p)
-    sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "line: touching; dashed: limits; box: tolerances")
+    lines = [(0.0, "line: touching", "solid", 1.6), *((x, "dashed: limits", "dashed", 1.0) for x in stack.limits if x)]
+    lines = [line for line in lines if gap.min() < line[0] < gap.max()]
+    signs = dict.fromkeys([*(line[1] for line in lines), "box: tolerances"])
+    sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "; ".join(signs))
     axes, bar = sheet.axes(0.8, 0.45, 4.8, 2.7), sheet.axes(5.75, 0.45, 0.1, 2.7)
     most = max(float(np.abs(gap).max()), float(np.finfo(float).tiny))
     mesh = axes.pcolormesh(*sides, gap, cmap="RdBu", vmin=-most, vmax=most, shading="gouraud", rasterized=True)
     sheet.figure.colorbar(mesh, cax=bar, label=f"gap ({stack.unit or 'length units'})")
-    for level, style, width in (
-        (0.0, "solid", 1.6),
-        *((x, "dashed", 1.0) for x in stack.limits if x and np.isfinite(x)),
-    ):
-        if gap.min() < level < gap.max():
-            axes.contour(*sides, gap, levels=[level], colors=BLACK, linewidths=width, linestyles=style)
+    for level, _, style, width in lines:
+        axes.contour(*sides, gap, levels=[level], colors=BLACK, linewidths=width, linestyles=style)
     (left, bottom), (wide, high) = box[:, 0].tolist(), np.ptp(box, axis=1).tolist()
     axes.add_patch(Rectangle((left, bottom), wide, high, fill=False, edgecolor=DARK, linewidth=1.0))
     kinds = [stack.sizes[k].is_length for k in places]

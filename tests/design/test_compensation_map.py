@@ -161,8 +161,10 @@ def test_no_half_written_file_is_left_and_others_may_read_it(tmp_path, monkeypat
 
 @pytest.mark.usefixtures("coarse_maps")
 def test_a_spent_budget_is_told():
+    """And where the error is missed most: within the triangle that has it."""
     found = compensation_map(slab(), budget=1, error=1e-9)
     assert found.reached > found.error
+    assert "(asked for 1e-09: 1 solves are too few, largest near rho_1 " in str(found)
     at = found.at(*pairs(found, 100, 6).T)
     assert np.isfinite(at.amount).all()
     assert (at.region >= 0).all()
@@ -339,6 +341,7 @@ def test_time_that_is_up_is_told():
     problem = fo.load_problems(f"{PROBLEMS}/example1_touch.toml")[0]
     found = compensation_map(problem, seconds=1e-3, error=1e-9)
     assert found.reached > found.error
+    assert found.stopped.startswith("the time given, 0.0")
     assert (found.at(*pairs(found, 100, 9).T).region >= 0).all()
 
 

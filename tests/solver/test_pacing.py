@@ -347,5 +347,7 @@ def test_work_is_named_with_what_it_is_for() -> None:
     with pacing.listening(lambda *what: told.append(what)), pacing.working_on("case A"):
         assert pacing.has_listeners()
         pacing.at("searching", 1, 2)
-    assert told == [("searching (case A)", 1, 2)]
+        with pacing.part_of("mapping"):  # whose pieces alone were told
+            pacing.at("judging")
+    assert told == [("searching (case A)", 1, 2), ("mapping: judging (case A)", 0, 0)]
     assert not pacing.has_listeners()

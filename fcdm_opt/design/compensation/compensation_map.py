@@ -107,6 +107,8 @@ class CompensationMap(Plain, NotebookRepr):
         Number of sizes, all of them given, that were solved and judged.
     seconds : float
         Wall time of building.
+    stopped : str
+        Why `error` is not met, and where it is missed most, in words; nothing where it is met.
     known_to : tuple of str
         How well gaps are known, in words, and why, where facets of round faces or approximate parts leave more open
         than the digits of files: amounts are those of the meshes. Nothing where they are those of the true faces.
@@ -114,7 +116,7 @@ class CompensationMap(Plain, NotebookRepr):
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "format", "problem", "over", "box", "nominal", "error", "reached", "undecided", "solved", "seconds",
-        "known_to", "regions", "boundaries", "table",
+        "stopped", "known_to", "regions", "boundaries", "table",
     )  # fmt: skip
     format: ClassVar[str] = _FORMAT
 
@@ -130,6 +132,7 @@ class CompensationMap(Plain, NotebookRepr):
     solved: int
     seconds: float
     known_to: tuple[str, ...] = ()
+    stopped: str = ""
 
     @property
     def undecided(self) -> float:
@@ -210,16 +213,17 @@ class CompensationMap(Plain, NotebookRepr):
         return (
             f"compensation map over {names}{box_text(self.box)}: {len(self.regions)} "
             f"region{'s' * (len(self.regions) != 1)}, {simplices(len(self.table), len(self.over))}, "
-            f"error {self.error_text} (asked for {measured(f'{self.error:.3g}', self.unit)}), "
+            f"error {self.error_text}, "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
             f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
         )
 
     @property
     def error_text(self) -> str:
-        """The error in words."""
-        known = math.isfinite(self.reached)
-        return measured(f"{self.reached:.3g}", self.unit) if known else "not known, the time was over"
+        """The error in words, with what was asked for, and why it is missed."""
+        reached = measured(f"{self.reached:.3g}", self.unit) if math.isfinite(self.reached) else "not known"
+        asked = measured(f"{self.error:.3g}", self.unit)
+        return f"{reached} (asked for {': '.join(filter(None, (asked, self.stopped)))})"
 
     def __repr__(self) -> str:
         """Return what it covers, and how well, on one line."""
@@ -230,7 +234,7 @@ class CompensationMap(Plain, NotebookRepr):
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
-        return super().from_dict({"over": SCALES, **data})
+        return super().from_dict({"over": SCALES, "stopped": "", **data})  # keys that older files lack
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
@@ -308,8 +312,8 @@ def compensation_map(
         sampler = Sampler(problem, made, budget, jobs, names)
         mesh = RefinedMesh(sampler, error)
         mesh.refine()
+        reached, stopped = _reached(mesh)
     table, sets = _table(mesh)
-    smooth = [simplex.errors.max() for simplex in mesh.simplices if mesh.size(simplex) > 2.0 * SHORTEST]
     return CompensationMap(
         problem=_plain(problem),
         over=names,
@@ -319,11 +323,27 @@ def compensation_map(
         regions=_regions(table, sets),
         boundaries=tuple(_boundaries(mesh, sets)),
         error=float(mesh.error),
-        reached=float(np.nan_to_num(smooth, nan=math.inf).max(initial=0.0)) if smooth else math.inf,
+        reached=reached,
         solved=len(sampler.known),
         seconds=perf_counter() - start,
+        stopped=stopped,
         known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
     )
+
+
+def _reached(mesh: RefinedMesh) -> tuple[float, str]:
+    """Return the largest error outside strips and specks; where it is more than asked for, why, and where it is."""
+    smooth = [simplex for simplex in mesh.simplices if mesh.size(simplex) > 2.0 * SHORTEST]
+    errors = np.nan_to_num([simplex.errors.max() for simplex in smooth], nan=math.inf)
+    if not smooth or math.isinf(errors.max()):
+        return math.inf, mesh.sampler.short
+    worst = int(errors.argmax())
+    if errors[worst] <= mesh.error:
+        return float(errors[worst]), ""
+    centre = mesh.sampler.made(mesh.places(smooth[worst]).mean(axis=0)).tolist()
+    where = ", ".join(f"{name} {x:.4g}" for name, x in zip(mesh.sampler.over, centre, strict=True))
+    cause = f"{mesh.sampler.short}, " if mesh.sampler.rough else ""
+    return float(errors[worst]), f"{cause}largest near {where}"
 
 
 def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:

@@ -346,7 +346,7 @@ class RefinedMesh(SizeMesh):
     def _mark(self, simplex: Simplex, edges: list[MeshEdge], costs: Array) -> None:
         """Mark the edges of a simplex that are to be split."""
         lengths = self.lengths(simplex)
-        coarse = simplex.errors.max() > self.error and self.sampler.effort < 0.5
+        coarse = simplex.errors.max() > self.error and not self.sampler.rough
         for edge, length, cost in zip(edges, lengths.tolist(), costs.tolist(), strict=True):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))

@@ -29,6 +29,7 @@ from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
+REFINED = 0.5  # share of budget and time after which no edge is split for its error alone
 CHUNK = 16  # places that a process is handed at once
 
 Made = tuple[float, ...]
@@ -139,6 +140,17 @@ class Sampler:
         return max(len(self.known) / self.budget, self._time)
 
     @property
+    def short(self) -> str:
+        """Which of budget and time is the shorter, in words."""
+        late = self._time >= len(self.known) / self.budget
+        return f"the time given, {self._given:.3g} s, is short" if late else f"{self.budget} solves are too few"
+
+    @property
+    def rough(self) -> bool:
+        """Whether so little is left that simplices are finished as they are."""
+        return self.effort >= REFINED
+
+    @property
     def _time(self) -> float:
         if self._given == math.inf:
             return 0.0
@@ -182,7 +194,8 @@ class Sampler:
 
     def _sample(self, made: Made, waiting: int) -> Sample | None:
         """Return the sample at some sizes, None where it takes all the time, of the first ones its share."""
-        with pacing.sharing(1.0 if self.known else 1.0 / waiting):
+        share = 1.0 if self.known else 1.0 / waiting
+        with pacing.part_of(f"mapping, {len(self.known)} sizes solved"), pacing.sharing(share):
             return sample_within(self.scene, made, self.over)
 
     @cached_property
