@@ -25,6 +25,7 @@ from fcdm_opt.show.scene import (
     numbered_contacts,
     scene_figure,
     scene_pieces,
+    shifts_of,
     view_of,
 )
 from fcdm_opt.show.sections import Touching
@@ -96,7 +97,9 @@ class Album:
         caption = f"{asked_text(problem)}, goal {problem.goal} ({meant}): {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        view = self._views.setdefault(stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist())))
+        view = self._views.setdefault(
+            stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
+        )
         scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", scene)
         if found and solution.amount > 0.0:
@@ -169,7 +172,7 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     if view is None:  # with sizes by name there may be no nominal contact
         rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
-        view = view_of(curve, tuple(at.tolist()))
+        view = view_of(curve, tuple(at.tolist()), shifts_of(problem))
     shown = ShownPair.of(problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view)
     contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
     return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

@@ -144,7 +144,7 @@ def touching(solution: AssemblySolution) -> list[Touching]:
     return found
 
 
-ARROWS = "where each part goes, with what carries it"
+ARROWS = "where each part goes, with what carries it (not to scale)"
 """What arrows of its picture tell."""
 
 

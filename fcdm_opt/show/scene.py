@@ -20,6 +20,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.tessellation import ALONG
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
 from fcdm_opt.show.raster import Raster
@@ -67,7 +68,7 @@ AZIMUTHS = tuple(float(quarter + off) for quarter in (-180, -90, 0, 90) for off 
 FROM_BEHIND = 1.2
 """What a view from behind costs: more than half of the contact that it shows and one from the front hides."""
 
-MOST_APART, MOST_RAYS = 400, 1000  # vertices that a view is to keep apart; rays at parts that tell what is hidden
+MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, that tell what is hidden
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
@@ -367,7 +368,7 @@ class ShownPair:
             for first, second in ((movable, static), (solid_body(movable), solid_body(static)))
         )
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
-        view = view or _best_view(points, two.seed - one.seed)
+        view = view or _best_view(one, two, np.empty((0, 3)))
         reach = np.ptp(points, axis=0).max()
         low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
@@ -731,23 +732,6 @@ def page_directions(elevation: float, azimuth: float) -> Array:
     return np.column_stack([right, above])
 
 
-def _best_view(points: Array, offset: Array) -> tuple[float, float]:
-    """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet.
-
-    From the front if it can be. Of many vertices some are looked at: all their distances are compared.
-    """
-    from scipy.spatial.distance import pdist
-
-    points = points[:: -(-len(points) // MOST_APART)]
-
-    def objective(view: tuple[float, float]) -> tuple[bool, bool, float]:
-        page = page_directions(*view)
-        spread = float(pdist(points @ page).min() * np.linalg.norm(offset @ page))
-        return not offset @ np.cross(*page.T) > 0, view[1] < 0.0, spread
-
-    return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=objective)
-
-
 def contacts_of(
     curve: DecisionCurve, rho: ArrayLike, shown: ShownPair, counted: Sequence[Feature] = ()
 ) -> list[Touching]:
@@ -802,30 +786,59 @@ def _projected(polygons: list[Array], origin: Array, flat: Array) -> list[Array]
     return np.split((np.concatenate(polygons) - origin) @ flat.T, np.cumsum(list(map(len, polygons)))[:-1])
 
 
-@lru_cache(maxsize=32)
-def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, float]:
-    """Return from where the contact at the nominal sizes is seen best, degrees: one view for all motions asked for.
+def shifts_of(problem: Problem) -> tuple[tuple[float, ...], ...]:
+    """Return the directions in which the motion of a problem shifts the part, for `view_of`; of three or more none."""
+    given = [tuple(shift.tolist()) for shift in problem.motion.shift_directions if shift is not None]
+    return tuple(given) if len(given) < 3 else ()
 
-    Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
-    be seen, and where corners keep apart; from the front (-y), with x to the right, if that does not hide most of it.
-    Where a contact is hidden from everywhere, a ball's in its corner, most of the movable body is to be seen.
+
+@lru_cache(maxsize=32)
+def view_of(
+    curve: DecisionCurve, nominal: tuple[float, float], shifts: tuple[tuple[float, ...], ...] = ()
+) -> tuple[float, float]:
+    """Return from where contact and motion at the nominal sizes are seen best: one view for all answers to a question.
+
+    Parameters
+    ----------
+    curve : DecisionCurve
+    nominal : (float, float)
+    shifts : tuple of (3,) tuples
+        Directions of the motion.
+
+    Returns
+    -------
+    (elevation, azimuth)
+        Degrees.
+    """
+    one, two = curve.movable.scaled(nominal[0]).moved(curve.transform), curve.static.scaled(nominal[1])
+    sets = curve.contact_sets(nominal)
+    return _best_view(one, two, np.vstack(sets) if sets else np.empty((0, 3)), shifts)
+
+
+def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] = ()) -> tuple[float, float]:
+    """Return from where two bodies that touch at some spots, or are apart, are seen best.
+
+    Best is where most of the contact is hidden by no body, and where its normal and the shifts lie flat on the page,
+    the one that does so least as flat as can be: then its slope, a gap and the motion are seen as long as they are;
+    from the front (-y), with x to the right, if that does not hide most of it. Bodies that are apart are seen across
+    what joins their seeds; where no contact is to be seen, most of body 1 is.
     """
     from scipy.spatial import ConvexHull
 
-    one, two = curve.movable.scaled(nominal[0]).moved(curve.transform), curve.static.scaled(nominal[1])
-    sets = curve.contact_sets(nominal)
     points = np.vstack([one.vertices, two.vertices])
-    if not sets:
-        return _best_view(points, two.seed - one.seed)
-    spots = np.vstack(sets)
-    middle = (one.vertices.mean(axis=0) - two.vertices.mean(axis=0)) if len(spots) < 3 else _normal(spots)
-    normal = middle / max(float(np.linalg.norm(middle)), 1e-300)
+    if not len(spots):
+        normal = two.seed - one.seed
+    else:
+        normal = one.vertices.mean(axis=0) - two.vertices.mean(axis=0) if len(spots) < 3 else _normal(spots)
+    size = float(np.ptp(points, axis=0).max())
+    lines = np.array([normal, *shifts])
+    long = np.linalg.norm(lines, axis=1)
+    lines = lines[long > DEFAULT.touch * size] / long[long > DEFAULT.touch * size, None]
     parts = [*one.parts, *two.parts]
     normals = np.concatenate([part.normals for part in parts])
     levels = np.concatenate([part.levels for part in parts])
     firsts = np.cumsum([0, *(len(part.normals) for part in parts)])[:-1]
     views = list(product((18.0, 32.0, 50.0), AZIMUTHS))
-    size = float(np.ptp(points, axis=0).max())
     points = points[ConvexHull(points).vertices]
 
     def hidden(spots: Array, view: tuple[float, float]) -> float:
@@ -833,15 +846,15 @@ def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, 
         starts = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)] + 1e-3 * size * toward
         return float(np.mean([_hidden(levels - normals @ start, normals @ toward, firsts) for start in starts]))
 
-    shares = {view: hidden(spots, view) for view in views}
+    shares = {view: hidden(spots, view) if len(spots) else 1.0 for view in views}
     if min(shares.values()) == 1.0:
-        shares = {view: hidden(one.vertices, view) for view in views}
+        shares = {view: hidden(one.vertices[:: -(-len(one.vertices) // MOST_LOOKED_AT)], view) for view in views}
 
     def objective(view: tuple[float, float]) -> float:
         page = page_directions(*view)
         toward, flat = np.cross(page[:, 0], page[:, 1]), points @ page
         area = float(np.prod(np.ptp(flat, axis=0))) / size**2
-        flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
+        flatness = float(np.sqrt(max(0.0, 1.0 - np.square(lines @ toward).max(initial=0.0))))
         cost = view[0] / 120.0 + FROM_BEHIND * (view[1] > 0.0)
         return float(2.0 * (1.0 - shares[view]) + 0.8 * flatness + 0.2 * area - cost)
 

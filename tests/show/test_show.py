@@ -461,6 +461,14 @@ def test_parts_were_seen_from_behind(axis: int) -> None:
     assert page[0, 0] > 0.0
 
 
+@pytest.mark.parametrize("apart", [2.0, 5.0])
+def test_a_motion_was_seen_end_on(apart: float) -> None:
+    """A contact, or a gap, across x and a motion along y: both are seen in more than half of their length."""
+    curve = decision_curve(box((apart, 0.0, 0.0), 2.0), box((0.0, 0.0, 0.0), 2.0))
+    page = page_directions(*view_of(curve, (1.0, 1.0), ((0.0, 1.0, 0.0),)))
+    assert (np.linalg.norm(page[:2], axis=1) > 0.6).all()
+
+
 def test_a_picture_in_a_page_stood_on_a_white_plate() -> None:
     """It has no ground, its words have the page's colours, and pictures beside it share no identifier."""
     one, two = (inline_svg(draw("scene", 1, "A"), name) for name in ("one", "two"))

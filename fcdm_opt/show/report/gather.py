@@ -16,7 +16,7 @@ from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.report.families import frames_of
-from fcdm_opt.show.scene import view_of
+from fcdm_opt.show.scene import shifts_of, view_of
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.stacks import commented_out_sizes
 from fcdm_opt.show.texts import tolerance_text
@@ -89,7 +89,7 @@ def gather(
     for problem in asked:
         facets_known(problem)
         with pacing.telling():
-            view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+            view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
     pacing.at("solving and drawing the cases before it")
     answers = process_pool.each(case, range(len(asked)))
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
