@@ -352,6 +352,21 @@ def test_the_peg_that_is_too_large_needs_all_four_limits_to_be_stuck():
     assert found.solves <= 60
 
 
+def test_small_shares_of_a_deviation_that_fit_were_said_not_to():
+    """A cube in a slot 1 % wider than it, made up to 50 % larger: 2 % of that fit; of one as wide, none."""
+    for play, share in ((0.01, 0.02), (0.0, 0.0), (-0.1, math.nan)):
+        left, right = box((-9, -2, -2), (-1 - play, 2, 2), "L"), box((1 + play, -2, -2), (9, 2, 2), "R")
+        limits = {"TX": (-1, 1)}
+        asked = Problem(
+            CUBE, left, nominal="drawn", target=(1.5, 1), goal="clear", keep_out=[right], motion=X, limits=limits
+        )
+        found = conflicts(asked, relax=False)
+        assert found.deviation is not None
+        assert found.deviation.value == pytest.approx(share, rel=2e-6, abs=1e-7, nan_ok=True)
+        told = f"with {found.deviation.value:.6g}" if share > 0.0 else "with no share"
+        assert f"{told} of the deviation from nominal" in str(found)
+
+
 def test_the_bracket_that_is_too_wide_clashes_with_the_clearance_not_with_the_ribs():
     """The foot of 31.8 leaves (32 - 31.8) / 2 = 0.1 on both sides of the ribs, asked for are 0.5."""
     asked = next(iter(problems("bracket_stuck").values()))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
-from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
+from fcdm_opt.design.whatif.search import FINE, Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
@@ -36,7 +37,8 @@ class Conflicts(Plain):
         One for each constraint of the clashes.
     deviation : LeastRelaxation or None
         How much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
-        that can be made good, all constraints kept. Sampled: a larger deviation can be easier.
+        that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled:
+        a larger deviation can be easier.
     trials : tuple of Trial
         Where the motion alone cannot do it: whether others, or another goal, can.
     solves : int
@@ -70,8 +72,10 @@ class Conflicts(Plain):
             lines.append("there may be other clashes as small, or smaller")
         lines += [f"relax {one}" for one in self.relaxations]
         if self.deviation is not None:
-            share = f"{self.deviation.value:.6g}" if self.deviation.cures else "no share that was tried"
-            lines.append(f"with {share} of the deviation from nominal a motion is found (sampled)")
+            value, what = self.deviation.value, "of the deviation from nominal"
+            none = f"no share {what}, down to {0.0 if math.isnan(value) else FINE:g},"
+            share = f"{value:.6g} {what}" if self.deviation.cures else none
+            lines.append(f"with {share} a motion is found (sampled)")
         return "\n".join([*lines, *(f"try {trial}" for trial in self.trials)])
 
     def to_dict(self) -> dict[str, Any]:

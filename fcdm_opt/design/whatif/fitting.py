@@ -35,6 +35,11 @@ def narrowed(
     return low, high
 
 
+def largest_share(holds: Callable[[float], bool], low: float, high: float, *, accuracy: float) -> tuple[float, float]:
+    """Return `narrowed` ends of a share, relative; both may be tiny, or the lower one 0."""
+    return narrowed(holds, low, high, lambda low, high: high - low <= accuracy * high or high <= accuracy)
+
+
 def fits_up_to(problem: Problem) -> float | None:
     """Return the largest tolerance at which a problem without a usable solution has one, by bisection.
 
@@ -69,10 +74,7 @@ def fits_up_to(problem: Problem) -> float | None:
         except InputError:  # the goal does not hold at these sizes
             return False
 
-    def told(low: float, high: float) -> bool:
-        return high - low <= ACCURACY * high or high <= ACCURACY
-
-    share, _ = narrowed(fits, 0.0, 1.0, told)
+    share, _ = largest_share(fits, 0.0, 1.0, accuracy=ACCURACY)
     return share * float(problem.tolerance.max())
 
 

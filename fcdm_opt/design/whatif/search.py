@@ -17,7 +17,8 @@ from itertools import combinations, product
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import narrowed
+from fcdm_opt.design.whatif.fitting import largest_share
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.motion.motions import Free
@@ -35,7 +36,7 @@ MOST_HALVINGS = 10  # of the machine's steps
 LIGHT = 1e-3  # of their weights, for other parameters, while one of them is to pass its limit as little as possible
 PROVABLE = 1e-3  # relative: how far below the least relaxation a proof is asked for where halving brought none
 MOST_ROUNDS = 4  # of narrowing in, where the solver missed a motion
-FINE = 1e-6  # share of a deviation to which the largest that can be made good is narrowed in: it is sampled anyhow
+FINE = 1e-6  # relative, to which the largest share that can be made good is narrowed in: it is sampled anyhow
 ENOUGH = 1.01  # times the width that a bracket is to have: a look that far below settles it in spite of rounding
 COARSER = 100.0  # how fast the width of a bracket grows that is enough, where answers are neither motions nor proofs
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
@@ -367,23 +368,27 @@ class ClashSearch:
     def largest_deviation(self) -> LeastRelaxation | None:
         """Return the largest share found of the deviation from nominal that can be made good; None without deviation.
 
-        Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in.
+        Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in;
+        where none of them can, from none at all, which must then be possible as all are.
         """
         if not self.problem.deviates:
             return None
         solutions: dict[float, Bounded] = {}
 
         def can(share: float) -> bool:
-            solutions[share] = self.solved(self.problem.deviating(share))
+            try:
+                solutions[share] = self.solved(self.problem.deviating(share))
+            except InputError:  # the goal does not hold at these sizes
+                return False
             return self.meets(solutions[share])
 
         name, note = "deviation from nominal", "sampled"
-        tried = next((k for k in range(SHARES - 1, 0, -1) if can(k / SHARES)), 0)
-        if not tried:
+        tried = next((k for k in range(SHARES - 1, -1, -1) if can(k / SHARES)), -1)
+        if tried < 0:
             return LeastRelaxation(name=name, cures=False, note=note)
-        low, high = narrowed(can, tried / SHARES, (tried + 1) / SHARES, lambda low, high: high - low <= FINE)
+        low, high = largest_share(can, tried / SHARES, (tried + 1) / SHARES, accuracy=FINE)
         return LeastRelaxation(
-            name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=solutions[low], note=note
+            name=name, cures=low > 0.0, by=1.0 - low, value=low, failing=1.0 - high, solution=solutions[low], note=note
         )
 
     def trials(self) -> Iterator[Trial]:
