@@ -137,14 +137,10 @@ class Raster:
 
     @property
     def image(self) -> NDArray[np.uint8]:
-        """Colours 0 to 255, (height, width, 4), from the lowest row up; nothing without a body, outlines darker."""
-        owner = self._owner
-        edge = np.zeros(owner.shape, dtype=bool)
-        edge[:, 1:] |= owner[:, 1:] != owner[:, :-1]
-        edge[1:] |= owner[1:] != owner[:-1]
-        shown = np.empty((*owner.shape, 4), np.uint8)
-        shown[..., :3] = 255.0 * np.where(edge[:, :, None], 0.35 * self._colour, self._colour) + 0.5
-        shown[..., 3] = 255 * ((owner >= 0) | edge)
+        """Colours 0 to 255, (height, width, 4), from the lowest row up; nothing without a body."""
+        shown = np.empty((*self._owner.shape, 4), np.uint8)
+        shown[..., :3] = 255.0 * self._colour + 0.5
+        shown[..., 3] = 255 * self.covered
         return shown
 
 

@@ -477,7 +477,8 @@ def _draw_solids(
     page, ((left, right), (bottom, top)) = page_directions(*shown.view), (axes.get_xlim(), axes.get_ylim())
     inches = axes.get_position().width * axes.figure.get_figwidth()
     raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
-    solids = [_cut_open(body, None) for body, *_ in bodies]
+    toward = np.cross(page[:, 0], page[:, 1])
+    solids = [_cut_open(body, None, toward) for body, *_ in bodies]
     for k, (polygons, *_) in enumerate(solids):
         raster.fill(polygons, bodies[k][1], k)
     corners = [corner for each in contacts for own in each.pieces for corner in own]
@@ -489,7 +490,7 @@ def _draw_solids(
         whole, raster = raster, raster.empty()
         gone = cut.behind([edge for _, edges, _ in solids for edge in edges], -1.0)
         axes.add_collection(LineCollection(whole.visible(gone), colors=GREY, linewidths=0.5, alpha=0.6, zorder=2.5))
-        solids = [_cut_open(body, cut) for body, *_ in bodies]
+        solids = [_cut_open(body, cut, toward) for body, *_ in bodies]
         for k, (polygons, _, opened) in enumerate(solids):
             raster.fill(polygons, bodies[k][1], k)
             raster.fill(opened, bodies[k][1], k, white=OPENED)

@@ -38,6 +38,7 @@ from fcdm_opt.show.scene import (
     ShownParts,
     _cut_open,
     _joined,
+    body_figure,
     contacts_of,
     own_polygons,
     page_directions,
@@ -459,6 +460,17 @@ def test_parts_were_seen_from_behind(axis: int) -> None:
     page = page_directions(*view)
     assert np.cross(page[:, 0], page[:, 1])[1] < 0.0
     assert page[0, 0] > 0.0
+
+
+def test_outlines_were_dark_pixels() -> None:
+    """They were ragged: now they are lines, those of round faces too, and a box has but its three shades."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(48)])
+    (lines,) = body_figure(Body.convex(np.vstack([ring, np.add(ring, (0.0, 0.0, 3.0))]))).axes[0].collections[:1]
+    sides = [own for own in lines.get_segments() if np.ptp(own[:, 1]) > 2.0]
+    assert len(sides) == 2
+    image = body_figure(box((0.0, 0.0, 0.0), 2.0)).axes[0].images[0].get_array()
+    assert len(np.unique(image[image[..., 3] > 0], axis=0)) == 3
 
 
 @pytest.mark.parametrize("apart", [2.0, 5.0])
