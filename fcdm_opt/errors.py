@@ -66,7 +66,8 @@ class InputError(FcdmError, ValueError):
 
     def within(self, *, file: str | Path | None = None, key: str | None = None) -> InputError:
         """Return the same error, placed in a file or below a key of an enclosing structure."""
-        joined = ".".join(part for part in (key, self.key) if part) or None
+        option = (self.key or "").startswith("--")  # of the command line: no key of the file
+        joined = (": " if option else ".").join(part for part in (key, self.key) if part) or None
         return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
 
 
@@ -136,7 +137,7 @@ def _shortened(text: str) -> str:
 
 def _line(file: str | Path | None, key: str | None) -> int | None:
     """Return the line of a TOML file at which a key stands, or the table that it would stand in; None where unknown."""
-    if file is None or not key or Path(file).suffix != ".toml":
+    if file is None or not key or Path(file).suffix != ".toml" or ": --" in key:
         return None
     try:
         lines = Path(file).read_text(encoding="utf-8-sig").splitlines()

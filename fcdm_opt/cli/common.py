@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -80,6 +81,33 @@ def written(key: str, *endings: str) -> Callable[[Path | None], Path | None]:
         return path
 
     return checked
+
+
+def checked_number(key: str, allowed: str, *, holds: Callable[[float], bool]) -> Callable[[float | None], float | None]:
+    """Return the check of an option that is a number, made before any file is read."""
+
+    def checked(value: float | None) -> float | None:
+        if value is not None and not holds(value):
+            raise InputError("unusable number", key=key, found=value, allowed=allowed)
+        return value
+
+    return checked
+
+
+SECONDS = checked_number("--seconds", "a number of seconds > 0", holds=lambda seconds: seconds > 0.0)
+
+
+@contextmanager
+def named(**options: str) -> Iterator[None]:
+    """Name options in place of the arguments that they are given to, where these are refused; "": it is not given."""
+    try:
+        yield
+    except InputError as reason:
+        head, _, rest = (reason.key or "").partition(".")
+        if not options.get(head):
+            raise
+        key = " ".join(filter(None, (options[head], rest)))
+        raise InputError(reason.what, key=key, found=reason.found, allowed=reason.allowed) from reason
 
 
 Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import (
+    SECONDS,
     AsJson,
     Cases,
     Dark,
@@ -21,8 +22,10 @@ from fcdm_opt.cli.common import (
     Seed,
     Time,
     argument,
+    checked_number,
     code_of,
     finish,
+    named,
     option,
     written,
 )
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Bounded
 
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
+CHANGES = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
 JUDGED = ("map", "yield", "as drawn", "best pose")
 """What is judged where parts are made anew; with a yield the stack-up it is of."""
 LEAST = 0.1  # seconds that a map gets in any case
@@ -66,6 +70,9 @@ OVER = (
     "One to six sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others "
     "stay as made. Default: all sizes."
 )
+ERROR = checked_number("--error", "a finite number > 0", holds=lambda error: 0.0 < error < math.inf)
+AMOUNT = checked_number("--budget", "a finite length >= 0", holds=lambda amount: 0.0 <= amount < math.inf)
+SHARE = checked_number("--share", "between 0.5 and 1, as 0.9973", holds=lambda share: 0.5 < share < 1.0)
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
@@ -132,7 +139,9 @@ def whatif_command(
     try:
         limit = None if budget is None or budget == "limits" else float(budget)
     except ValueError:
-        raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"') from None
+        limit = math.nan
+    if limit is not None and not limit >= 0.0:
+        raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"')
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -158,14 +167,24 @@ def map_command(
     out: Annotated[Path | None, option("--out", "DIR", MAPS)] = None,
     dark: Dark = False,
     error: Annotated[
-        float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
+        float | None,
+        option(
+            "--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.", callback=ERROR
+        ),
     ] = None,
     seconds: Annotated[
-        float, option("--seconds", "S", "Time for all maps, a share each, after which they are left as they are.")
+        float,
+        option(
+            "--seconds",
+            "S",
+            "Time for all maps, a share each, after which they are left as they are.",
+            callback=SECONDS,
+        ),
     ] = 120.0,
     time: Time = None,
     budget: Annotated[
-        float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
+        float | None,
+        option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.", callback=AMOUNT),
     ] = None,
     over: Annotated[str | None, option("--over", "SIZE,...", OVER)] = None,
     box: SizeBox = None,
@@ -193,7 +212,12 @@ def map_command(
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
     names = None if over is None else _names(over)
-    known = partial(chosen_sizes, over=names)
+    given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
+
+    def known(problem: Scene) -> Any:
+        with named(**given):
+            return chosen_sizes(problem, over=names)
+
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=known)
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
@@ -201,7 +225,7 @@ def map_command(
         if pairs is not None:  # refused before a map is made
             sources(pairs, positive=[name in problem.nominal_scales for name in known(problem)])
         spent = min(each, max(pacing.left(), LEAST))
-        with pacing.unlimited():  # it has its own limit
+        with pacing.unlimited(), named(**given):  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
         if pictures is not None and out is not None:
@@ -246,11 +270,12 @@ def pose_command(
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    ends = None if window is None else _numbers(window, "--clearance", "LOW,HIGH as 0.1,0.3", 2)
+    ends = None if window is None else _window(window, "--clearance")
     within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        best = best_pose(problem, sizes=pairs, box=within, clearance=ends)  # what it refuses is said before any table
+        with named(sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)):
+            best = best_pose(problem, sizes=pairs, box=within, clearance=ends)  # what it refuses is said first
         drawn = clearances(problem, sizes=pairs, box=within)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
         yield "best pose", best, tables.print_said
@@ -286,7 +311,9 @@ def stack_command(
     gap: Annotated[str | None, option("--gap", "LO,HI", LIMITS)] = None,
     draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
     cost: Annotated[list[str] | None, option("--cost", "SIZE=C", COST)] = None,
-    share: Annotated[float | None, option("--share", "S", "With --cost: share of pairs that must fit.")] = None,
+    share: Annotated[
+        float | None, option("--share", "S", "With --cost: share of pairs that must fit.", callback=SHARE)
+    ] = None,
     of: Annotated[str | None, option("--of", "PART,PART", "Of an assembly: the two parts whose gap it is.")] = None,
     cut: Annotated[str | None, option("--slice", "SIZE,SIZE", "With --out: the two sizes of the slice.")] = None,
     seed: Seed = 1,
@@ -305,8 +332,15 @@ def stack_command(
     from fcdm_opt.show import stacks
     from fcdm_opt.show.printing import print_text
 
-    limits: Any = None if gap is None else _numbers(gap, "--gap", "LOW,HIGH as 0.1,0.3", 2)
-    costs, parts = dict(map(_change, cost or ())), None if of is None else _names(of)
+    limits: Any = None if gap is None else _window(gap, "--gap")
+    if share is not None and not cost:
+        raise InputError("this is for the cheapest tolerances", key="--share", found=share, allowed="with --cost")
+    if cut is not None and out is None:
+        raise InputError("this is for pictures", key="--slice", found=cut, allowed="with --out")
+    costs, parts = (
+        dict(map(partial(_change, key="--cost", allowed="SIZE=C as width=1"), cost or ())),
+        None if of is None else _names(of),
+    )
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     pictures, before = inquiry.pictures, dict[str, str]()
 
@@ -315,7 +349,8 @@ def stack_command(
             there = stacks.commented_out_sizes(file.path)
             allowed = f"one [[size]] table or more{': ' * bool(there)}{there}"
             raise InputError("there are no sizes", key="size", allowed=allowed)
-        found = stack_up(problem, limits=limits, of=parts)
+        with named(limits="--gap" * (gap is not None), of="--of"):
+            found = stack_up(problem, limits=limits, of=parts)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
@@ -323,7 +358,9 @@ def stack_command(
         yield "stack", found, (lambda _: print_text(f"as case {first}")) if alike else printed
         yield "yield", drawn, lambda _: None
         if costs:
-            yield "allocation", found.allocate(costs, share=share), stacks.print_allocation
+            with named(cost="--cost", share="--share"):
+                cheapest = found.allocate(costs, share=share)
+            yield "allocation", cheapest, stacks.print_allocation
         if pictures is not None and out is not None and not alike:
             title, stem = f"{file.name}: case {problem.name}", f"{file.path.stem}-{problem.name}-stack"
             stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title))
@@ -411,17 +448,16 @@ def _code(answer: Any) -> int:
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
 
 
-def _change(text: str) -> tuple[str, Any]:
+def _change(text: str, key: str = "--set", allowed: str = CHANGES) -> tuple[str, Any]:
     """Read KEY=VALUE, the value as in a problem file; a word that is no such value is text."""
     told = _CHANGE.fullmatch(text)
     if told is None:
-        allowed = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
-        raise InputError("not a change", key="--set", found=text, allowed=allowed)
-    key, value = told[1].strip(), told[2].strip()
+        raise InputError("not a name and a value", key=key, found=text, allowed=allowed)
+    name, value = told[1].strip(), told[2].strip()
     try:
-        return key, parsed(f"value = {value}")["value"]
+        return name, parsed(f"value = {value}")["value"]
     except ValueError:
-        return key, value
+        return name, value
 
 
 def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scene]:
@@ -448,11 +484,23 @@ def _numbers(text: str, key: str, allowed: str, count: int | None = None) -> tup
     return numbers
 
 
+def _window(text: str, key: str) -> tuple[float, ...]:
+    """Return the ends of a text LOW,HIGH."""
+    allowed = "LOW,HIGH as 0.1,0.3, LOW <= HIGH"
+    low, high = ends = _numbers(text, key, allowed, 2)
+    if low > high:
+        raise InputError("the lower end is above the upper one", key=key, found=text, allowed=allowed)
+    return ends
+
+
 def _box(text: str | None) -> Any:
     """Return the ends of each size; those of a single one, which stand for all scales in some places, as they are."""
     if text is None:
         return None
-    numbers = _numbers(text, "--box", "two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
+    allowed = "two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH"
+    numbers = _numbers(text, "--box", allowed)
+    if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
+        raise InputError("a lower end is above its upper one", key="--box", found=text, allowed=allowed)
     return numbers if len(numbers) == 2 else [*zip(numbers[::2], numbers[1::2], strict=True)]
 
 

@@ -7,7 +7,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import AsJson, Cases, Dark, Files, Inquiry, OpenedFile, Out, TableOut, Time, code_of, option
+from fcdm_opt.cli.common import (
+    SECONDS,
+    AsJson,
+    Cases,
+    Dark,
+    Files,
+    Inquiry,
+    OpenedFile,
+    Out,
+    TableOut,
+    Time,
+    code_of,
+    named,
+    option,
+)
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -63,7 +77,8 @@ def solve_command(
         str, option("--effort", "proved|quick", "quick: the first motion that the stages find, without proof.")
     ] = "proved",
     seconds: Annotated[
-        float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
+        float | None,
+        option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.", callback=SECONDS),
     ] = None,
     time: Time = None,
     table: TableOut = None,
@@ -91,7 +106,8 @@ def solve_command(
                 inquiry.wrote(f"wrote {table}")
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
-        row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
+        with named(effort="--effort"):
+            row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         entry |= {"name": problem.name, **row.solution.to_dict(), **row.beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         tabled(file, problem.name, row.solution)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from fcdm_opt import pacing, process_pool
-from fcdm_opt.cli.common import OUTPUT, Time, argument, option
+from fcdm_opt.cli.common import OUTPUT, Time, argument, checked_number, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
+DEVIATION = checked_number("--deviation", "a length > 0", holds=lambda length: 0.0 < length < math.inf)
 KIND = (
     '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
 )
@@ -39,7 +41,10 @@ def init_command(
     deviation: Annotated[
         float | None,
         option(
-            "--deviation", "LENGTH", "How far triangles may leave curved faces of STEP files at most, in that unit."
+            "--deviation",
+            "LENGTH",
+            "How far triangles may leave curved faces of STEP files at most, in that unit.",
+            callback=DEVIATION,
         ),
     ] = None,
     force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,
@@ -52,6 +57,8 @@ def init_command(
     from fcdm_opt.drafting.draft import draft, own_name, quoted
     from fcdm_opt.moved_files import write
 
+    if movable.exists() and static.exists() and movable.samefile(static):
+        raise InputError("both parts are of the same file", key="STATIC", found=str(static), allowed="two mesh files")
     path = Path(own_name(movable, static, SUFFIX)) if out is None else out
     _check_place(path, (movable, static), force)
     made = draft(movable, static, file=path, unit=cast("Unit | None", unit), deviation=deviation)

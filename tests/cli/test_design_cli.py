@@ -152,11 +152,26 @@ def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
     assert "outcome" in text
 
 
-@pytest.mark.parametrize("option", [("--set", "tolerance"), ("--budget", "much")])
-def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
-    code, _, errors = run("whatif", PROBLEMS / "peg_tapered.toml", *option)
-    assert code == 2
-    assert option[0] in errors
+WRONG = (
+    "whatif --set tolerance", "whatif --budget much", "whatif --budget -1", "map --error -1", "map --seconds 0",
+    "map --budget nan", "map --box 1.02,0.98,1,1", "pose --clearance 3,1", "stack --gap 3,1", "stack --share 0.9",
+    "stack --share 2 --cost a=1", "stack --cost a", "stack --slice a,b", "solve --seconds -1",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_options_were_refused_late_and_by_the_names_of_arguments(line: str) -> None:
+    """A map was made before its budget was looked at; then it was "case 'A'.budget", allowed "or None"."""
+    command, option, *values = line.split()
+    code, printed, errors = run(command, "no-such-file.toml", option, *values)
+    assert (code, printed, errors.startswith(f"error: {option}: ")) == (2, "", True)
+
+
+def test_options_that_a_file_decides_on_were_named_as_keys_of_it() -> None:
+    slot = PROBLEMS / "slot_and_key.toml"
+    for line in (("stack", "--of", "a,b"), ("solve", "--effort", "much"), ("map", "--over", "much")):
+        code, _, errors = run(line[0], slot, *line[1:])
+        assert (code, f": {line[1]}: " in errors, "slot_and_key.toml: case" in errors) == (2, True, True)
 
 
 @pytest.mark.slow
@@ -173,7 +188,7 @@ def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
     assert case["map"]["certificate"]["passed"]
     assert run("map", PROBLEMS / "example1.toml", "--case", "A", "--out", tmp_path)[0] == 2  # "beyond" jumps
     code, _, said = run(*arguments, "--over", "nothing", "--out", tmp_path / "a.stl")  # which was complained of first
-    assert (code, said.count("over: not one to 6 sizes"), "--out" in said) == (2, 1, False)
+    assert (code, said.count("--over: not one to 6 sizes"), "--out" in said) == (2, 1, False)
 
 
 def test_a_pose_printed_a_table_before_it_refused() -> None:

@@ -272,7 +272,10 @@ def test_a_link_to_nothing_was_overwritten_unasked(tmp_path: Path, monkeypatch: 
     Path("link.toml").symlink_to("nothing.toml")
     assert run("init", "a.off", "a.off", "--out", "link.toml").exit_code == 2
     assert Path("link.toml").is_symlink()
-    refused = run("init", "a.off", "a.off", "--out", "a.off/x.toml")
+    same = run("init", "a.off", "./a.off", "--out", "x.toml")  # a part was made to fit itself without a word
+    assert (same.exit_code, "both parts are of the same file" in same.stderr) == (2, True)
+    box(tmp_path / "b.off", (1.0, 1.0, 1.0), (0.0, 0.0, 1.5))
+    refused = run("init", "a.off", "b.off", "--out", "a.off/x.toml")
     assert (refused.exit_code, "a.off/x.toml: the file cannot be written" in refused.stderr) == (2, True)
 
 

@@ -456,7 +456,7 @@ def stack_up(
             raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")
         loop = assembly_loop(problem, of)
     elif of is not None:
-        raise InputError("two parts are named of an assembly", key="of", found=of, allowed="no such argument")
+        raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
     elif problem.sizes and by_contacts(problem, named=False):
         loop = pair_loop(problem, rigid_transform(pose))
     else:
