@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, get_args
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
@@ -107,13 +107,14 @@ def closest(key: str, allowed: Iterable[str]) -> str:
 
 
 def known_arguments(function: Called) -> Called:
-    """Have a function, or class, refuse arguments that it does not have as `InputError`, with the name that is near."""
+    """Have a function, or class, refuse arguments by name that it does not have, or lacks, as `InputError`."""
     if isinstance(function, type):
         function.__init__ = known_arguments(function.__init__)  # type: ignore[misc]
         return function
     code = function.__code__
     known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     names = [name for name in known if name not in ("self", "cls")]
+    needed = [name for name in known[code.co_argcount :] if name not in (function.__kwdefaults__ or {})]
 
     @functools.wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
@@ -121,6 +122,11 @@ def known_arguments(function: Called) -> Called:
             if key not in known:
                 what = f"unknown argument '{key}'{closest(key, names)}"
                 raise InputError(what, key=key, found=value, allowed=", ".join(names) or "none")
+        for key in needed:
+            if key not in named:
+                words = get_args(function.__globals__.get(function.__annotations__.get(key, "")))  # of a Literal
+                allowed = " or ".join(f'{key}="{word}"' for word in words)
+                raise InputError("this argument is missing", key=key, allowed=allowed)
         return function(*arguments, **named)
 
     return cast("Called", checked)

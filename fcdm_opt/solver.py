@@ -337,6 +337,9 @@ def _least_of(solutions: list[Solution], others: list[float]) -> Solution:
 
 
 def _check(problem: Scene, how: _How) -> None:
+    if isinstance(problem, list | tuple):
+        allowed = "a Problem or an Assembly; `solve_all` takes several"
+        raise InputError("this is for one question", key="problem", found=type(problem).__name__, allowed=allowed)
     expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:

@@ -63,6 +63,16 @@ class DecisionCurve(NotebookRepr):
     transform: Array
     box: Box
 
+    def __repr__(self) -> str:
+        """Return whose curve it is, and the box, on one line; nothing is worked out for it."""
+        ends = ", ".join(f"rho_{k} {low:.6g} to {high:.6g}" for k, (low, high) in enumerate(self.box, 1))
+        return f"DecisionCurve({self.movable.name!r} against {self.static.name!r}: {ends})"
+
+    def __str__(self) -> str:
+        """Return how many segments and switching points there are in the box, too."""
+        counts = f"segments: {len(self.segments)}, switching points: {len(self.switching_points)}"
+        return f"{repr(self)[:-1]}, {counts})"
+
     @cached_property
     def pose(self) -> Array:
         """R, row by row, and d = s_2 - s_1 with the moved seed, (12,)."""

@@ -53,6 +53,12 @@ class Segment:
     index: int
     run: Run
 
+    def __repr__(self) -> str:
+        """Return number, contact, line and ends on one line; everything else is an attribute."""
+        a, b, c = (f"{x:.6g}" for x in self.line.tolist())
+        start, end = (", ".join(f"{x:.6g}" for x in own.tolist()) for own in (self.start, self.end))
+        return f"Segment({self.index}: {self.feature}, {a} rho_1 + {b} rho_2 = {c}, from ({start}) to ({end}))"
+
     @property
     def configuration(self) -> Configuration:
         """Which of the seven contact configurations it is, see `Contact.configuration`."""
@@ -101,6 +107,11 @@ class SwitchingPoint:
     pose: Array
     index: int
     alone: bool = False
+
+    def __repr__(self) -> str:
+        """Return number, sizes and contacts on one line; everything else is an attribute."""
+        place = ", ".join(f"{x:.6g}" for x in self.rho.tolist())
+        return f"SwitchingPoint({self.index}: at ({place}), {' and '.join(map(str, self.features))})"
 
     @property
     def touching(self) -> tuple[Contact, ...]:

@@ -10,6 +10,7 @@ from scenes import CUBE, FLOOR, LOWER, OFF, PROBE, SCENES, TABLE, UPPER, X, Y, Z
 
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
+from fcdm_opt.show.report.sizes import stack_report
 
 NEAR = {"rel": 1e-7, "abs": 1e-7}
 THICK = fo.Size("thick", "lower", faces="+z", tolerance=(0.0, 0.1))
@@ -202,6 +203,9 @@ def test_contacts_that_cannot_all_close_have_no_loop() -> None:
     assert fo.verify(stack).passed
     with pytest.raises(InputError, match="which gap is meant"):
         fo.stack_up(table)
+    (told,) = (stack_report(table) or {})["notes"]  # which named no command that takes them
+    assert "; `fcdm-opt stack` takes two parts of " in told
+    assert told.endswith(", as --of left,floor")
 
 
 def test_a_probe_on_a_surface_has_the_rows_of_its_contact() -> None:

@@ -194,6 +194,18 @@ def test_a_slip_in_an_argument_was_a_bare_type_error(call: Callable[[Any], Any],
         call(lambda name: {name: True})
 
 
+def test_what_a_call_lacks_was_a_bare_type_error_and_what_prints_was_everything() -> None:
+    with pytest.raises(InputError, match=r'^unit: this argument is missing; allowed: unit="m" or .*unit="mm"'):
+        fo.Body.from_file("lid.stl")  # type: ignore[call-arg]
+    with pytest.raises(InputError, match="solve_all"):
+        fo.solve([PROBLEM, PROBLEM])  # type: ignore[call-overload]
+    curve = fo.decision_curve(CUBE, CUBE.moved([[1, 0, 0, 2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    assert str(curve) == f"{repr(curve)[:-1]}, segments: {len(curve.segments)}, switching points: 0)"
+    one = curve.segments[0]
+    assert str(one).startswith(f"Segment(1: {one.feature.label}, 0.5 rho_1 + 0.5 rho_2 = 2, from (")
+    assert "\n" not in f"{curve}{one}"
+
+
 def test_every_public_function_names_its_arguments_and_still_goes_to_other_processes() -> None:
     for name in set(fo.__all__) - {"whatif", "solve_all"}:  # they take those of a problem and of `solve`, too
         if isinstance(own := getattr(fo, name), FunctionType):

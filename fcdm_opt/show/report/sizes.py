@@ -68,6 +68,8 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
         why = "left out, it takes long: `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
+        if getattr(reason, "key", None) == "of":
+            why += f"; `fcdm-opt stack` takes {getattr(reason, 'allowed', '')}"
         return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
         low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
