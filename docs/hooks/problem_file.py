@@ -1,4 +1,7 @@
-"""The reference of problem files, study files and files of assemblies: a section for each kind of table."""
+"""The reference of problem files, study files and files of assemblies: a section for each kind of table.
+
+A table that problem files have too has its section there, and a link here.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 
 SCHEMAS = {"problem file": ProblemFile, "study file": StudyFile, "assembly file": AssemblyFile}
+FIRST, PAGE = "problem file", "problem-file.md"  # what others refer to, and where its reference is
 SHARED = 3  # keys: a table with as many of another's refers to it, fewer are said again
 WORDS = {"number": "number", "string": "text", "boolean": "true or false"}
 Schema = Mapping[str, Any]
@@ -18,16 +22,28 @@ Schema = Mapping[str, Any]
 
 def reference_of(kind: str) -> str:
     """Return the reference of a kind of file, from the model that reads it."""
-    return reference(SCHEMAS[kind].model_json_schema())
+    shared = {} if kind == FIRST else tables_of(SCHEMAS[FIRST].model_json_schema())
+    return reference(SCHEMAS[kind].model_json_schema(), {key: table for key, table in shared.items() if key != "#"})
 
 
-def reference(schema: Schema) -> str:
-    """Return a section for each kind of table: its keys with type, default, meaning and an example."""
-    tables = {"#": schema, **{f"#/$defs/{name}": table for name, table in schema.get("$defs", {}).items()}}
+def tables_of(schema: Schema) -> dict[str, Schema]:
+    """Return the kinds of tables of a file, by the pointers that name them."""
+    return {"#": schema, **{f"#/$defs/{name}": table for name, table in schema.get("$defs", {}).items()}}
+
+
+def reference(schema: Schema, shared: Mapping[str, Schema]) -> str:
+    """Return a section for each kind of table: its keys with type, default, meaning and an example.
+
+    Tables that are `shared` with problem files are named as such.
+    """
+    own, elsewhere = tables_of(schema), {key: {**table, "page": PAGE} for key, table in shared.items()}
+    tables = own | {key: elsewhere[key] for key in own if shared.get(key) == own[key]}
+    tables |= {key: table for key, table in elsewhere.items() if key not in own}  # whose keys others may have
     places: dict[str, list[str]] = {}
     for place, pointer in _walk(tables, "#", ""):
         places.setdefault(pointer, []).append(place)
-    return "\n".join(_section(tables, pointer, found) for pointer, found in places.items())
+    sections = [_section(tables, pointer, found) for pointer, found in places.items() if "page" not in tables[pointer]]
+    return "\n".join(sections)
 
 
 def _walk(tables: Mapping[str, Schema], pointer: str, place: str) -> Iterator[tuple[str, str]]:
@@ -59,8 +75,11 @@ def _section(tables: Mapping[str, Schema], pointer: str, places: list[str]) -> s
     if pointer != "#":
         lines += [f"Where: {', '.join(f'`{place}`' for place in places)}.", ""]
     if base:
-        lines += [f"All keys of {_link(tables[base])}, and:", ""]
-        keys = {key: item for key, item in keys.items() if key not in tables[base]["properties"]}
+        known = [key for key, item in keys.items() if tables[base]["properties"].get(key) == item]
+        whole = len(known) == len(tables[base]["properties"])
+        said = "All keys" if whole else f"The keys {', '.join(f'`{key}`' for key in known)}"
+        lines += [f"{said} of {_link(tables[base])}, and:", ""]
+        keys = {key: item for key, item in keys.items() if key not in known}
     lines += ["| key | value | meaning |", "|---|---|---|"]
     for key, item in keys.items():
         default = item.get("default")
@@ -75,13 +94,13 @@ def _section(tables: Mapping[str, Schema], pointer: str, places: list[str]) -> s
 
 
 def _base(tables: Mapping[str, Schema], pointer: str) -> str | None:
-    """Return the other kind of table all of whose keys this one has too, None where there is none."""
-    own = tables[pointer]["properties"].items()
+    """Return the other kind of table all of whose keys this one has too, or of another page the most of them."""
+    own, most = tables[pointer]["properties"], dict[str, tuple[int, int]]()
     for other, table in tables.items():
-        shared = table["properties"].items()
-        if SHARED <= len(shared) < len(own) and all(item in own for item in shared):
-            return other
-    return None
+        count = sum(own.get(key) == item for key, item in table["properties"].items())
+        if other != pointer and SHARED <= count < len(own) and ("page" in table or count == len(table["properties"])):
+            most[other] = count, -len(table["properties"])
+    return max(most, key=lambda other: most[other], default=None)
 
 
 def _kind(tables: Mapping[str, Schema], item: Schema) -> str:
@@ -106,7 +125,7 @@ def _kind(tables: Mapping[str, Schema], item: Schema) -> str:
 
 
 def _link(table: Schema) -> str:
-    return f"[{table['title']}](#{table['title'].lower().replace(' ', '-')})"
+    return f"[{table['title']}]({table.get('page', '')}#{table['title'].lower().replace(' ', '-')})"
 
 
 def _sentence(text: str) -> str:

@@ -8,6 +8,7 @@ such as `case[2] 'B'.motion[1].centre` counts from 1, as the vertex labels in a 
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -204,6 +205,8 @@ class Entry(BaseModel):
                 what = f"unknown {info.field_name}" if told["type"] == "literal_error" else told["msg"].lower()
             field = cls.model_fields[str(info.field_name)]
             hint = closest(found, _words(field.annotation)) if isinstance(found, str) else ""
+            if isinstance(found, str) and (share := re.fullmatch(r"\s*(\d*\.?\d+)\s*%\s*", found)):
+                hint = f", write {float(share[1]) / 100.0:.6g}"
             raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from functools import cache
 from typing import Any
 
@@ -76,6 +77,7 @@ def test_the_first_crossing_counts_not_the_last(limit: float) -> None:
     assert_closed(found, limit / 11)
     assert not found.proved
     assert found.spacing > 0
+    assert re.search(r"sampled every [\d.]+ % from [\d.]+ %, down to ", found.reason)  # without a unit it was
 
 
 def test_a_peak_below_the_limit_is_no_crossing() -> None:

@@ -194,6 +194,11 @@ def test_a_slip_in_an_argument_was_a_bare_type_error(call: Callable[[Any], Any],
         call(lambda name: {name: True})
 
 
+def test_a_share_in_per_cent_was_refused_without_how_to_write_it(tmp_path: Path) -> None:
+    assert "; found '2 %'" in str(told := answer(tmp_path, "tolerance = 0.02", 'tolerance = "2 %"'))
+    assert "shape, write 0.02; " in str(told)
+
+
 def test_what_a_call_lacks_was_a_bare_type_error_and_what_prints_was_everything() -> None:
     with pytest.raises(InputError, match=r'^unit: this argument is missing; allowed: unit="m" or .*unit="mm"'):
         fo.Body.from_file("lid.stl")  # type: ignore[call-arg]

@@ -136,8 +136,7 @@ class Budget(Plain):
 
     def tolerance_text(self, digits: int = 6) -> str:
         """Return the tolerance in words: a share of the scales, or a deviation of sizes."""
-        own = 100.0 * self.tolerance if self.of_scales else self.tolerance
-        return measured(f"{own:.{digits}g}", "%" if self.of_scales else self.unit)
+        return _measured(self.tolerance, self.of_scales, self.unit, digits)
 
     def sizes_text(self, digits: int = 6) -> str:
         """Return how far each size may be off, in words; "" where the scales are asked about."""
@@ -226,6 +225,11 @@ class Budgets(Mapping[str, Budget]):
     def __str__(self) -> str:
         """Return a line for each requirement."""
         return "\n".join(str(one) for one in self.each.values())
+
+
+def _measured(tolerance: float, of_scales: bool, unit: str, digits: int) -> str:
+    """Return a tolerance in words: a share of scales in per cent, a deviation of sizes in their unit."""
+    return measured(f"{100.0 * tolerance if of_scales else tolerance:.{digits}g}", "%" if of_scales else unit)
 
 
 @known_arguments
@@ -506,7 +510,11 @@ class _Tolerances:
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
             low, high = self._scanned()
-            why += f": sampled every {spacing:.3g} from {first:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
+            of_scales = not self.names or self.letter in OF_SCALES
+            every, begin, finest = (
+                _measured(tau, of_scales, self.problem.unit, 3) for tau in (spacing, first, spacing / 2**SPLITS)
+            )
+            why += f": sampled every {every} from {begin}, down to {finest} at changes"
         return self._result(low, high, lie, why, spacing)
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
