@@ -29,6 +29,7 @@ SHORT = 2.5  # seconds for one case of large meshes, or of parts whose widths do
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 Contacts = str | tuple[str, ...] | None
 ANY_SHIFT = Translation("x") >> Translation("y") >> Translation("z")
+FEW, ENOUGH = 6, 12  # digits of a direction; these, where those leave more than rounding open
 NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
 
 
@@ -158,11 +159,16 @@ def _on_one_side(situation: Situation) -> Choice | None:
 
 
 def named(axis: Array) -> AxisWord | tuple[float, float, float]:
-    """Return "x", "y" or "z" for a direction along that axis, either way, else its components."""
+    """Return "x", "y" or "z" for a direction along that axis, either way, else its components, in few digits.
+
+    They are in proportion to the largest, 1: of a slope they are those of its drawing.
+    """
     k = int(np.abs(axis).argmax())
     others = math.hypot(*np.delete(axis, k).tolist())
-    x, y, z = (0.0 if abs(x) <= NOISE else float(x) for x in axis)
-    return XYZ[k] if others <= DEFAULT.nominal else (x, y, z)
+    shares = axis / np.abs(axis[k])
+    few = np.round(shares, FEW)
+    x, y, z = (few if np.abs(few - shares).max() <= NOISE else np.round(shares, ENOUGH)).tolist()
+    return XYZ[k] if others <= DEFAULT.nominal else (x + 0.0, y + 0.0, z + 0.0)
 
 
 def _simpler(situation: Situation, choice: Choice) -> Choice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shlex
@@ -19,7 +20,7 @@ from typer.testing import CliRunner
 from fcdm_opt import load_problems, pacing, solve
 from fcdm_opt.cli import app
 from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
-from fcdm_opt.drafting.choice import TOLERANCE
+from fcdm_opt.drafting.choice import TOLERANCE, named
 from fcdm_opt.drafting.draft import draft, widths
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
@@ -264,6 +265,14 @@ def test_a_name_that_looks_like_an_option_or_has_spaces_can_be_solved_as_said(
     noted = Path("-a b-b.toml").read_text().splitlines()[2].removeprefix("#").split("   the")[0].strip()
     assert shlex.split(told) == shlex.split(noted) == ["fcdm-opt", "solve", "./-a b-b.toml"]
     assert run(*shlex.split(told)[1:]).exit_code == 0
+
+
+def test_directions_were_written_with_sixteen_digits() -> None:
+    for slope, told in (((-3, 0, 4), (-0.75, 0.0, 1.0)), ((5, 5, 0), (1.0, 1.0, 0.0)), ((-1e-15, -2, 0), "y")):
+        assert named(np.array(slope) / np.linalg.norm(slope)) == told
+    odd = named(axis := np.array([-math.cos(0.2), math.sin(0.2), 0.0]))
+    assert odd == (-1.0, round(math.tan(0.2), 12), 0.0)
+    assert np.allclose(odd / np.linalg.norm(odd), axis, rtol=0.0, atol=1e-12)
 
 
 def test_a_link_to_nothing_was_overwritten_unasked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
