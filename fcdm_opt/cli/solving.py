@@ -19,7 +19,6 @@ from fcdm_opt.cli.common import (
     TableOut,
     Time,
     code_of,
-    named,
     option,
 )
 from fcdm_opt.cli.guarding import say
@@ -92,9 +91,12 @@ def solve_command(
     Of a file of an assembly the smallest motions of all its parts together.
     """
     from fcdm_opt.design.cases import write_cases
+    from fcdm_opt.problem.solution import EFFORTS
     from fcdm_opt.show.assemblies import print_answers
     from fcdm_opt.show.solved import solved_case
 
+    if effort not in EFFORTS:
+        raise InputError("unknown effort", key="--effort", found=effort, allowed=", ".join(EFFORTS))
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     answers: list[tuple[str, Bounded]] = []
 
@@ -106,8 +108,7 @@ def solve_command(
                 inquiry.wrote(f"wrote {table}")
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
-        with named(effort="--effort"):
-            row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
+        row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         entry |= {"name": problem.name, **row.solution.to_dict(), **row.beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         tabled(file, problem.name, row.solution)

@@ -155,7 +155,7 @@ def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
 WRONG = (
     "whatif --set tolerance", "whatif --budget much", "whatif --budget -1", "map --error -1", "map --seconds 0",
     "map --budget nan", "map --box 1.02,0.98,1,1", "pose --clearance 3,1", "stack --gap 3,1", "stack --share 0.9",
-    "stack --share 2 --cost a=1", "stack --cost a", "stack --slice a,b", "solve --seconds -1",
+    "stack --share 2 --cost a=1", "stack --cost a", "stack --slice a,b", "solve --seconds -1", "solve --effort much",
 )  # fmt: skip
 
 
@@ -169,7 +169,7 @@ def test_options_were_refused_late_and_by_the_names_of_arguments(line: str) -> N
 
 def test_options_that_a_file_decides_on_were_named_as_keys_of_it() -> None:
     slot = PROBLEMS / "slot_and_key.toml"
-    for line in (("stack", "--of", "a,b"), ("solve", "--effort", "much"), ("map", "--over", "much")):
+    for line in (("stack", "--of", "a,b"), ("map", "--over", "much")):
         code, _, errors = run(line[0], slot, *line[1:])
         assert (code, f": {line[1]}: " in errors, "slot_and_key.toml: case" in errors) == (2, True, True)
 
