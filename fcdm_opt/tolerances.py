@@ -28,10 +28,10 @@ class Tolerances:
     drawn: float = 1e-6
     """Corners of a polygon in a file that are off its plane by at most this times their largest coordinate are so by
     rounding to the file's digits, often 6 or 7: they are moved onto it. Polygons that are more bent are refused."""
-    tessellation: float = 1e-3
+    tessellation: float = 1e-2
     """Curved faces of a STEP file are cut into triangles that leave them by at most this times the length of their
     edges: fine for a contact in 1e-3, and few enough to be decomposed."""
-    tessellation_turn: float = 0.2
+    tessellation_turn: float = 0.4
     """Neighbouring triangles of a curved face turn by at most this, radians."""
     sharp: float = 1e-3
     """Planes of a STEP file that cross at a smaller angle than this, radians, do not fix a corner along their line."""

@@ -27,9 +27,12 @@ if TYPE_CHECKING:
 Method = Literal["auto", "exact", "surface", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "surface", "coacd")
 Rows = tuple[int, ...]
-# Reflex edges times triangles, which the time of cutting grows with: "auto" cuts up to the first, 3 s or so, and up to
-# the second all rules are tried, and parts of a cover grown around some pieces, of which the best is taken.
-MOST_WORK, MOST_FOR_RULES = 400_000, 40_000
+# Reflex edges times triangles, which the time of cutting grows with: "auto" cuts up to the first, 3 s or so, up to the
+# second where far fewer parts than faces come of it, and up to the third all rules are tried, and parts of a cover
+# grown around some pieces, of which the best is taken.
+MOST_WORK, MOST_FOR_FEW, MOST_FOR_RULES = 400_000, 1_500_000, 40_000
+FEW = 8  # times as many faces
+LARGE = RULES[2:]  # of larger bodies, the first that fills them: round ones are cut all round by planes of two edges
 TARGETS = 6
 MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
@@ -103,10 +106,13 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     if method == "coacd":
         return _approximated(mesh, "asked for")
     work = reflex * len(mesh.triangles)
-    if method == "surface" or (method == "auto" and work > MOST_WORK):
-        asked = "asked for" if method == "surface" else f"{known} and {len(mesh.triangles)} triangles"
-        return _under_faces(mesh, asked)
-    return _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES)
+    large = method == "auto" and work > MOST_WORK
+    most = len(mesh.faces) // FEW if large else None
+    exact = None
+    if method != "surface" and (not large or work <= MOST_FOR_FEW):
+        exact = _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES, most=most)
+    asked = "asked for" if method == "surface" else f"{known} and {len(mesh.triangles)} triangles"
+    return _under_faces(mesh, asked) if exact is None else exact
 
 
 def by_features(mesh: Mesh, rule: int) -> Decomposition:
@@ -137,26 +143,32 @@ def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
     return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
-def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool) -> Decomposition:
+def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool, most: int | None) -> Decomposition | None:
+    """Return the best of exact decompositions; None where it has more parts than that."""
     solid = _Solid.of(mesh)
     space = solid.space
     best: list[Cell] | None = None
-    for rule in RULES if thoroughly else RULES[:1]:
-        cells = partition(space, solid.hull, solid.inner, rule)
+    for rule in RULES if thoroughly else LARGE:
+        cells = partition(space, solid.hull, solid.inner, rule, most)
+        if cells is None:
+            return None
         joined = merged(space, cells)
         if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
             best = joined
+            if not thoroughly:
+                break
     if best is None:
         raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
     covering, kind = None, "side by side"
     centre = space.point(seed)
-    if not is_star_shaped(space, solid.facets, centre):
+    if not thoroughly:
+        reason = "so many that no cover is looked for"
+    elif not is_star_shaped(space, solid.facets, centre):
         reason = "not all of it is seen from the seed"
     elif len(best) > MOST_COVERED:
         reason = f"more than {MOST_COVERED} parts, no cover looked for"
     else:
-        targets = TARGETS if thoroughly else 1
-        covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best), targets)
+        covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best), TARGETS)
         kind = "side by side" if covering is None else "that overlap"
         reason = "all hold the seed" if covering else f"a cover needs more than {LARGER * len(best)} parts"
     chosen = covering or best

@@ -44,8 +44,10 @@ RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0
 NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
 
 
-def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule) -> list[Cell]:
-    """Return convex cells that fill what the facets bound in a cell.
+def partition(
+    space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule, most: int | None = None
+) -> list[Cell] | None:
+    """Return convex cells that fill what the facets bound in a cell; None where they are more than so many.
 
     Parameters
     ----------
@@ -64,6 +66,8 @@ def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rul
     found: list[Cell] = []
     stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]
     while stack:
+        if most is not None and len(found) + len(stack) > most:
+            return None
         cell, facets = stack.pop()
         if not facets:
             found.append(cell)
@@ -97,7 +101,7 @@ def partition_by_features(space: Arrangement, cell: Cell, facets: Sequence[Facet
         cell, facets = stack.pop()
         plane = _dividing_plane(space, cell, facets)
         if plane is None:
-            found += merged(space, partition(space, cell, facets, rule))
+            found += merged(space, partition(space, cell, facets, rule) or [])
             continue
         low, high, _ = space.split_facets(facets, plane)
         stack += [(child, its) for child, its in zip(space.split(cell, plane), (low, high), strict=True) if child]

@@ -393,7 +393,13 @@ def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
 
 
 def inverse_of(products: Array) -> Array:
-    """Return the inverses of the products of one or two normals; of surfaces that touch along an edge as if of one."""
+    """Return the inverses of the products of a few normals; of surfaces that touch along an edge as if of one."""
     if products.shape[-1] == 1:
         return 1.0 / products
-    return np.asarray(np.linalg.pinv(products, rcond=TANGENT, hermitian=True))
+    if products.shape[-1] > 2:
+        return np.asarray(np.linalg.pinv(products, rcond=TANGENT, hermitian=True))
+    (a, b), (_, c) = np.moveaxis(products, 0, -1)
+    free, whole = a * c - b * b, (a + c)[:, None, None]
+    adjoint = np.moveaxis(np.array([[c, -b], [-b, a]]), -1, 0)
+    smooth = free[:, None, None] <= TANGENT * whole**2
+    return np.asarray(np.where(smooth, products / whole**2, adjoint / np.where(smooth, 1.0, free[:, None, None])))

@@ -294,6 +294,7 @@ def test_of_many_reflex_edges_the_surface_is_taken_and_said_so(monkeypatch):
     vertices, faces = surface_of(VOXELS["comb"][0])
     assert "exact" in Body.from_mesh(vertices, faces).notes[0]
     monkeypatch.setattr(decomposition, "MOST_WORK", 3)
+    monkeypatch.setattr(decomposition, "MOST_FOR_FEW", 3)
     assert "one under each face (10 reflex edges and" in Body.from_mesh(vertices, faces).notes[0]
     assert "exact" in Body.from_mesh(vertices, faces, decomposition="exact").notes[0]
 

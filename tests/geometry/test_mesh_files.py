@@ -23,6 +23,7 @@ from fcdm_opt.geometry.files import NANOMETRES, drawn_mesh, mesh_formats
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.solids import contains
 from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.step_files import cylinder, polyhedron
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
@@ -227,7 +228,7 @@ def test_curved_faces_of_step_files_are_cut_into_triangles(tmp_path, radius):
     np.testing.assert_allclose(level, np.where(level > radius, 2 * radius, 0), atol=1e-14 * radius)
     off_axis = np.linalg.norm(mesh.vertices - level[:, None] * axes[:, 2], axis=1)
     np.testing.assert_allclose(off_axis, radius, rtol=3e-7)
-    assert 0.998 < mesh.volume / (2 * np.pi * radius**3) < 1
+    assert np.sinc(DEFAULT.tessellation_turn / np.pi) < mesh.volume / (2 * np.pi * radius**3) < 1
 
 
 def test_without_cascadio_the_error_says_what_to_install(tmp_path, monkeypatch):
@@ -456,6 +457,7 @@ def test_a_pipe_named_as_a_mesh_is_refused_not_waited_for(tmp_path):
     os.mkfifo(path)
     with pytest.raises(InputError, match="not a regular file"):
         drawn_mesh(path, unit="mm")
+
 
 GOOD_STL, GOOD_GLB = stl(BOX, TRIANGLES), glb(BOX, TRIANGLES)
 NO_GLB = b"glTF" + struct.pack("<II", 2, 48) + struct.pack("<I", 28) + b'JSON{"asset":{"version":"2.0"}} '
