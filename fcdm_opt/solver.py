@@ -152,8 +152,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
             continue
         asked = problem.with_exact_points(points)
         found = pacing.in_time(_solved_all, asked, how, late=None)
-        refused = found is not None and problem.goal == "clear" and found.status in IMPOSSIBLE
-        if refused or (found is not None and found.usable):
+        if found is not None and (found.usable or found.status in IMPOSSIBLE):
             return found
     return None
 

@@ -28,10 +28,10 @@ Method = Literal["auto", "exact", "surface", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "surface", "coacd")
 Rows = tuple[int, ...]
 # Reflex edges times triangles, which the time of cutting grows with: "auto" cuts up to the first, 3 s or so, up to the
-# second where far fewer parts than faces come of it, and up to the third all rules are tried, and parts of a cover
-# grown around some pieces, of which the best is taken.
+# second where few parts come of it, and up to the third all rules are tried, and parts of a cover grown around some
+# pieces, of which the best is taken.
 MOST_WORK, MOST_FOR_FEW, MOST_FOR_RULES = 400_000, 1_500_000, 40_000
-FEW = 8  # times as many faces
+FEW = 100  # parts
 LARGE = RULES[2:]  # of larger bodies, the first that fills them: round ones are cut all round by planes of two edges
 TARGETS = 6
 MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
@@ -107,7 +107,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         return _approximated(mesh, "asked for")
     work = reflex * len(mesh.triangles)
     large = method == "auto" and work > MOST_WORK
-    most = len(mesh.faces) // FEW if large else None
+    most = FEW if large else None
     exact = None
     if method != "surface" and (not large or work <= MOST_FOR_FEW):
         exact = _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES, most=most)

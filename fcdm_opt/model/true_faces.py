@@ -162,8 +162,8 @@ def points_of_true_faces(
         current = solve(asked.problem)
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
-        if refused(current):
-            return points if problem.goal == "clear" else None
+        if refused(current) and problem.goal == "clear":
+            return points
         new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
         worst = [own for own in new if own.gap < -TIGHT * slack]
         if worst and all(map(asked.has, worst)):  # no piece of the true solid is known there
