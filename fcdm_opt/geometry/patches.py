@@ -123,10 +123,7 @@ class TrueFaces:
         room = 10.0 * self.body.rounding  # by which digits of the file may leave them off their faces
         for k, tip in enumerate(self.tips):
             own = np.unique(self.owners[(norms(self.corners - tip) == 0.0).any(axis=1)])
-            at = tip.copy()
-            for _ in range(3):
-                off, normal = zip(*(self.patches[j].gaps(at[None]) for j in own), strict=True)
-                at -= np.linalg.lstsq(np.concatenate(normal), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+            at = self._onto(own.tolist(), tip)
             self.tips[k] = at if norms(at - tip) <= room else tip
 
     def moved(self, patches: Sequence[Patch], corners: Array) -> TrueFaces:
@@ -160,6 +157,19 @@ class TrueFaces:
         near = DEFAULT.tie * self.body.size
         off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
         return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
+
+    def on(self, patches: Sequence[int], point: Array) -> Array | None:
+        """Return the point of some patches, of an edge where they are several, near a point; None beyond them."""
+        there = self._onto(patches, point)
+        return there if all(self.has_point(k, there) for k in patches) else None
+
+    def _onto(self, patches: Sequence[int], point: Array) -> Array:
+        """Return a point moved onto the surfaces of patches."""
+        at = point.copy()
+        for _ in range(3):
+            off, normal = zip(*(self.patches[k].gaps(at[None]) for k in patches), strict=True)
+            at -= np.linalg.lstsq(np.concatenate(normal), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+        return at
 
     def patch_of(self, row: int) -> int:
         """Return the patch that a row of `Body.faces` stands for."""

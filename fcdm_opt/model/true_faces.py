@@ -27,6 +27,7 @@ PATIENCE = 6  # rounds in which the deepest overlap becomes less than half of wh
 SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 FAR = 0.05  # of the size: nearer points of a time are one
+SLOW = 0.9  # of an overlap that a round leaves: where it is more, where the next ones lead to is not foreseen
 
 Points = dict[str, list[list[float]]]
 
@@ -108,6 +109,23 @@ class Exchange:
             for role, point in zip(self.points, own.points.tolist(), strict=False):
                 self.points[role].append(point)
 
+    def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
+        """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
+
+        It is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so.
+        """
+        near, bodies = FAR * self.facets.size, (self.facets.movable, self.facets.static)
+        for own in found:
+            last = min(before, key=lambda other: float(norms(own.points[0] - other.points[0])), default=own)
+            share = own.gap / last.gap
+            if not 0.0 < share < SLOW or norms(own.points - last.points[: len(own.points)]).max() > near:
+                continue
+            ahead = own.points + share / (1.0 - share) * (own.points - last.points[: len(own.points)])
+            for role, body, start, end in zip(self.points, bodies, own.points, ahead, strict=False):
+                there = true_faces(body).on(true_faces(body).at(start), end)
+                if there is not None:
+                    self.points[role].append(there.tolist())
+
     def new(self, found: Sequence[NearestPoints]) -> list[NearestPoints]:
         """Return those at which the parts are not exact, or that overlap by more than rounding."""
         return [own for own in found if own.gap < -self._slack or not self.has(own)]
@@ -157,7 +175,7 @@ def points_of_true_faces(
     slack, points = asked.facets.contact_slack, asked.points
     if problem.exact_at is None:
         asked.add([own for own in asked.nearest(np.eye(4), slack) if abs(own.gap) <= slack])
-    deepest = np.inf
+    deepest, before = np.inf, list[NearestPoints]()
     for count in range(ROUNDS):
         current = solve(asked.problem)
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
@@ -171,6 +189,8 @@ def points_of_true_faces(
         asked.add(worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             return points
+        asked.foresee(worst, before)
+        before = worst
         if count % PATIENCE == PATIENCE - 1:
             if not -worst[0].gap < 0.5 * deepest:
                 break
