@@ -19,7 +19,6 @@ from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
-from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.tolerances import DEFAULT
 
 BENT = 0.3  # radians: how far the face turns across such a piece
@@ -80,7 +79,7 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Arra
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    width = _room(faces, near, point)
+    width = faces.room(near, point)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))
@@ -110,10 +109,3 @@ def _within(patches: Sequence[Patch], point: Array) -> Array:
             break
         point = point - gap * normal
     return point
-
-
-def _room(faces: TrueFaces, near: list[int], point: Array) -> float:
-    """Return how far other faces' edges are from a point."""
-    own = np.sort(near)[:2] if len(near) > 1 else [-1, -1]
-    others = (np.sort(faces.every_pair_of_patches, axis=1) != own).any(axis=1)
-    return float(distances(point[None], faces.every_edge[others]).min(initial=np.inf))

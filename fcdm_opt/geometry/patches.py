@@ -158,10 +158,17 @@ class TrueFaces:
         off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
         return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
 
-    def on(self, patches: Sequence[int], point: Array) -> Array | None:
-        """Return the point of some patches, of an edge where they are several, near a point; None beyond them."""
-        there = self._onto(patches, point)
-        return there if all(self.has_point(k, there) for k in patches) else None
+    def room(self, near: Sequence[int], point: Array) -> float:
+        """Return how far edges are from a point of some patches, other than that between the first two."""
+        own = np.sort(near)[:2] if len(near) > 1 else [-1, -1]
+        others = (np.sort(self.every_pair_of_patches, axis=1) != own).any(axis=1)
+        return float(distances(point[None], self.every_edge[others]).min(initial=np.inf))
+
+    def along(self, start: Array, end: Array) -> Array | None:
+        """Return the point of a face, or of an edge, near another of its points moved; None where it may end before."""
+        near = self.at(start)
+        room = self.room(near, start) - max(deviation_of(self.body))
+        return self._onto(near, end) if near and 2.0 * float(norms(end - start)) < room else None
 
     def _onto(self, patches: Sequence[int], point: Array) -> Array:
         """Return a point moved onto the surfaces of patches."""

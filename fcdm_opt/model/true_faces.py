@@ -109,6 +109,26 @@ class Exchange:
             for role, point in zip(self.points, own.points.tolist(), strict=False):
                 self.points[role].append(point)
 
+    def nearer_by_slopes(self, found: Solution) -> list[NearestPoints]:
+        """Return where parts that touch after a motion come nearest after a smaller one, by the slopes of their gap.
+
+        Parts that are exact at two points alone touch there whatever their normals are; true faces do so after the
+        motion along which the gap falls fastest: q' = W^-2 g (g q) / (g W^-2 g), of its slopes g and the weights W.
+        """
+        facets, q, chosen = self.facets, np.array([*found.parameters.values()]), list[NearestPoints]()
+        assert found.transform is not None
+        seed = facets.movable.seed
+        kinematics = facets.motion.kinematics(seed, facets.static.seed)
+        rates = kinematics.rates(q)[1]
+        for own in self.nearest(found.transform, self._slack):
+            point = np.append(seed + facets.target[0] * (own.points[0] - seed), 1.0)
+            slopes = -(rates[:, :3] @ point) @ own.normal
+            eased = slopes / facets.weights**2
+            step = np.clip(eased * (slopes @ q) / max(slopes @ eased, np.finfo(float).tiny), *facets.limits.T)
+            if np.linalg.norm(facets.weights * step) < found.amount * (1.0 - DEFAULT.nominal):
+                chosen += self.nearest(kinematics.transform(step), self._slack)[:1]
+        return [own for own in chosen if not self.has(own)]
+
     def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
         """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
 
@@ -122,7 +142,7 @@ class Exchange:
                 continue
             ahead = own.points + share / (1.0 - share) * (own.points - last.points[: len(own.points)])
             for role, body, start, end in zip(self.points, bodies, own.points, ahead, strict=False):
-                there = true_faces(body).on(true_faces(body).at(start), end)
+                there = true_faces(body).along(start, end)
                 if there is not None:
                     self.points[role].append(there.tolist())
 
@@ -142,7 +162,7 @@ class Exchange:
 
     def has(self, own: NearestPoints) -> bool:
         """Tell whether parts are exact there."""
-        near = DEFAULT.nominal * self.facets.size
+        near = DEFAULT.tie * self.facets.size
         return all(
             bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
             for there, point in zip(self.points.values(), own.points, strict=False)
@@ -175,7 +195,8 @@ def points_of_true_faces(
     slack, points = asked.facets.contact_slack, asked.points
     if problem.exact_at is None:
         asked.add([own for own in asked.nearest(np.eye(4), slack) if abs(own.gap) <= slack])
-    deepest, before = np.inf, list[NearestPoints]()
+    apart = problem.goal == "touch" and all(own.gap > slack for own in asked.nearest(np.eye(4), slack))
+    deepest, least, before = np.inf, np.inf, list[NearestPoints]()
     for count in range(ROUNDS):
         current = solve(asked.problem)
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
@@ -188,6 +209,11 @@ def points_of_true_faces(
             break
         asked.add(worst or new[:1])  # where they are nearest their gap is told
         if not worst:
+            less = current.amount < least * (1.0 - DEFAULT.nominal)
+            if apart and less and (near := asked.nearer_by_slopes(current)):
+                least = current.amount
+                asked.add(near)
+                continue
             return points
         asked.foresee(worst, before)
         before = worst

@@ -141,6 +141,18 @@ def test_a_ball_meets_planes_cones_and_its_socket() -> None:
     assert usable(asked(fo.Sphere(9.8, facets=16), socket, way), effort="quick").amount == pytest.approx(0.2, **NEAR)
 
 
+def test_a_ball_larger_than_its_socket_was_let_out_by_its_facets() -> None:
+    """It comes free where it touches the rim from outside, which is told of true faces, though it leaves the fit."""
+    socket = fo.cut(fo.Box((40, 40, 24), centre=(0, 0, -10)), fo.Sphere(10.0, facets=16))
+    out = fo.solve(asked(fo.Sphere(10.01, facets=16), socket, Z))
+    assert out.status is fo.Status.OUTSIDE_FIT
+    rim, height = math.sqrt(10.0**2 - 2.0**2), 2.0
+    assert out.amount == pytest.approx(height + math.sqrt(10.01**2 - rim**2), rel=1e-9)
+    lifted, r = 0.004, 9.99  # the rim is nearer than the bottom then; the way there was 1 % too long
+    nearer = usable(asked(fo.Sphere(r, centre=(0, 0, lifted), facets=16), socket, X >> Z))
+    assert nearer.amount == pytest.approx(math.hypot(rim, height - lifted) - r, rel=1e-8)
+
+
 def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     """A torus bent both ways; along the axis the ball meets the edge of the groove, a circle."""
     ring, tube, r, outer = 20.0, 5.2, 5.0, 18.0
