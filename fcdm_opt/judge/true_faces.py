@@ -22,14 +22,15 @@ FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
 AROUND = -1.0, -0.5, 0.0, 0.5, 1.0  # of its width: the next, which is less wide, leaves none between
 ROUNDING = 1e-12  # of areas, and of a chord how far off surfaces a point counts as on them
 SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
-FEWEST = 6  # times at least; then until it tells no more
+FEWEST, FEWEST_OF_DEEPEST = 6, 12  # times at least, of faces that are not and that are the deepest known
+NEARLY = 1e-3  # of the band: by so much less deep points may yet be the deepest
 SLACK = 1e-9  # of the band: nearer to a rim a point is on it
 TIMES_ONTO = 8  # that points are brought onto two surfaces
 SMOOTH = 1e-9  # square of the angle at which a surface goes on in the next one
 ROUND = 1e-6  # of a chord: by so much its ends differ in height and radius about an axis that it is round of
 BENT = 1e-12  # of a chord: an edge that leaves it by less is straight
 BOWED = 1.5  # times what an edge leaves its chord at three places: it does nowhere by more
-KEPT, OF_EACH = 16, 2  # points about which it is made finer, of each two surfaces, and of each triangle
+KEPT, LATE, OF_EACH = 16, 4, 2  # points about which it is made finer, of each two surfaces, and of each triangle
 
 
 def gap_of_true_faces(
@@ -246,11 +247,12 @@ def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[
             if (j, k) in without:
                 continue
             triangles = np.flatnonzero(near & (own.owners == j))
-            deepest = max(deepest, _of_two(own, j, triangles, other, k, band))
+            deepest = max(deepest, _of_two(own, j, triangles, other, k, band, deepest))
     return deepest
 
 
-def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: float) -> float:
+def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float) -> float:
+    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known."""
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
@@ -258,11 +260,19 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
     surface, side = other.patches[k]
     which, shares = np.repeat(triangles, len(shares)), np.tile(shares, (len(triangles), 1))
     deepest, width, slack = -np.inf, 1.0, SLACK * band
+    sides = own.corners[triangles] - np.roll(own.corners[triangles], 1, axis=1)
+    longest = float(np.linalg.norm(sides, axis=2).max())
     for turn in range(TIMES):
         points = own.points(j, which, shares)
         height, directions = _height(surface, points)
         depth = -side * height
         inside = np.abs(height) <= band
+        apart = longest * width * (0.5 if turn else 1.0 / (grid - 1))
+        between = np.flatnonzero((height * side > band) & (height * side <= band + apart))
+        if not inside.any() and len(between):  # of wide triangles, points that come as near lie between those taken
+            width *= FINER
+            which, shares = _finer(between[np.argsort(-depth[between])], which, shares, width)
+            continue
         rows = np.flatnonzero(inside)
         inside[rows] = other.has(k, points[rows] - height[rows, None] * directions[rows], slack)
         rows = np.flatnonzero(inside)  # sides of triangles from a bent edge may cut across its bow
@@ -272,26 +282,32 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
-        if turn >= FEWEST and deepest - before <= 1e-12 * float(np.abs(points).max()):
+        fewest = FEWEST if deepest < known - NEARLY * band else FEWEST_OF_DEEPEST
+        if turn >= fewest and deepest - before <= 1e-12 * float(np.abs(points).max()):
             break
-        best = _best(np.flatnonzero(inside)[np.argsort(-depth[inside])], which)
         width *= FINER
-        moves = width * np.array([(u, v) for u in AROUND for v in AROUND])
-        moves = np.column_stack([-moves.sum(axis=1), moves])
-        shares = np.clip(shares[best][:, None] + moves, 0.0, 1.0).reshape(-1, 3)
-        shares /= shares.sum(axis=1, keepdims=True)
-        which = np.repeat(which[best], len(moves))
+        order, most = np.flatnonzero(inside)[np.argsort(-depth[inside])], LATE if turn >= FEWEST else KEPT
+        which, shares = _finer(order, which, shares, width, most)
     return deepest
 
 
-def _best(order: Ints, which: Ints) -> Ints:
+def _finer(order: Ints, which: Ints, shares: Array, width: float, most: int = KEPT) -> tuple[Ints, Array]:
+    """Return triangles and shares of their corners on a finer grid about the first points of an order."""
+    best = _best(order, which, most)
+    moves = width * np.array([(u, v) for u in AROUND for v in AROUND])
+    moves = np.column_stack([-moves.sum(axis=1), moves])
+    shares = np.clip(shares[best][:, None] + moves, 0.0, 1.0).reshape(-1, 3)
+    return np.repeat(which[best], len(moves)), shares / shares.sum(axis=1, keepdims=True)
+
+
+def _best(order: Ints, which: Ints, most: int) -> Ints:
     """Return the first rows of an order, few of each triangle: what is largest on a grid may not be it between."""
     kept, count = list[int](), dict[int, int]()
     for row, triangle in zip(order.tolist(), which[order].tolist(), strict=True):
         if count.get(triangle, 0) < OF_EACH:
             count[triangle] = count.get(triangle, 0) + 1
             kept.append(row)
-            if len(kept) == KEPT:
+            if len(kept) == most:
                 break
     return np.array(kept)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from scipy.optimize import minimize
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
@@ -27,6 +28,7 @@ PATIENCE = 6  # rounds in which the deepest overlap becomes less than half of wh
 SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 FAR = 0.05  # of the size: nearer points of a time are one
+STEPS = 30  # of a search for a smaller motion after which true faces touch
 SLOW = 0.9  # of an overlap that a round leaves: where it is more, where the next ones lead to is not foreseen
 
 Points = dict[str, list[list[float]]]
@@ -109,25 +111,43 @@ class Exchange:
             for role, point in zip(self.points, own.points.tolist(), strict=False):
                 self.points[role].append(point)
 
-    def nearer_by_slopes(self, found: Solution) -> list[NearestPoints]:
-        """Return where parts that touch after a motion come nearest after a smaller one, by the slopes of their gap.
+    def nearer(self, found: Solution) -> list[NearestPoints]:
+        """Return where true faces meet after the least motion near one after which the parts touch.
 
-        Parts that are exact at two points alone touch there whatever their normals are; true faces do so after the
-        motion along which the gap falls fastest: q' = W^-2 g (g q) / (g W^-2 g), of its slopes g and the weights W.
+        Parts that are exact at two points alone touch there whatever their normals are; true faces may do so after a
+        smaller motion, which is sought by sequential quadratic programming (SLSQP) on their gap and its slopes.
         """
-        facets, q, chosen = self.facets, np.array([*found.parameters.values()]), list[NearestPoints]()
+        facets, start = self.facets, np.array([*found.parameters.values()])
         assert found.transform is not None
-        seed = facets.movable.seed
+        seed, scale = facets.movable.seed, float(facets.target[0])
         kinematics = facets.motion.kinematics(seed, facets.static.seed)
-        rates = kinematics.rates(q)[1]
-        for own in self.nearest(found.transform, self._slack):
-            point = np.append(seed + facets.target[0] * (own.points[0] - seed), 1.0)
-            slopes = -(rates[:, :3] @ point) @ own.normal
-            eased = slopes / facets.weights**2
-            step = np.clip(eased * (slopes @ q) / max(slopes @ eased, np.finfo(float).tiny), *facets.limits.T)
-            if np.linalg.norm(facets.weights * step) < found.amount * (1.0 - DEFAULT.nominal):
-                chosen += self.nearest(kinematics.transform(step), self._slack)[:1]
-        return [own for own in chosen if not self.has(own)]
+        made = seed + scale * (facets.movable.vertices - seed)
+        moved = made @ found.transform[:3, :3].T + found.transform[:3, 3]
+        bound, unit = float(norms(moved - made).max()), found.amount / facets.weights
+
+        def gap(y: Array) -> float:
+            near = self._sorted(kinematics.transform(unit * y), bound)
+            return near[0].gap if near else bound
+
+        def slopes(y: Array) -> Array:
+            pose, rates = kinematics.rates(unit * y)
+            near = self._sorted(pose, bound)
+            if not near:
+                return np.zeros(len(y))
+            point = np.append(seed + scale * (near[0].points[0] - seed), 1.0)
+            return np.asarray(-(rates[:, :3] @ point) @ near[0].normal * unit)
+
+        least = minimize(
+            lambda y: y @ y,
+            start / unit,
+            jac=lambda y: 2.0 * y,
+            bounds=(facets.limits / unit[:, None]).tolist(),
+            constraints={"type": "ineq", "fun": lambda y: -gap(y) / bound, "jac": lambda y: -slopes(y) / bound},
+            method="SLSQP",
+            options={"maxiter": STEPS, "ftol": DEFAULT.nominal},
+        )
+        near = self.nearest(kinematics.transform(unit * least.x), self._slack)[:1]
+        return [own for own in near if not self.has(own)]
 
     def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
         """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
@@ -195,7 +215,8 @@ def points_of_true_faces(
     slack, points = asked.facets.contact_slack, asked.points
     if problem.exact_at is None:
         asked.add([own for own in asked.nearest(np.eye(4), slack) if abs(own.gap) <= slack])
-    apart = problem.goal == "touch" and all(own.gap > slack for own in asked.nearest(np.eye(4), slack))
+    apart = problem.goal == "touch" and len(problem.weights) > 1
+    apart = apart and all(own.gap > slack for own in asked.nearest(np.eye(4), slack))
     deepest, least, before = np.inf, np.inf, list[NearestPoints]()
     for count in range(ROUNDS):
         current = solve(asked.problem)
@@ -210,7 +231,7 @@ def points_of_true_faces(
         asked.add(worst or new[:1])  # where they are nearest their gap is told
         if not worst:
             less = current.amount < least * (1.0 - DEFAULT.nominal)
-            if apart and less and (near := asked.nearer_by_slopes(current)):
+            if apart and less and (near := asked.nearer(current)):
                 least = current.amount
                 asked.add(near)
                 continue
@@ -221,7 +242,7 @@ def points_of_true_faces(
             if not -worst[0].gap < 0.5 * deepest:
                 break
             deepest = -worst[0].gap
-    return points if worst[0].gap >= -slack else None
+    return points if not worst or worst[0].gap >= -slack else None
 
 
 def on_true_faces(scene: Scene) -> bool:

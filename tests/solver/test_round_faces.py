@@ -153,6 +153,17 @@ def test_a_ball_larger_than_its_socket_was_let_out_by_its_facets() -> None:
     assert nearer.amount == pytest.approx(math.hypot(rim, height - lifted) - r, rel=1e-8)
 
 
+def test_parts_with_play_met_with_any_normal_where_they_were_exact() -> None:
+    """The least way is the distance of an edge, a corner or a rim; it was up to 1 % longer, or refused by the judge."""
+    box = fo.Box((10, 10, 10), centre=(-5, -5, -5))
+    for x, y, z in ((1.52, -5.0, 1.75), (1.5, 0.8, 1.1)):
+        near = usable(asked(fo.Sphere(1.0, centre=(x, y, z), facets=16), box, X >> Y >> Z), effort="quick")
+        assert near.amount == pytest.approx(math.hypot(x, max(y, 0.0), z) - 1.0, rel=1e-9)
+    disc = fo.Cylinder(5.0, 4.0, base=(0, 0, -4))
+    over = usable(asked(fo.Sphere(1.0, centre=(7, 3, 2), facets=16), disc, X >> Y >> Z), effort="quick")
+    assert over.amount == pytest.approx(math.hypot(math.hypot(7, 3) - 5, 2) - 1, rel=1e-9)
+
+
 def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     """A torus bent both ways; along the axis the ball meets the edge of the groove, a circle."""
     ring, tube, r, outer = 20.0, 5.2, 5.0, 18.0
