@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
-DEVIATION = checked_number("--deviation", "a length > 0", holds=lambda length: 0.0 < length < math.inf)
+DEVIATION = checked_number("--deviation", "a finite length > 0", holds=lambda length: 0.0 < length < math.inf)
 KIND = (
     '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
 )
