@@ -214,16 +214,16 @@ def map_command(
     names = None if over is None else _names(over)
     given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
 
-    def known(problem: Scene) -> Any:
+    def sizes_of(problem: Scene) -> Any:
         with named(**given):
             return chosen_sizes(problem, over=names)
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=known)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=sizes_of)
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if pairs is not None:  # refused before a map is made
-            sources(pairs, positive=[name in problem.nominal_scales for name in known(problem)])
+            sources(pairs, positive=[name in problem.nominal_scales for name in sizes_of(problem)])
         spent = min(each, max(pacing.left(), LEAST))
         with pacing.unlimited(), named(**given):  # it has its own limit
             found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)

@@ -144,7 +144,7 @@ def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
 
 
 def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool, most: int | None) -> Decomposition | None:
-    """Return the best of exact decompositions; None where it has more parts than that."""
+    """Return the best of exact decompositions; None where they have more parts than `most`."""
     solid = _Solid.of(mesh)
     space = solid.space
     best: list[Cell] | None = None

@@ -4,7 +4,8 @@ Both parts are taken within the true ones, which ask for no more than these, and
 Where the true faces overlap after it, the parts are made exact at those points, and it is found anew, until they
 overlap nowhere: then it is right for the true ones too. This is the exchange method for infinitely many constraints
 (Hettich and Kortanek, Semi-infinite programming, SIAM Review 35, 1993): each point of a round face is one, and few
-matter.
+matter. Where parts with play are to touch, larger ones touch sooner: the least motion is then also sought on the gap of
+the true faces.
 """
 
 from __future__ import annotations
@@ -123,7 +124,8 @@ class Exchange:
         kinematics = facets.motion.kinematics(seed, facets.static.seed)
         made = seed + scale * (facets.movable.vertices - seed)
         moved = made @ found.transform[:3, :3].T + found.transform[:3, 3]
-        bound, unit = float(norms(moved - made).max()), found.amount / facets.weights
+        bound = float(norms(moved - made).max())
+        unit = float(np.linalg.norm(facets.weights * start)) / facets.weights
 
         def gap(y: Array) -> float:
             near = self._sorted(kinematics.transform(unit * y), bound)

@@ -312,7 +312,7 @@ def compensation_map(
         sampler = Sampler(problem, made, budget, jobs, names)
         mesh = RefinedMesh(sampler, error)
         mesh.refine()
-        reached, stopped = _reached(mesh)
+        reached, stopped = _largest_error(mesh)
     table, sets = _table(mesh)
     return CompensationMap(
         problem=_plain(problem),
@@ -331,7 +331,7 @@ def compensation_map(
     )
 
 
-def _reached(mesh: RefinedMesh) -> tuple[float, str]:
+def _largest_error(mesh: RefinedMesh) -> tuple[float, str]:
     """Return the largest error outside strips and specks; where it is more than asked for, why, and where it is."""
     smooth = [simplex for simplex in mesh.simplices if mesh.size(simplex) > 2.0 * SHORTEST]
     errors = np.nan_to_num([simplex.errors.max() for simplex in smooth], nan=math.inf)
