@@ -106,13 +106,23 @@ def solve(
     """
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
+    solution = _in_time(problem, how, time)
+    if throw and not solution.usable:
+        raise UnsolvedError(solution)
+    return solution
+
+
+def any_motion(problem: Problem) -> Solution:
+    """Return the first motion that the stages find, judged, where the least is not asked for."""
+    return _in_time(problem, _How("auto", certify=False, effort="quick", seconds=None, confirm=False), None)
+
+
+def _in_time(problem: Scene, how: _How, time: float | None) -> Any:
     answered: Any = _several if isinstance(problem, Assembly) else _answered
     with pacing.within(time):
         solution: Bounded = answered(problem, how)
         if solution.stopped and time is None:  # whoever asked would take it for all that can be had
             raise pacing.TimeOverError
-    if throw and not solution.usable:
-        raise UnsolvedError(solution)
     return solution
 
 

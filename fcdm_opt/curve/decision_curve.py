@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, Meeting, meetings
+from fcdm_opt.curve.contact import Contact, Joint, Meeting, joints, meetings
 from fcdm_opt.curve.envelope import Run, Union, boundary, inside
 from fcdm_opt.curve.flush import Flush, flush_contacts
 from fcdm_opt.curve.pruning import region_between
@@ -250,7 +250,14 @@ class DecisionCurve(NotebookRepr):
         point = _pair(rho)
         return self._remembered(tuple(point.tolist()), lambda: flush_contacts(self.movable, self.static, point))
 
-    def _remembered(self, asked: tuple[float, ...], answer: Callable[[], Any]) -> Any:
+    def joints(self, rho: ArrayLike, slack: float) -> tuple[Joint, ...]:
+        """Return every contact of the bodies as drawn at a scale pair on their curve; see `contact.joints`."""
+        point = _pair(rho)
+        return self._remembered(
+            ("joints", *point.tolist(), slack), lambda: joints(self.movable, self.static, point, slack)
+        )
+
+    def _remembered(self, asked: tuple[Any, ...], answer: Callable[[], Any]) -> Any:
         """Return an answer, one of the last if it is asked again: many problems ask for the same nominal scale pair."""
         if asked not in self._known:
             if len(self._known) >= REMEMBERED:
@@ -259,7 +266,7 @@ class DecisionCurve(NotebookRepr):
         return self._known[asked]
 
     @cached_property
-    def _known(self) -> dict[tuple[float, ...], Any]:
+    def _known(self) -> dict[tuple[Any, ...], Any]:
         return {}
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:

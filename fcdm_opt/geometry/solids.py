@@ -7,9 +7,10 @@ are not, and converge as meshes are refined.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -33,6 +34,7 @@ REACHED = 0.9  # of the way to the surface, by convex bodies inside
 PIECES = 8  # of what two solids have in common, in which it starts
 FACETS = 100  # of the thickest of these, on which it starts
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
+REMEMBERED = 64  # depths
 
 
 class SolidSurface:
@@ -74,6 +76,7 @@ class SolidSurface:
 
 
 _KNOWN: WeakKeyDictionary[Body, SolidSurface] = WeakKeyDictionary()
+_DEPTHS: dict[bytes, float] = {}  # by the triangles where they are
 
 
 def solid_surface(body: Body) -> SolidSurface:
@@ -220,16 +223,8 @@ def convex_inside(body: Body, point: Array) -> Body:
 
 
 def depth_as_drawn(movable: Body, static: Body, rho: Sequence[float] | Array) -> float:
-    """Return how deep two solids overlap as drawn, at a scale pair, see `PlacedSolids.depth`: asked again and again."""
-    found = _depth_as_drawn(movable, static, (float(rho[0]), float(rho[1])))
-    if pacing.over():  # it may be a bound of it alone
-        _depth_as_drawn.cache_clear()
-    return found
-
-
-@lru_cache(maxsize=4)
-def _depth_as_drawn(movable: Body, static: Body, rho: tuple[float, float]) -> float:
-    return PlacedSolids(movable, static, np.array(rho), np.eye(4)).depth
+    """Return how deep two solids overlap as drawn, at a scale pair, see `PlacedSolids.depth`."""
+    return PlacedSolids(movable, static, np.asarray(rho, np.float64), np.eye(4)).depth
 
 
 class PlacedSolids:
@@ -339,8 +334,20 @@ class PlacedSolids:
 
         The largest sum of a point's depths in both, each its distance from the surface: that of two balls, one in
         either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
-        cross, or where only a way round leads out.
+        cross, or where only a way round leads out. It is asked of the same places again and again.
         """
+        placed = hashlib.sha256(len(self._corners[0]).to_bytes(8) + b"".join(own.tobytes() for own in self._corners))
+        key = placed.digest()
+        if key not in _DEPTHS:
+            found = self._greatest_depth()
+            if pacing.over():  # it may be a bound of it alone
+                return found
+            if len(_DEPTHS) >= REMEMBERED:
+                del _DEPTHS[next(iter(_DEPTHS))]
+            _DEPTHS[key] = found
+        return _DEPTHS[key]
+
+    def _greatest_depth(self) -> float:
         pieces = [piece for piece in self._deepest_pieces() if _thickness(piece) > DEFAULT.tie * self.size]
         thickest = sorted(pieces, key=_thickness)[-STARTS:]
         facets = [(corners[rows].mean(axis=1), len(rows)) for corners, rows in thickest]

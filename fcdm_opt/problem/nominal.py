@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.contact import Joint, joints
+from fcdm_opt.curve.contact import Joint
 from fcdm_opt.curve.decision_curve import DecisionCurve, drawn_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
@@ -147,9 +147,7 @@ class NominalContact:
     @cached_property
     def nominal_joints(self) -> tuple[Joint, ...]:
         """Every contact of the nominal position, each feature once; none where the bodies do not touch there."""
-        if not self._touches:
-            return ()
-        return joints(*self.active, self.nominal_pair, DEFAULT.snap * self.size)
+        return self.curve.joints(self.nominal_pair, DEFAULT.snap * self.size) if self._touches else ()
 
     def chosen_contacts(self, asked: Any) -> tuple[Feature, ...]:
         """Return the nominal contacts of these labels, in their order; all for "all", none for None.

@@ -24,8 +24,9 @@ from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Bounded, Effort, Status
-from fcdm_opt.solver import solve
+from fcdm_opt.solver import any_motion, solve
 from fcdm_opt.tolerances import DEFAULT
 
 Names = frozenset[str]
@@ -179,8 +180,10 @@ class ClashSearch:
 
     def solved(self, problem: Any, *, certify: bool = False, effort: Effort = "quick") -> Bounded:
         """Return the answer to a problem; what a motion keeps is remembered."""
+        return self._noted(solve(problem, certify=certify, effort="proved" if certify else effort))
+
+    def _noted(self, solution: Bounded) -> Bounded:
         self.solves += 1
-        solution: Bounded = solve(problem, certify=certify, effort="proved" if certify else effort)
         if self.meets(solution):
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
@@ -193,8 +196,16 @@ class ClashSearch:
         return self._asked[names]
 
     def feasible(self, names: Names) -> bool:
-        """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
-        return any(names <= kept for kept in self.kept) or self.meets(self.alone(names))
+        """Tell whether a motion keeps these constraints; known as soon as one motion keeps them, the least or not."""
+        if any(names <= kept for kept in self.kept):
+            return True
+        if names not in self._asked and isinstance(self.problem, Problem):
+            found = self._noted(any_motion(without(self.problem, self.names - names)))
+            if self.meets(found):
+                return True
+            if not found.status.found:  # else a smaller one may do
+                self._asked[names] = found
+        return self.meets(self.alone(names))
 
     def smallest(self, whole: Bounded) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
