@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import sys
@@ -60,14 +61,25 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Let each worker import another share of all files first: their asserts are rewritten once, not by each worker."""
+    """Let each worker import another share of all files first: their asserts are rewritten once, not by each worker.
+
+    What is collected lives to the end: it is not looked at for garbage, now or later.
+    """
     config, worker = session.config, getattr(session.config, "workerinput", None)
+    if worker:
+        gc.disable()
     if worker and config.args_source is config.ArgsSource.TESTPATHS and not config.option.markexpr:
         paths = sorted(Path(__file__).parent.glob("**/test_*.py"))
         for path in paths[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
             sys.path.insert(0, str(path.parent))
             with suppress(Exception, pytest.skip.Exception):  # what is wrong is told when it is collected
                 import_module(path.stem)
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage among what comes now."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

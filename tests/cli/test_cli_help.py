@@ -208,7 +208,9 @@ def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     result = run("solve", BOXES)
     signal.signal(signal.SIGINT, before)
-    assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
+    # on a cold start it says before what it is at, every few seconds
+    said = [line for line in result.stderr.splitlines() if not line.startswith("still ")]
+    assert (result.exit_code, said) == (INTERRUPTED, ["interrupted"])
 
 
 @pytest.mark.slow
