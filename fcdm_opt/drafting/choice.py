@@ -109,12 +109,15 @@ def chosen(situation: Situation) -> Choice:
     found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
+        if goal == "seat" and situation.on_round_face:
+            continue  # it is about contacts as drawn, of facets
         best: Choice | None = None
         along = Translation(named(situation.normal))
         if situation.large:  # a motion across many faces is soon told along an axis
             along = Translation(XYZ[int(np.abs(situation.normal).argmax())])
         # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
-        shifts = (along, ANY_SHIFT) if goal == "seat" else (ANY_SHIFT, along)
+        flush = goal == "seat" or (situation.flush and situation.on_round_face)
+        shifts = (along, ANY_SHIFT) if flush else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
                 break

@@ -279,7 +279,7 @@ def _because(situation: Situation, choice: Choice) -> str:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
         why = ONE_WAY.format(_places(len(situation.contacts)), kept)
-    if choice.motion.steps == (Translation(named(situation.normal)),):
+    if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
     return why
 

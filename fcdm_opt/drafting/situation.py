@@ -16,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.facet_errors import facet_errors, is_plane_there
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.problem.active_parts import active_bodies
 from fcdm_opt.tolerances import DEFAULT
@@ -23,6 +24,7 @@ from fcdm_opt.tolerances import DEFAULT
 DRAWN = (1.0, 1.0)
 MARGIN = 0.1  # of the box about the sizes drawn, five times a draft's tolerance; half of it about contacts
 UNMEANT = 1e-5  # radians: single precision tilts faces of 100 by 1e-7, and no one draws so small an angle
+ONE_SIDE = 0.1  # length of the mean of unit normals, above which contacts are on one side
 WIDE: Box = ((0.02, 50.0), (0.02, 50.0))
 """Scales at which a contact is looked for where the usual box has none."""
 
@@ -87,20 +89,34 @@ class Situation:
     def sides(self) -> tuple[tuple[Array, tuple[Feature, ...]], ...]:
         """Flush contacts that face one way, and that way, from the movable part to the static one.
 
-        Those that meet the lowest part of the movable body first: what it stands on as drawn.
+        Those that meet the lowest part of the movable body first: what it stands on as drawn. Facets of round faces
+        face every way.
         """
         found: list[tuple[Array, list[Feature]]] = []
         for joint in self._joints:
-            if not joint.feature.is_flush or len(joint.normals) != 1:
+            feature = joint.feature
+            if not feature.is_flush or len(joint.normals) != 1 or self._is_round(feature):
                 continue
             for normal, own in found:
                 if normal @ joint.normals[0] >= 1.0 - DEFAULT.side:
-                    own.append(joint.feature)
+                    own.append(feature)
                     break
             else:
-                found.append((joint.normals[0], [joint.feature]))
+                found.append((joint.normals[0], [feature]))
         found.sort(key=lambda side: round(float(side[0][2]), 6))
         return tuple((normal, tuple(own)) for normal, own in found)
+
+    @cached_property
+    def on_round_face(self) -> bool:
+        """Whether what touches first is a facet of a round face, whose normal is one of many."""
+        near = self.nearest or self.grown
+        pieces = () if near is None else _pieces(near.contact)
+        return any(self._is_round(piece.feature) for piece in pieces)
+
+    def _is_round(self, feature: Feature) -> bool:
+        """Tell whether faces of a contact are known to be facets of round ones."""
+        sides = ((self.movable, feature.one), (self.static, feature.two))
+        return any(facet_errors(body) is not None and not is_plane_there(body, own) for body, own in sides)
 
     @cached_property
     def _joints(self) -> tuple[Joint, ...]:
@@ -153,10 +169,21 @@ class Situation:
 
     @cached_property
     def normal(self) -> Array:
-        """Unit direction in which the parts meet, from the movable part to the static one."""
+        """Unit direction in which the parts meet, from the movable part to the static one.
+
+        Where round faces lie in one another it is that of all contacts on the average, and along an axis if they are
+        all round.
+        """
         for near in (self.nearest, self.grown):
             if near is not None:
-                return np.array(_pieces(near.contact)[0].normal)
+                normal = np.array(_pieces(near.contact)[0].normal)
+                if not (self.on_round_face and self.flush and self.state == "touching"):
+                    return normal
+                every = [own for joint in self._joints if self._is_round(joint.feature) for own in joint.normals]
+                mean = np.mean(every, axis=0)
+                length = float(np.linalg.norm(mean))
+                axis = np.eye(3)[np.abs(normal).argmax()] * np.sign(normal[np.abs(normal).argmax()])
+                return mean / length if length > ONE_SIDE else axis
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
@@ -174,10 +201,10 @@ class Situation:
     def tilt(self) -> float | None:
         """Angle between two faces that nearly lie on one another where the parts meet, radians.
 
-        None where there are no such faces, or they are parallel as exactly as is told apart.
+        None where there are no such faces, they are of round ones, or parallel as exactly as is told apart.
         """
         near = self.nearest
-        if near is None:
+        if near is None or self.on_round_face:
             return None
         angles = [
             float(np.linalg.norm(one + two))  # of two unit vectors that are nearly opposite

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.elements import Elements, own_elements
+from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
 from fcdm_opt.geometry.naming import (
@@ -88,6 +88,15 @@ def errors_about(body: Body, surfaces: RoundFaces, others: Array) -> Array:
         errors[list(rows)] = 0.0
         np.maximum.at(errors, owners[own], surface.offsets(corners[own]))
     return frozen(errors)
+
+
+def is_plane_there(body: Body, element: Element) -> bool:
+    """Tell whether a body's faces at one of its elements are plane in truth, as far as is known."""
+    errors = facet_errors(body)
+    label = tuple(sorted(element.vertices))
+    beside = [label] if element.kind == "F" else body.faces_with(label)
+    rows = [body.face_rows.get(face, -1) for face in beside]
+    return errors is not None and bool(rows) and min(rows) >= 0 and not errors[rows].any()
 
 
 def deviation_of(body: Body) -> tuple[float, float]:

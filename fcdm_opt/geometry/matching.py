@@ -45,8 +45,12 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
         return bodies
     counts = [len(body.vertices) for body in bodies]
     points, starts = np.concatenate([body.vertices for body in bodies]), np.cumsum([0, *counts])
-    faces = [[start + own for own in _faces(body)] for body, start in zip(bodies, starts.tolist(), strict=False)]
-    lies = _incidences(bodies, points, faces, np.repeat(loose, counts), ways)
+    kept = [_walls(body) for body in bodies]
+    faces = [
+        [start + own for own, k in zip(_faces(body), its.tolist(), strict=True) if k]
+        for body, start, its in zip(bodies, starts.tolist(), kept, strict=False)
+    ]
+    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), ways)
     if lies is None:
         return bodies
     most = np.repeat([APART * body.rounding for body in bodies], counts)
@@ -71,14 +75,26 @@ def _faces(body: Body) -> list[Ints]:
     return [np.array(face, np.int64) - 1 for face in body.faces]
 
 
+def _walls(body: Body) -> Flags:
+    """Tell which faces are not known to be facets of round ones: those are as they are told to be, to all digits."""
+    count, errors = len(body.faces), body.facet_errors
+    return np.ones(count, bool) if errors is None or body.surfaces is None else np.asarray(errors.max(axis=1) == 0.0)
+
+
 def _incidences(
-    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], free: Flags, ways: Sequence[Sequence[float]]
+    bodies: Sequence[Body],
+    points: Array,
+    faces: list[list[Ints]],
+    kept: list[Flags],
+    free: Flags,
+    ways: Sequence[Sequence[float]],
 ) -> Incidences | None:
     """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
     every = [own for some in faces for own in some]
     owner = np.repeat(np.arange(len(bodies)), list(map(len, faces)))
     rounding = np.array([body.rounding for body in bodies])[owner]
-    normals, bases = (np.concatenate(own) for own in zip(*(body.face_planes for body in bodies), strict=True))
+    planes = ([own[its] for own in body.face_planes] for body, its in zip(bodies, kept, strict=True))
+    normals, bases = (np.concatenate(own) for own in zip(*planes, strict=True))
     levels = (normals * bases).sum(axis=1)
     first, reach = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
     rows = np.concatenate(every)
@@ -96,9 +112,9 @@ def _incidences(
         all_on = np.bincount(pair, ~on, len(other)) == 0
         same.append(np.column_stack([plane, other])[all_on])
         inside = ((points[corner] >= low[at] - reach) & (points[corner] <= high[at] + reach)).all(axis=1)
-        kept = on & (inside | all_on[pair])
-        near.append(np.column_stack([at, corner])[kept])
-        off = max(off, float(heights[kept].max(initial=0.0)))
+        there = on & (inside | all_on[pair])
+        near.append(np.column_stack([at, corner])[there])
+        off = max(off, float(heights[there].max(initial=0.0)))
     tight = DEFAULT.tie * float(np.abs(points).max())
     if not (touched := np.concatenate(near)).size:
         return None

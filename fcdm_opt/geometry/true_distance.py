@@ -13,21 +13,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
-from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
+from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces
-from fcdm_opt.geometry.tessellation import onto
+from fcdm_opt.geometry.tessellation import Swept, onto
+from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
 MOST = 1_000_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
+MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
 
 class FacePieces(NamedTuple):
-    """FacePieces of the faces of a body, each known by a triangle with its corners on the surface.
+    """Pieces of the faces of a body, each known by a triangle with its corners on the surface.
 
     Attributes
     ----------
@@ -58,7 +61,12 @@ class FacePieces(NamedTuple):
             for side in range(3):
                 a, b = own[side], own[(side + 1) % 3]
                 others[k, side] = known.get((min(a, b), max(a, b), patch), -1)
-        return cls(faces.corners, faces.owners, others, np.zeros(0)).measured(faces.patches)
+        whole = cls(faces.corners, faces.owners, others, np.zeros(len(others)))
+        return whole.only(~whole.in_holes(faces)).measured(faces.patches)
+
+    def only(self, rows: Flags) -> FacePieces:
+        """Return some of them."""
+        return FacePieces(self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows])
 
     def measured(self, patches: Sequence[Patch]) -> FacePieces:
         """Return them with their errors."""
@@ -73,6 +81,24 @@ class FacePieces(NamedTuple):
         trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
         return self._replace(errors=errors + TRIM * trimmed)
 
+    def in_holes(self, faces: TrueFaces) -> Flags:
+        """Tell which triangles of plane faces are between a chord of a hole's rim and the rim: nothing is there."""
+        found, near = np.zeros(len(self.corners), bool), DEFAULT.tie * faces.body.size
+        flat, concave = (
+            np.array(list(map(own, faces.patches))) for own in (lambda patch: patch.surface.flat, is_concave)
+        )
+        both = np.concatenate([faces.every_pair_of_patches, faces.every_pair_of_patches[:, ::-1]])
+        rims = np.flatnonzero(flat[both[:, 0]] & concave[both[:, 1]])
+        middles = np.tile(faces.every_edge.mean(axis=1), (2, 1))
+        for pair in np.unique(both[rims], axis=0):
+            plane, hole = (faces.patches[k] for k in pair)
+            rows, own = np.flatnonzero(self.patches == pair[0]), middles[rims[(both[rims] == pair).all(axis=1)]]
+            free = (hole.gaps(self.corners[rows].reshape(-1, 3))[0] >= -near).reshape(-1, 3).all(axis=1)
+            outward = units(onto(own, [plane.surface, hole.surface]) - own)
+            heights = ((self.corners[rows[free], :, None] - own) * outward).sum(axis=-1)
+            found[rows[free]] |= (heights >= -near).all(axis=1).any(axis=1)
+        return found
+
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
         found = (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
@@ -83,21 +109,28 @@ class FacePieces(NamedTuple):
             flat[own] = onto(flat[own], [patches[k].surface for k in (one, two) if k >= 0])
         return flat.reshape(-1, 3, 3)
 
-    def cut(self, rows: Flags, patches: Sequence[Patch]) -> tuple[FacePieces, Ints]:
-        """Return pieces of which some are cut in two at the side that leaves its surface most, and what each is of."""
-        own = FacePieces(self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows])
+    def cut(self, rows: Flags, faces: TrueFaces, small: float) -> tuple[FacePieces, Ints]:
+        """Return pieces of which some are cut in two at the side that leaves its surface most, and what each is of.
+
+        At the longest one where none leaves it by more than `small`, or of a face without straight lines by much of it.
+        """
+        patches = faces.patches
+        own = self.only(rows)
         middles, k = own.middles(patches), np.arange(len(own.corners))
         bulge = norms(middles - (own.corners + np.roll(own.corners, -1, axis=1)) / 2.0)
         long = norms(own.corners - np.roll(own.corners, -1, axis=1))
-        side = np.where(bulge.max(axis=1) > 0.0, bulge.argmax(axis=1), long.argmax(axis=1))
+        ruled = np.array([patch.surface.line is not None and not patch.surface.flat for patch in patches])[own.patches]
+        much = np.maximum(small, np.where(ruled, 0.0, MUCH * long.max(axis=1)))
+        side = np.where(bulge.max(axis=1) > much, bulge.argmax(axis=1), long.argmax(axis=1))
         a, b, c = (own.corners[k, (side + turn) % 3] for turn in range(3))
         ab, bc, ca = (own.others[k, (side + turn) % 3] for turn in range(3))
         m, within = middles[k, side], np.full(len(k), -1)
         corners = np.concatenate([np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)])
         others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
-        halves = FacePieces(corners, np.tile(own.patches, 2), others, np.zeros(0)).measured(patches)
-        kept = ~rows
-        of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)])
+        halves = FacePieces(corners, np.tile(own.patches, 2), others, np.zeros(len(corners)))
+        there, kept = ~halves.in_holes(faces), ~rows
+        halves = halves.only(there).measured(patches)
+        of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)[there]])
         return FacePieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
@@ -117,10 +150,11 @@ class FacesApart:
     """
 
     def __init__(self, faces: Sequence[TrueFaces], most: int = MOST) -> None:
-        self._patches = [own.patches for own in faces]
+        self._faces = faces
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
         self.remaining = most
+        self._concave = [np.array(list(map(is_concave, own.patches))) for own in faces]
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.
@@ -136,39 +170,123 @@ class FacesApart:
             one = self._pieces[0].corners @ transform[:3, :3].T + transform[:3, 3]
             two, errors = self._pieces[1].corners, [own.errors for own in self._pieces]
             if not level:
-                self._nearest = _near(one, two, errors, self._nearest)
+                self._nearest = _near(one, two, errors, _no_farther(one, two, errors, self._nearest))
             i, j = self._nearest.T
             self.remaining -= len(i)
             if self.remaining < 0:
                 break
-            lows = _separations(one[i], two[j]) - errors[0][i] - errors[1][j]
+            lows = _separations(one[i], two[j], errors[0][i] + errors[1][j])
             some = np.argsort(lows, kind="stable")[:SOME]  # the nearest are among them
             upper, low = _no_more(one, two, errors, self._nearest[some]), float(lows.min())
             near = (lows < (1.0 - SHARE) * upper) & (lows < upper - small)
             if not near.any():
                 return max(low, 0.0)
-            i, j = self._nearest[near].T
+            pairs = self._nearest[near]
             self._nearest = self._nearest[near | (lows <= upper)]
-            first, wide = errors[0][i] >= errors[1][j], errors[0][i] + errors[1][j] <= small
-            sizes = [norms(np.ptp(own, axis=1)) for own in (one, two)]
-            first = np.where(wide, sizes[0][i] >= sizes[1][j], first)  # what is left is how large they are
-            for k, chosen in enumerate((i[first], j[~first])):
-                rows = np.zeros(len(self._pieces[k].corners), bool)
-                rows[chosen] = True
-                if rows.any():
-                    self._pieces[k], of = self._pieces[k].cut(rows, self._patches[k])
-                    self._nearest = _followed(self._nearest, k, of)
+            self._cut(pairs, small)
         return 0.0
 
+    def least_shift(self, directions: Array, most: float, goal: float) -> float:
+        """Return a length below which no shift makes them touch, `goal` where it is no less.
 
-def _near(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> Ints:
-    """Return pairs of pieces that may be the nearest, by their boxes, (m, 2); `last` were those before."""
-    room = [own[:, None] for own in errors]
-    (low, high), (under, over) = ((x.min(axis=1) - e, x.max(axis=1) + e) for x, e in zip((one, two), room, strict=True))
+        Two convex sets are apart by some plane whose normal u shows what their distance is in a norm of shifts: of all
+        planes the largest gap along u over the largest shift along u (duality). Of pieces some of these are tried.
+
+        Parameters
+        ----------
+        directions : (3, m) array
+            Shift of body 1 for each of m coordinates, whose Euclidean norm is the length.
+        most : float
+            Of a shift with which they touch.
+        goal : float
+            Below `most`: to show more is not asked for.
+        """
+        far = float(np.linalg.norm(directions, 2))
+        one, two = (own.corners for own in self._pieces)
+        self._nearest = _near(one, two, [own.errors for own in self._pieces], most * far)
+        for _ in range(LEVELS):
+            (i, j), errors = self._nearest.T, [own.errors for own in self._pieces]
+            one, two = self._pieces[0].corners[i], self._pieces[1].corners[j]
+            self.remaining -= len(i)
+            kept = self._stay_within(self._nearest, directions, goal)
+            lows = np.where(kept.any(axis=0), goal, _separations(one, two, errors[0][i] + errors[1][j], directions))
+            near = lows < goal
+            if not near.any():
+                return goal
+            if self.remaining < 0:
+                break
+            self._nearest = self._nearest[near]
+            self._cut(self._nearest, (most - goal) * far)
+            pacing.check()
+        return max(float(lows.min()), 0.0)
+
+    def _stay_within(self, pairs: Ints, directions: Array, length: float) -> Flags:
+        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such shifts."""
+        found = np.zeros((2, len(pairs)), bool)
+        for k, own in enumerate(self._pieces):
+            patches = self._pieces[1 - k].patches[pairs[:, 1 - k]]
+            for patch in np.flatnonzero(self._concave[1 - k]).tolist():
+                rows = np.flatnonzero(patches == patch)
+                surface, its = self._faces[1 - k].patches[patch].surface, pairs[rows, k]
+                found[k, rows] = _stays(own.corners[its], own.errors[its], surface, directions, length)
+        return found
+
+    def _cut(self, pairs: Ints, small: float) -> None:
+        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
+        i, j = pairs.T
+        errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
+        wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
+        first = np.where(wide, sizes[0][i] >= sizes[1][j], errors[0][i] >= errors[1][j])
+        concave = [
+            own[pieces.patches[rows]] for own, pieces, rows in zip(self._concave, self._pieces, (i, j), strict=True)
+        ]
+        first = np.where(concave[0] == concave[1], first, concave[1])
+        for k, chosen in enumerate((i[first], j[~first])):
+            rows = np.zeros(len(self._pieces[k].corners), bool)
+            rows[chosen] = True
+            if rows.any():
+                self._pieces[k], of = self._pieces[k].cut(rows, self._faces[k], small)
+                self._nearest = _followed(self._nearest, k, of)
+
+
+def _boxes(pieces: Array, errors: Array) -> tuple[Array, Array]:
+    return pieces.min(axis=1) - errors[:, None], pieces.max(axis=1) + errors[:, None]
+
+
+def _no_farther(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> float:
+    """Return what the distance is at most, by the nearest pairs before; by boxes where there are none."""
     if len(last):
-        most = _no_more(one, two, errors, last[:: max(1, len(last) // SOME)])
-    else:
-        most = float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
+        return _no_more(one, two, errors, last[:: max(1, len(last) // SOME)])
+    (low, high), (under, over) = _boxes(one, errors[0]), _boxes(two, errors[1])
+    return float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
+
+
+def is_concave(patch: Patch) -> bool:
+    """Tell whether a face is about a convex room: of a bore, a conical hole, or a socket of a ball."""
+    surface = patch.surface
+    return patch.side < 0.0 and not surface.flat and (surface.line is not None or surface.ring == 0.0)
+
+
+def _stays(corners: Array, errors: Array, surface: Swept, directions: Array, length: float) -> Flags:
+    """Tell which pieces stay in the convex room within a surface after any shift of that length, (m,).
+
+    The largest distance from the axis, or centre, is that of a corner, as it is convex: |a + s| with |s| <= l along
+    D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2).
+    """
+    off, across = corners - surface.origin, np.eye(3)
+    steep, slope = surface.line or (1.0, 0.0)
+    if surface.line is not None:
+        across = across - np.outer(surface.axis, surface.axis)
+    room, aside, far = errors[:, None], off @ across, np.linalg.norm(across @ directions, 2)
+    a, b = norms(aside) + room, np.linalg.norm(aside @ directions, axis=-1) + room * far
+    most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
+    along = off @ surface.axis - np.sign(slope) * (room + length * np.linalg.norm(surface.axis @ directions))
+    return np.asarray((steep * most - slope * along < surface.radius).all(axis=1))
+
+
+def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:
+    """Return pairs of pieces that may be no farther apart, by their boxes and planes, (m, 2)."""
+    (low, high), (under, over) = _boxes(one, errors[0]), _boxes(two, errors[1])
     pairs = overlapping_between(low - most, high + most, under, over)
     i, j = pairs.T
     pairs = pairs[norms(np.maximum(np.maximum(under[j] - high[i], low[i] - over[j]), 0.0)) <= most]
@@ -206,17 +324,27 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
     return new
 
 
-def _separations(one: Array, two: Array) -> Array:
-    """Return the largest separation of triangles, (m, 3, 3), along some directions: no more than their distance."""
+def _separations(one: Array, two: Array, errors: Array, shifts: Array | None = None) -> Array:
+    """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these.
+
+    The largest separation along some directions, each over the largest shift along it: in the norm of `shifts`, see
+    `FacesApart.least_shift`.
+    """
     sides = [own - np.roll(own, -1, axis=1) for own in (one, two)]
-    normals = [unit_normals(own) for own in (one, two)]
-    directions = [normals[0][:, None], normals[1][:, None], (two.mean(axis=1) - one.mean(axis=1))[:, None]]
+    normals, between = [unit_normals(own) for own in (one, two)], two.mean(axis=1) - one.mean(axis=1)
+    directions = [normals[0][:, None], normals[1][:, None], between[:, None]]
     directions += [cross(sides[0][:, [k] * 3], sides[1]) for k in range(3)]
     directions += [cross(own, n[:, None]) for own, n in zip(sides, normals, strict=True)]
+    if shifts is not None:  # of points these are the best: what no shift does at all, else what the shortest one is
+        inverse = np.linalg.pinv(shifts)
+        directions += [(between - between @ inverse.T @ shifts.T)[:, None], (between @ inverse.T @ inverse)[:, None]]
     every = np.concatenate(directions, axis=1)
     length = norms(every)
     every = every / np.maximum(length, SMALLEST)[..., None]
     heights = ([dots(every, own[:, None, k]) for k in range(3)] for own in (one, two))
     (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
-    apart = np.maximum(under - high, low - over)
+    apart = np.maximum(under - high, low - over) - errors[:, None]
+    if shifts is not None:
+        along = np.linalg.norm(every @ shifts, axis=-1)
+        apart = np.divide(apart, along, out=np.where(apart > 0.0, np.inf, -np.inf), where=along > SMALLEST)
     return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))

@@ -23,10 +23,10 @@ MARGIN = 1e-6
 
 
 def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tuple[float, bool] | None:
-    """Return an amount below which no motion makes parts touch, and whether it was followed to its end.
+    """Return an amount below which no motion makes parts touch, and whether it is as near to the least as is asked.
 
     It is not where that would take long, as of faces that are near all over: the amount is less than it might be then.
-    None where motions have several parameters, or are no translation, rotation or screw.
+    None where motions turn and have several parameters, or are no translation, rotation or screw.
 
     Parameters
     ----------
@@ -37,10 +37,16 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     longer : bool
         Look at ten times as many pieces of faces.
     """
-    if len(problem.motion.names) != 1 or problem.amount != "weighted" or not amount > 0.0:
+    shifts = problem.motion.shifts
+    if (len(problem.motion.names) != 1 and not shifts) or problem.amount != "weighted" or not amount > 0.0:
         return None
     bodies = [body.scaled(scale) for body, scale in zip(problem.bodies[:2], problem.target.tolist(), strict=True)]
     faces = [true_faces(body) for body in bodies]
+    pairs = MOST * (10 if longer else 1)
+    if shifts:
+        _, rates = problem.motion.kinematics(bodies[0].seed, bodies[1].seed).rates(np.zeros(len(problem.weights)))
+        low = FacesApart(faces, pairs).least_shift(rates[:, :3, 3].T / problem.weights, amount, amount * (1.0 - NEAR))
+        return low, low >= amount * (1.0 - NEAR)
     end = amount / float(problem.weights[0])
 
     def pose(q: float) -> Array:
@@ -55,7 +61,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:3, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
     found, near, whole = end, NEAR * end, True
     for side in (1.0, -1.0):
-        apart, x = FacesApart(faces, MOST * (10 if longer else 1)), 0.0
+        apart, x = FacesApart(faces, pairs), 0.0
         for _ in range(STEPS):
             free = apart.least(pose(side * x), small=near * speed) if x < found - near else 0.0
             if not free > 0.0:

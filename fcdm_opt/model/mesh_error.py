@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.facet_errors import bounding_bodies, facet_errors
+from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
+from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.fit import drawn_bodies, misfit, true_diameters
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -136,9 +136,10 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
         low, whole = apart_until(problem.of_facets, amount, longer=certify) or (0.0, False)
         if whole:
             return _between(solution, _least(solution, low), amount)
-        outer = _Scene(one[1], two[1], ())
-        seconds = max(SHORTEST, sum(solution.seconds.values()))
-        low = max(low, _least(_least_of(_about(problem.of_facets, outer), solve, seconds), amount))
+        outer = _about(problem.of_facets, _Scene(one[1], two[1], ()))
+        if _gap_at_rest(outer) >= 0.0:  # else they ask for another motion, which takes them apart
+            seconds = max(SHORTEST, sum(solution.seconds.values()))
+            low = max(low, _least(_least_of(outer, solve, seconds), amount))
     return _between(solution, low, amount)
 
 
@@ -245,7 +246,7 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
     """Tell whether contacts are of faces that are plane in truth, and of edges and corners between such alone."""
     features = problem.contacts or solution.features
     sides = ((problem.movable, [own.one for own in features]), (problem.static, [own.two for own in features]))
-    return bool(features) and all(_exact(body, element) for body, elements in sides for element in elements)
+    return bool(features) and all(is_plane_there(body, element) for body, elements in sides for element in elements)
 
 
 def too_wide(problem: Problem) -> bool:
@@ -254,21 +255,21 @@ def too_wide(problem: Problem) -> bool:
     if found is None or true_diameters(problem, found) is not None:
         return found is not None
     sides = zip(drawn_bodies(problem), found.faces, strict=True)
-    return all(own is not None and _exact(body, own) for body, faces in sides for own in faces)
-
-
-def _exact(body: Body, element: Element) -> bool:
-    errors = facet_errors(body)
-    label = tuple(sorted(element.vertices))
-    beside = [label] if element.kind == "F" else body.faces_with(label)
-    rows = [body.face_rows.get(face, -1) for face in beside]
-    return errors is not None and bool(rows) and min(rows) >= 0 and not errors[rows].any()
+    return all(own is not None and is_plane_there(body, own) for body, faces in sides for own in faces)
 
 
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
-    """Tell whether bodies about the true ones overlap no more than the tracked contact lets them, after the motion."""
-    rho = solution.pair if solution.problem.contacts else solution.rho
-    if rho is None or solution.problem.partial or outer.keep_outs:
+    """Tell whether true parts overlap no more than the tracked contact lets them, after the motion.
+
+    By their true faces where all are recognised, else by bodies about them.
+    """
+    problem, slack = solution.problem, solution.problem.contact_slack
+    rho = solution.pair if problem.contacts else solution.rho
+    if rho is None or solution.transform is None or problem.partial or outer.keep_outs:
         return False
-    curve = decision_curve(outer.movable, outer.static, box=solution.problem.box, transform=solution.transform)
-    return float(curve.gap(rho)) >= -solution.problem.contact_slack
+    near = problem.movable, problem.static
+    if all(map(all_recognised, near)):
+        found = where_nearest(*near, rho.tolist(), solution.transform, slack)
+        return all(own.gap >= -slack for own in found)
+    curve = decision_curve(outer.movable, outer.static, box=problem.box, transform=solution.transform)
+    return float(curve.gap(rho)) >= -slack

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
@@ -98,10 +99,7 @@ class Exchange:
         others += [(own.body, own.ends[0], own.clearance) for own in facets.keep_out]
         found = list[NearestPoints]()
         for k, (body, its_scale, need) in enumerate(others):
-            band = max(need + slack, 0.0) + DEFAULT.snap * facets.size
-            band += sum(deviation_of(movable)) * scale + sum(deviation_of(body)) * its_scale
-            both = [true_faces(movable), true_faces(body)]
-            for own in nearest_on_faces(both, (scale, its_scale), transform, band):
+            for own in where_nearest(movable, body, (scale, its_scale), transform, max(need + slack, 0.0)):
                 found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1]))
         self._last = transform, slack, sorted(found, key=lambda own: own.gap)
         return self._last[2]
@@ -189,6 +187,15 @@ class Exchange:
             bool(len(there)) and float(norms(np.array(there) - point).min()) <= near
             for there, point in zip(self.points.values(), own.points, strict=False)
         )
+
+
+def where_nearest(
+    movable: Body, static: Body, scales: Sequence[float], transform: Array, apart: float
+) -> list[NearestPoints]:
+    """Return where two bodies at scales are nearest on their true faces, up to a distance, where a round one is."""
+    band = apart + DEFAULT.snap * max(movable.size, static.size)
+    band += sum(scale * sum(deviation_of(body)) for scale, body in zip(scales, (movable, static), strict=True))
+    return nearest_on_faces([true_faces(movable), true_faces(static)], scales, transform, band)
 
 
 def has_round_faces(problem: Problem) -> bool:

@@ -332,7 +332,8 @@ class Bounded(Plain, NotebookRepr):
         """Why true parts may need less or more than meshes, and what cures it."""
         if any(map(may_be_rounded, self.question.bodies)):
             return f"{FACETED}; {TAKEN}"
-        return FACETED if any(body.surfaces is None for body in self.question.bodies) else OPEN
+        of_facets = any(body.surfaces is None and body.exact is None for body in self.question.bodies)
+        return FACETED if of_facets else OPEN
 
     @property
     def _why_unknown(self) -> str:
