@@ -62,19 +62,21 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
-def nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but those under `if TYPE_CHECKING`."""
+def statements(tree: ast.AST) -> Iterator[ast.stmt]:
+    """All statements but those under `if TYPE_CHECKING`."""
     for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
-            yield node
-            yield from nodes(node)
+        checking = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        if not isinstance(node, ast.expr) and not checking:
+            if isinstance(node, ast.stmt):
+                yield node
+            yield from statements(node)
 
 
 @cache
 def imported(path: Path) -> set[str]:
     """Modules of the package that a file imports."""
     found = set()
-    for node in nodes(ast.parse(path.read_text())):
+    for node in statements(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
         if isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{name}" if f"{node.module}.{name}" in MODULES else node.module for name in names]
