@@ -28,7 +28,7 @@ Compare = Annotated[
 
 
 def bench_command(
-    out: Annotated[Path, option("--out", "DIR", WRITTEN, callback=written("--out"))],
+    out: Annotated[Path, option("--out", "DIR", WRITTEN, check=written())],
     quick: Quick = False,
     seed: Seed = 1,
     only: Annotated[
@@ -66,7 +66,7 @@ def bench_command(
 def stability_command(
     out: Annotated[
         Path | None,
-        option("--out", "DIR", "Write results, tables, the map and failing inputs there.", callback=written("--out")),
+        option("--out", "DIR", "Write results, tables, the map and failing inputs there.", check=written()),
     ] = None,
     quick: Quick = False,
     seed: Seed = 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +19,14 @@ from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
     from fcdm_opt.show.album import Album
+
+    Text = Any  # what the check of an option makes of its text
+    Texts = Any  # likewise, of an option that may be repeated
+else:
+    Text, Texts = str | None, list[str] | None
+Named = Mapping[str, tuple[str, Sequence[str]]]  # option -> the kind of table whose names it gives, and these
+Check = Callable[[str, Any], Any]
+"""Takes the name of an option and what was given; returns what the command gets, or refuses it."""
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
@@ -58,8 +67,15 @@ def case_names(ctx: typer.Context, incomplete: str) -> list[str]:
     return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
 
 
-def option(name: str, metavar: str | None, text: str, group: str | None = None, **more: Any) -> Any:
-    """Return an option of a command: its name, what its value is called, its help, and the heading it stands under."""
+def option(
+    name: str, metavar: str | None, text: str, group: str | None = None, *, check: Check | None = None, **more: Any
+) -> Any:
+    """Return an option of a command: its name, what its value is called, its help, and the heading it stands under.
+
+    What `check` makes of the name and a value that is given is what the command gets; it looks before any file is read.
+    """
+    if check is not None:
+        more["callback"] = lambda value: None if value is None else check(name, value)
     return typer.Option(name, metavar=metavar, help=text, rich_help_panel=group, **more)
 
 
@@ -68,33 +84,55 @@ def argument(metavar: str, text: str, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
 
 
-def written(key: str, *endings: str) -> Callable[[Path | None], Path | None]:
+def written(*endings: str) -> Check:
     """Return the check of an option that names what is written: a file with one of some endings, else a folder.
 
     A name with the ending of another kind of file is refused.
     """
-
-    def checked(path: Path | None) -> Path | None:
-        if path is not None and path.suffix.lower() in ENDINGS - {*endings} and not path.is_dir():
-            allowed = f"a name in {' or '.join(endings)}" if endings else "the name of a folder for several files"
-            raise InputError("no file of this kind is written", key=key, found=str(path), allowed=allowed)
-        return path
-
-    return checked
+    allowed = f"a name in {' or '.join(endings)}" if endings else "the name of a folder for several files"
+    return checked(
+        "no file of this kind is written",
+        allowed,
+        lambda path: path.suffix.lower() not in ENDINGS - {*endings} or path.is_dir(),
+    )
 
 
-def checked_number(key: str, allowed: str, *, holds: Callable[[float], bool]) -> Callable[[float | None], float | None]:
-    """Return the check of an option that is a number, made before any file is read."""
+def checked(what: str, allowed: str, holds: Callable[[Any], bool]) -> Check:
+    """Return the check of an option whose values are taken as they are where `holds` is true of them."""
 
-    def checked(value: float | None) -> float | None:
-        if value is not None and not holds(value):
-            raise InputError("unusable number", key=key, found=value, allowed=allowed)
+    def check(key: str, value: Any) -> Any:
+        if not holds(value):
+            raise InputError(what, key=key, found=str(value) if isinstance(value, Path) else value, allowed=allowed)
         return value
 
-    return checked
+    return check
 
 
-SECONDS = checked_number("--seconds", "a number of seconds > 0", holds=lambda seconds: seconds > 0.0)
+def one_of(*words: str) -> Check:
+    """Return the check of an option that is one of some words."""
+    return checked("no such word", " or ".join(words), words.__contains__)
+
+
+def names(key: str, text: str) -> list[str]:
+    """Return the names of a text with commas between; the check of options that are such."""
+    return [name.strip() for name in text.split(",")]
+
+
+def two(what: str) -> Check:
+    """Return the check of an option that is two different names of something."""
+
+    def check(key: str, text: str) -> list[str]:
+        if len({*(found := names(key, text))}) != 2 or len(found) != 2 or not all(found):
+            raise InputError(
+                f"not two {what}", key=key, found=text, allowed=f"two different {what} with a comma between"
+            )
+        return found
+
+    return check
+
+
+LENGTH = checked("unusable number", "a finite length > 0", lambda length: 0.0 < length < math.inf)
+SECONDS = checked("unusable number", "a number of seconds > 0", lambda seconds: seconds > 0.0)
 
 
 @contextmanager
@@ -114,7 +152,7 @@ Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocomp
 AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
 Out = Annotated[
     Path | None,
-    option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, callback=written("--out")),
+    option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, check=written()),
 ]
 TableOut = Annotated[
     Path | None,
@@ -123,7 +161,7 @@ TableOut = Annotated[
         "CSV",
         "Write one row a case into this file, for Excel and the like.",
         OUTPUT,
-        callback=written("--table", ".csv", ".txt"),
+        check=written(".csv", ".txt"),
     ),
 ]
 Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
@@ -134,7 +172,7 @@ Time = Annotated[
         "--time",
         "S",
         "Wall time after which all ends, with the best answers and bounds so far.",
-        callback=lambda seconds: pacing.begin(seconds, key="--time"),
+        check=lambda key, seconds: pacing.begin(seconds, key=key),
     ),
 ]
 Cases = Annotated[
@@ -164,7 +202,9 @@ class OpenedFile:
         return {**head, "error": self.error} if self.error else head
 
 
-def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool) -> list[OpenedFile]:
+def opened_files(
+    paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool, named: Named | None = None
+) -> list[OpenedFile]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
     Files of assemblies are refused unless `assemblies` are known what to do with.
@@ -172,36 +212,41 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bo
     Raises
     ------
     InputError
-        For a wanted case that no file has.
+        For a wanted case that no file has, or what else options name.
     """
     from fcdm_opt.problem.assembly_file import AssemblyFile, is_assembly
     from fcdm_opt.problem.keys import ProblemFile
     from fcdm_opt.problem.problem import Problem
 
-    files = []
+    read = list[tuple[Path, Any]]()  # or why it cannot be
     for path in paths:
         try:
-            if is_assembly(path):
-                if not assemblies:
-                    what = "a file of an assembly, and this command is about two parts"
-                    takers = ", ".join(name for name, row in ROWS.items() if row.assemblies)
-                    allowed = f"a problem file; {takers} take assemblies, report where all files are of them"
-                    raise InputError(what, allowed=allowed)
-                several = AssemblyFile.read(path)
-                files.append(OpenedFile(path, several.title, several.note, several.assemblies(path)))
-                continue
-            contents = ProblemFile.read(path)
-            files.append(OpenedFile(path, contents.title, contents.note, contents.problems(Problem, path)))
+            several = is_assembly(path)
+            if several and not assemblies:
+                what = "a file of an assembly, and this command is about two parts"
+                takers = ", ".join(name for name, row in ROWS.items() if row.assemblies)
+                allowed = f"a problem file; {takers} take assemblies, report where all files are of them"
+                raise InputError(what, allowed=allowed)
+            read.append((path, AssemblyFile.read(path) if several else ProblemFile.read(path)))
+        except InputError as reason:
+            read.append((path, _refused(reason, file=path)))
+    contents = [own for _, own in read if not isinstance(own, str)]
+    for key, (kind, names) in {"--case": ("case", wanted), **(named or {})}.items():  # before any mesh is read
+        known = list(dict.fromkeys(each.name for own in contents for each in getattr(own, kind, ())))
+        for name in names if known else ():
+            if name not in known:
+                what = f"no such {kind}{closest(name, known)}"
+                raise InputError(what, key=key, found=name, allowed=", ".join(known))
+    files = list[OpenedFile]()
+    for path, own in read:
+        if isinstance(own, str):
+            files.append(OpenedFile(path, error=own))
+            continue
+        try:
+            made = own.assemblies(path) if isinstance(own, AssemblyFile) else own.problems(Problem, path)
+            files.append(OpenedFile(path, own.title, own.note, made))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
-    known = list(dict.fromkeys(problem.name for file in files for problem in file.problems))
-    for name in wanted:
-        if name in known:
-            continue
-        if not known and any(file.error for file in files):
-            break  # what was said is what is wrong
-        what = f"no such case{closest(name, known)}"
-        raise InputError(what, key="--case", found=name, allowed=", ".join(known) or "none is there")
     if not wanted:
         return files
     return [replace(file, problems=tuple(each for each in file.problems if each.name in wanted)) for file in files]
@@ -219,7 +264,8 @@ class Inquiry:
     too; `finish` writes the document and exits with the most severe code.
 
     Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, the folder for
-    pictures and whether these are light on dark make one; `first` refuses cases before a folder that is none is. Its
+    pictures and whether these are light on dark make one; `first` refuses cases before a folder that is none is, and
+    names that options give, `named`, are refused before meshes are read. Its
     `pictures` are an album, made once the files were read and only where there is a case to show; `codes` are the exit
     codes so far.
     """
@@ -233,9 +279,10 @@ class Inquiry:
         out: Path | None = None,
         dark: bool = False,
         first: Callable[[Any], object] | None = None,
+        named: Named | None = None,
     ) -> None:
         row = ROWS.get(manner.get().command)
-        self._opened = opened_files(paths, cases or (), assemblies=row is not None and row.assemblies)
+        self._opened = opened_files(paths, cases or (), assemblies=row is not None and row.assemblies, named=named)
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
@@ -245,7 +292,7 @@ class Inquiry:
             from fcdm_opt.show.album import Album
 
             try:
-                self.pictures = Album(written("--out")(out) or out, self.wrote, dark=dark)
+                self.pictures = Album(written()("--out", out), self.wrote, dark=dark)
             except InputError:
                 for problem in (each for file in self._opened for each in file.problems if first is not None):
                     assert first is not None

@@ -4,31 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import (
-    SECONDS,
-    AsJson,
-    Cases,
-    Dark,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Out,
-    Seed,
-    Time,
-    argument,
-    checked_number,
-    code_of,
-    finish,
-    named,
-    option,
-    written,
-)
+from fcdm_opt.cli import common
+from fcdm_opt.cli.common import Inquiry, OpenedFile, argument, checked, code_of, option
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
@@ -44,18 +28,76 @@ CHANGES = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
 JUDGED = ("map", "yield", "as drawn", "best pose")
 """What is judged where parts are made anew; with a yield the stack-up it is of."""
 LEAST = 0.1  # seconds that a map gets in any case
+
+
+def _changes(allowed: str) -> common.Check:
+    """Return the check of options KEY=VALUE, each value as in a problem file; a word that is no such value is text."""
+
+    def change(key: str, text: str) -> tuple[str, Any]:
+        told = _CHANGE.fullmatch(text)
+        if told is None:
+            raise InputError("not a name and a value", key=key, found=text, allowed=allowed)
+        name, value = told[1].strip(), told[2].strip()
+        try:
+            return name, parsed(f"value = {value}")["value"]
+        except ValueError:
+            return name, value
+
+    return lambda key, texts: [change(key, text) for text in texts]
+
+
+def _limit(key: str, text: str) -> float | str:
+    """Read an amount, or that it is the limits that bound it."""
+    amount = math.nan
+    with suppress(ValueError):
+        amount = float(text)
+    if text != "limits" and not amount >= 0.0:
+        raise InputError("not an amount", key=key, found=text, allowed='a length >= 0, or "limits"')
+    return text if text == "limits" else amount
+
+
+def _numbers(text: str, key: str, allowed: str, count: int | None = None) -> tuple[float, ...]:
+    """Return the numbers of a text with commas between: `count` of them, or two for each of some sizes."""
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    fits = len(numbers) == count if count else bool(numbers) and len(numbers) % 2 == 0
+    if not fits or any(map(math.isnan, numbers)):
+        raise InputError(f"not {count or 'pairs of'} numbers", key=key, found=text, allowed=allowed)
+    return numbers
+
+
+def _ranges(allowed: str, count: int | None = None) -> common.Check:
+    """Return the check of an option LOW,HIGH,...: a single range as it is, else a list of them."""
+
+    def ranges(key: str, text: str) -> Any:
+        numbers = _numbers(text, key, allowed, count)
+        found = [*zip(numbers[::2], numbers[1::2], strict=True)]
+        if any(low > high for low, high in found):
+            raise InputError("a lower end is above its upper one", key=key, found=text, allowed=allowed)
+        return found if len(found) > 1 else found[0]
+
+    return ranges
+
+
+WITHIN = _ranges("LOW,HIGH as 0.1,0.3, LOW <= HIGH", 2)
+IN_BOX = _ranges("two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH")
 MAPS = "Write the map, its grid for the shop floor and pictures into this folder."
 RESULTS = "Write results and pictures into this folder."
-Results = Annotated[Path, option("--out", "DIR", RESULTS, callback=written("--out"))]
+Results = Annotated[Path, option("--out", "DIR", RESULTS, check=common.written())]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
-Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
+Columns = Annotated[
+    common.Text,
+    option("--columns", "A,B", "Its columns with the movable and the static part's sizes.", check=common.names),
+]
 Nominals = Annotated[
     str | None, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn. Default: 1.")
 ]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
-SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
+SizeBox = Annotated[common.Text, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX, check=IN_BOX)]
 SET = (
     "Change any key of a case, or bodies.movable..., or size.NAME...: tolerance=0.03, limits.RZ_deg=[-5,5], "
     "made.NAME=0.01, size.NAME.tolerance=0.02; of an assembly scales.PART=1.01, part.NAME.limits.TZ=[-1,1], "
@@ -70,24 +112,26 @@ OVER = (
     "One to six sizes of the file, in place of both scales, or scales of an assembly's parts, scales.PART; the others "
     "stay as made. Default: all sizes."
 )
-ERROR = checked_number("--error", "a finite number > 0", holds=lambda error: 0.0 < error < math.inf)
-AMOUNT = checked_number("--budget", "a finite length >= 0", holds=lambda amount: 0.0 <= amount < math.inf)
-SHARE = checked_number("--share", "between 0.5 and 1, as 0.9973", holds=lambda share: 0.5 < share < 1.0)
+AMOUNT = checked("unusable number", "a finite length >= 0", lambda amount: 0.0 <= amount < math.inf)
+SHARE = checked("unusable number", "between 0.5 and 1, as 0.9973", lambda share: 0.5 < share < 1.0)
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
+ENGINE = "joblib: processes of this machine; dask: workers of a cluster, --scheduler, or of one made here."
+OF = "Of an assembly: the two parts whose gap it is."
+SLICE = "With --out: the two sizes of the slice."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 
 def study_command(
     file: Annotated[Path, argument("FILE", "A study file (TOML).")],
     out: Results,
-    dark: Dark = False,
+    dark: common.Dark = False,
     jobs: Jobs = None,
-    engine: Annotated[str, option("--engine", "NAME", '"joblib" (this machine) or "dask" (many).')] = "joblib",
+    engine: Annotated[str, option("--engine", "joblib|dask", ENGINE, check=common.one_of("joblib", "dask"))] = "joblib",
     scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", SCHEDULER)] = None,
-    time: Time = None,
+    time: common.Time = None,
     parquet: Annotated[bool, option("--parquet", None, "Write study.parquet besides study.csv.")] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Solve and verify every point of a study; a run that was stopped is taken up where it was.
 
@@ -98,7 +142,10 @@ def study_command(
     from fcdm_opt.show.printing import console
     from fcdm_opt.show.studies import study_figure
 
-    result = run_study(file, out, engine=cast("Engine", engine), jobs=jobs, scheduler=scheduler, progress=True, say=say)
+    with common.named(engine="--engine", jobs="--jobs", scheduler="--scheduler"):
+        result = run_study(
+            file, out, engine=cast("Engine", engine), jobs=jobs, scheduler=scheduler, progress=True, say=say
+        )
     if not as_json:
         console().print(f"{result}\n")
     result.to_csv(out / "study.csv")
@@ -112,19 +159,19 @@ def study_command(
     wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
     code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
     codes = [code, BAD_INPUT] if pictures.failed else [code]
-    finish({"file": str(file), **result.to_dict()} if as_json else None, codes)
+    common.finish({"file": str(file), **result.to_dict()} if as_json else None, codes)
 
 
 def whatif_command(
-    files: Files,
-    changes: Annotated[list[str] | None, option("--set", "KEY=VALUE", SET)] = None,
-    budget: Annotated[str | None, option("--budget", "AMOUNT", BUDGET)] = None,
+    files: common.Files,
+    changes: Annotated[common.Texts, option("--set", "KEY=VALUE", SET, check=_changes(CHANGES))] = None,
+    budget: Annotated[common.Text, option("--budget", "AMOUNT", BUDGET, check=_limit)] = None,
     conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
     drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
     compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
-    time: Time = None,
-    as_json: AsJson = False,
-    case: Cases = None,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    case: common.Cases = None,
 ) -> None:
     """Ask what would be if something were different; without options what constraints cost, or why none is met."""
     from fcdm_opt.design.whatif.budget import budget as largest_tolerances
@@ -135,20 +182,13 @@ def whatif_command(
     from fcdm_opt.show import tables
     from fcdm_opt.solver import solve
 
-    values = dict(map(_change, changes or ()))
-    try:
-        limit = None if budget is None or budget == "limits" else float(budget)
-    except ValueError:
-        limit = math.nan
-    if limit is not None and not limit >= 0.0:
-        raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"')
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if changes:
-            yield "whatif", whatif(*_changed(file.path, problem.name, values)), tables.print_whatif
+            yield "whatif", whatif(*_changed(file.path, problem.name, dict(changes))), tables.print_whatif
         if budget is not None:
-            yield "budget", largest_tolerances(problem, limit), tables.print_budgets
+            yield "budget", largest_tolerances(problem, None if budget == "limits" else budget), tables.print_budgets
         solution: Bounded | None = solve(problem, time=math.inf) if plain or conflicts else None
         if plain and solution is not None and solution.verified and not solution.usable:  # outside the fit
             yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
@@ -163,13 +203,16 @@ def whatif_command(
 
 
 def map_command(
-    files: Files,
+    files: common.Files,
     out: Annotated[Path | None, option("--out", "DIR", MAPS)] = None,
-    dark: Dark = False,
+    dark: common.Dark = False,
     error: Annotated[
         float | None,
         option(
-            "--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.", callback=ERROR
+            "--error",
+            "LENGTH",
+            "Error of the amount that is allowed; default: 1e-4 of the largest.",
+            check=common.LENGTH,
         ),
     ] = None,
     seconds: Annotated[
@@ -178,23 +221,23 @@ def map_command(
             "--seconds",
             "S",
             "Time for all maps, a share each, after which they are left as they are.",
-            callback=SECONDS,
+            check=common.SECONDS,
         ),
     ] = 120.0,
-    time: Time = None,
+    time: common.Time = None,
     budget: Annotated[
         float | None,
-        option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.", callback=AMOUNT),
+        option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.", check=AMOUNT),
     ] = None,
-    over: Annotated[str | None, option("--over", "SIZE,...", OVER)] = None,
+    over: Annotated[common.Text, option("--over", "SIZE,...", OVER, check=common.names)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
     nominals: Nominals = None,
-    seed: Seed = 1,
+    seed: common.Seed = 1,
     jobs: Jobs = None,
-    as_json: AsJson = False,
-    case: Cases = None,
+    as_json: common.AsJson = False,
+    case: common.Cases = None,
 ) -> None:
     """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
 
@@ -210,13 +253,12 @@ def map_command(
     from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
 
-    covered, pairs = _box(box), _pairs(sizes, columns, nominals, deviations=True)
-    names = None if over is None else _names(over)
+    pairs = _pairs(sizes, columns, nominals, deviations=True)
     given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
 
     def sizes_of(problem: Scene) -> Any:
-        with named(**given):
-            return chosen_sizes(problem, over=names)
+        with common.named(**given):
+            return chosen_sizes(problem, over=over)
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=sizes_of)
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
@@ -225,8 +267,8 @@ def map_command(
         if pairs is not None:  # refused before a map is made
             sources(pairs, positive=[name in problem.nominal_scales for name in sizes_of(problem)])
         spent = min(each, max(pacing.left(), LEAST))
-        with pacing.unlimited(), named(**given):  # it has its own limit
-            found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
+        with pacing.unlimited(), common.named(**given):  # it has its own limit
+            found = compensation_map(problem, over=over, box=box, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
         if pictures is not None and out is not None:
             stem = f"{file.path.stem}-{problem.name}"
@@ -253,15 +295,15 @@ def map_command(
 
 
 def pose_command(
-    files: Files,
-    window: Annotated[str | None, option("--clearance", "LO,HI", WINDOW)] = None,
+    files: common.Files,
+    window: Annotated[common.Text, option("--clearance", "LO,HI", WINDOW, check=WITHIN)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
     nominals: Nominals = None,
-    time: Time = None,
-    as_json: AsJson = False,
-    case: Cases = None,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    case: common.Cases = None,
 ) -> None:
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
     from fcdm_opt.design.fixed_pose.best_pose import best_pose
@@ -270,24 +312,29 @@ def pose_command(
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    ends = None if window is None else _window(window, "--clearance")
-    within, pairs = _box(box), _pairs(sizes, columns, nominals)
+    pairs = _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        with named(sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)):
-            best = best_pose(problem, sizes=pairs, box=within, clearance=ends)  # what it refuses is said first
-        drawn = clearances(problem, sizes=pairs, box=within)
+        with common.named(
+            sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)
+        ):
+            best = best_pose(problem, sizes=pairs, box=box, clearance=window)  # what it refuses is said first
+        drawn = clearances(problem, sizes=pairs, box=box)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
         yield "best pose", best, tables.print_said
         pose = best.parameters if best.transform is None else best.transform
-        made = clearances(problem, sizes=pairs, box=within, pose=pose)
+        made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
     _each_case(Inquiry(files, case, as_json=as_json), asked, made=False)
 
 
 def faces_command(
-    files: Files, time: Time = None, as_json: AsJson = False, out: Out = None, dark: Dark = False
+    files: common.Files,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    out: common.Out = None,
+    dark: common.Dark = False,
 ) -> None:
     """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
     from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
@@ -307,21 +354,21 @@ def faces_command(
 
 
 def stack_command(
-    files: Files,
-    gap: Annotated[str | None, option("--gap", "LO,HI", LIMITS)] = None,
+    files: common.Files,
+    gap: Annotated[common.Text, option("--gap", "LO,HI", LIMITS, check=WITHIN)] = None,
     draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
-    cost: Annotated[list[str] | None, option("--cost", "SIZE=C", COST)] = None,
+    cost: Annotated[common.Texts, option("--cost", "SIZE=C", COST, check=_changes("SIZE=C as width=1"))] = None,
     share: Annotated[
-        float | None, option("--share", "S", "With --cost: share of pairs that must fit.", callback=SHARE)
+        float | None, option("--share", "S", "With --cost: share of pairs that must fit.", check=SHARE)
     ] = None,
-    of: Annotated[str | None, option("--of", "PART,PART", "Of an assembly: the two parts whose gap it is.")] = None,
-    cut: Annotated[str | None, option("--slice", "SIZE,SIZE", "With --out: the two sizes of the slice.")] = None,
-    seed: Seed = 1,
-    time: Time = None,
-    as_json: AsJson = False,
-    out: Out = None,
-    dark: Dark = False,
-    case: Cases = None,
+    of: Annotated[common.Text, option("--of", "PART,PART", OF, check=common.two("parts"))] = None,
+    cut: Annotated[common.Text, option("--slice", "SIZE,SIZE", SLICE, check=common.two("sizes"))] = None,
+    seed: common.Seed = 1,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    out: common.Out = None,
+    dark: common.Dark = False,
+    case: common.Cases = None,
 ) -> None:
     """Tell how the gap depends on the sizes of faces and features: worst case, yield, what each contributes.
 
@@ -332,16 +379,12 @@ def stack_command(
     from fcdm_opt.show import stacks
     from fcdm_opt.show.printing import print_text
 
-    limits: Any = None if gap is None else _window(gap, "--gap")
     if share is not None and not cost:
         raise InputError("this is for the cheapest tolerances", key="--share", found=share, allowed="with --cost")
     if cut is not None and out is None:
         raise InputError("this is for pictures", key="--slice", found=cut, allowed="with --out")
-    costs, parts = (
-        dict(map(partial(_change, key="--cost", allowed="SIZE=C as width=1"), cost or ())),
-        None if of is None else _names(of),
-    )
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
+    named = {"--of": ("part", of or ()), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, named=named)
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -349,17 +392,17 @@ def stack_command(
             there = stacks.commented_out_sizes(file.path)
             allowed = f"one [[size]] table or more{': ' * bool(there)}{there}"
             raise InputError("there are no sizes", key="size", allowed=allowed)
-        with named(limits="--gap" * (gap is not None), of="--of"):
-            found = stack_up(problem, limits=limits, of=parts)
+        with common.named(limits="--gap" * (gap is not None), of="--of"):
+            found = stack_up(problem, limits=gap, of=of)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
         printed = partial(stacks.print_stack, share=drawn)
         yield "stack", found, (lambda _: print_text(f"as case {first}")) if alike else printed
         yield "yield", drawn, lambda _: None
-        if costs:
-            with named(cost="--cost", share="--share"):
-                cheapest = found.allocate(costs, share=share)
+        if cost:
+            with common.named(cost="--cost", share="--share"):
+                cheapest = found.allocate(dict(cost), share=share)
             yield "allocation", cheapest, stacks.print_allocation
         if pictures is not None and out is not None and not alike:
             title, stem = f"{file.name}: case {problem.name}", f"{file.path.stem}-{problem.name}-stack"
@@ -367,9 +410,8 @@ def stack_command(
             stacks.write_stack(found, out / f"{stem}.csv")
             inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
-            names = most if cut is None else _names(cut)
-            if len(names) == 2:
-                pictures.add(f"{stem}-slice", stacks.slice_figure(found, names, title=title))
+            if len(cut or most) == 2:
+                pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title))
 
     _each_case(inquiry, asked, made=False)
 
@@ -448,18 +490,6 @@ def _code(answer: Any) -> int:
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
 
 
-def _change(text: str, key: str = "--set", allowed: str = CHANGES) -> tuple[str, Any]:
-    """Read KEY=VALUE, the value as in a problem file; a word that is no such value is text."""
-    told = _CHANGE.fullmatch(text)
-    if told is None:
-        raise InputError("not a name and a value", key=key, found=text, allowed=allowed)
-    name, value = told[1].strip(), told[2].strip()
-    try:
-        return name, parsed(f"value = {value}")["value"]
-    except ValueError:
-        return name, value
-
-
 def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scene]:
     """Return a case of a file as it is, and with other values at some places."""
     from fcdm_opt.design.question import Question
@@ -468,49 +498,12 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scen
     return question.problem(), question.changed(values).problem()
 
 
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")]
-
-
-def _numbers(text: str, key: str, allowed: str, count: int | None = None) -> tuple[float, ...]:
-    """Return the numbers of a text with commas between: `count` of them, or two for each of some sizes."""
-    try:
-        numbers = tuple(map(float, text.split(",")))
-    except ValueError:
-        numbers = ()
-    fits = len(numbers) == count if count else bool(numbers) and len(numbers) % 2 == 0
-    if not fits or any(map(math.isnan, numbers)):
-        raise InputError(f"not {count or 'pairs of'} numbers", key=key, found=text, allowed=allowed)
-    return numbers
-
-
-def _window(text: str, key: str) -> tuple[float, ...]:
-    """Return the ends of a text LOW,HIGH."""
-    allowed = "LOW,HIGH as 0.1,0.3, LOW <= HIGH"
-    low, high = ends = _numbers(text, key, allowed, 2)
-    if low > high:
-        raise InputError("the lower end is above the upper one", key=key, found=text, allowed=allowed)
-    return ends
-
-
-def _box(text: str | None) -> Any:
-    """Return the ends of each size; those of a single one, which stand for all scales in some places, as they are."""
-    if text is None:
-        return None
-    allowed = "two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH"
-    numbers = _numbers(text, "--box", allowed)
-    if any(low > high for low, high in zip(numbers[::2], numbers[1::2], strict=True)):
-        raise InputError("a lower end is above its upper one", key="--box", found=text, allowed=allowed)
-    return numbers if len(numbers) == 2 else [*zip(numbers[::2], numbers[1::2], strict=True)]
-
-
-def _pairs(path: Path | None, columns: str, nominals: str | None, *, deviations: bool = False) -> Any:
+def _pairs(path: Path | None, columns: Sequence[str], nominals: str | None, *, deviations: bool = False) -> Any:
     """Return measured sizes, (n, k), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
     if path is None:
         return None
-    names = _names(columns)
     each = "a number for each column, as 10,20"
-    drawn = [1.0] * len(names) if nominals is None else _numbers(nominals, "--nominals", each, len(names))
-    return read_columns(path, names, drawn, deviations=deviations)
+    drawn = [1.0] * len(columns) if nominals is None else _numbers(nominals, "--nominals", each, len(columns))
+    return read_columns(path, columns, drawn, deviations=deviations)

@@ -7,20 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import (
-    SECONDS,
-    AsJson,
-    Cases,
-    Dark,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Out,
-    TableOut,
-    Time,
-    code_of,
-    option,
-)
+from fcdm_opt.cli import common
+from fcdm_opt.cli.common import Inquiry, OpenedFile, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -35,15 +23,35 @@ DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
     "motion that solves the case."
 )
+QUICK = "quick: the first motion that the stages find, without proof."
+
+
+def _direction(key: str, text: str) -> dict[str, float]:
+    """Read a direction: NAME=VALUE,..., lengths and radians, degrees where a name ends in _deg."""
+    found: dict[str, float] = {}
+    for item in common.names(key, text):
+        name, _, value = (part.strip() for part in item.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not name or not math.isfinite(number):
+            allowed = "NAME=VALUE,... as TZ=1,RZ_deg=2"
+            raise InputError("not a direction", key=key, found=item, allowed=allowed)
+        short = name.removesuffix("_deg")
+        if short in found:
+            raise InputError("a parameter is given twice", key=key, found=item)
+        found[short] = number if short == name else math.radians(number)
+    return found
 
 
 def curve_command(
-    files: Files,
-    time: Time = None,
-    as_json: AsJson = False,
-    out: Out = None,
-    dark: Dark = False,
-    case: Cases = None,
+    files: common.Files,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    out: common.Out = None,
+    dark: common.Dark = False,
+    case: common.Cases = None,
 ) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     from fcdm_opt.show.tables import print_curves
@@ -68,35 +76,33 @@ def curve_command(
 
 
 def solve_command(
-    files: Files,
+    files: common.Files,
     certify: Annotated[
         bool, option("--certify", None, "Prove to 1e-4 how small a motion can be at all, and have the proof checked.")
     ] = False,
     effort: Annotated[
-        str, option("--effort", "proved|quick", "quick: the first motion that the stages find, without proof.")
+        str,
+        option("--effort", "proved|quick", QUICK, check=common.one_of("proved", "quick")),
     ] = "proved",
     seconds: Annotated[
         float | None,
-        option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.", callback=SECONDS),
+        option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.", check=common.SECONDS),
     ] = None,
-    time: Time = None,
-    table: TableOut = None,
-    as_json: AsJson = False,
-    out: Out = None,
-    dark: Dark = False,
-    case: Cases = None,
+    time: common.Time = None,
+    table: common.TableOut = None,
+    as_json: common.AsJson = False,
+    out: common.Out = None,
+    dark: common.Dark = False,
+    case: common.Cases = None,
 ) -> None:
     """Find the smallest motion of each case, verify it, and print one table a file.
 
     Of a file of an assembly the smallest motions of all its parts together.
     """
     from fcdm_opt.design.cases import write_cases
-    from fcdm_opt.problem.solution import EFFORTS
     from fcdm_opt.show.assemblies import print_answers
     from fcdm_opt.show.solved import solved_case
 
-    if effort not in EFFORTS:
-        raise InputError("unknown effort", key="--effort", found=effort, allowed=", ".join(EFFORTS))
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     answers: list[tuple[str, Bounded]] = []
 
@@ -121,13 +127,13 @@ def solve_command(
 
 
 def range_command(
-    files: Files,
-    direction: Annotated[str | None, option("--direction", "NAME=VALUE,...", DIRECTION)] = None,
-    time: Time = None,
-    as_json: AsJson = False,
-    out: Out = None,
-    dark: Dark = False,
-    case: Cases = None,
+    files: common.Files,
+    direction: Annotated[common.Text, option("--direction", "NAME=VALUE,...", DIRECTION, check=_direction)] = None,
+    time: common.Time = None,
+    as_json: common.AsJson = False,
+    out: common.Out = None,
+    dark: common.Dark = False,
+    case: common.Cases = None,
 ) -> None:
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides.
 
@@ -141,11 +147,10 @@ def range_command(
     from fcdm_opt.show.family import family_figure
     from fcdm_opt.show.tables import print_ranges
 
-    asked = None if direction is None else _direction(direction)
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange | None, Any]]:
-        along = _default_direction(file, problem) if asked is None else asked
+        along = _default_direction(file, problem) if direction is None else direction
         if isinstance(problem, Problem) and not problem.contacts and problem.nominal_contact is None:
             touching = contact_times(problem, along)
             entry |= {"contact_times": touching.to_dict()}
@@ -201,25 +206,6 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
         found = {f"{part}.{name}": x for part, own in found.items() for name, x in own.items()}
     along = motion.describe(list(found.values()), unit=problem.unit)
     say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {along}")
-    return found
-
-
-def _direction(text: str) -> dict[str, float]:
-    """Read a direction: NAME=VALUE,..., lengths and radians, degrees where a name ends in _deg."""
-    found: dict[str, float] = {}
-    for item in text.split(","):
-        name, _, value = (part.strip() for part in item.partition("="))
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not name or not math.isfinite(number):
-            allowed = "NAME=VALUE,... as TZ=1,RZ_deg=2"
-            raise InputError("not a direction", key="--direction", found=item, allowed=allowed)
-        short = name.removesuffix("_deg")
-        if short in found:
-            raise InputError("a parameter is given twice", key="--direction", found=item)
-        found[short] = number if short == name else math.radians(number)
     return found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import operator
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from fcdm_opt import pacing, process_pool
-from fcdm_opt.cli.common import OUTPUT, Time, argument, checked_number, option
+from fcdm_opt.cli.common import LENGTH, OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
-DEVIATION = checked_number("--deviation", "a finite length > 0", holds=lambda length: 0.0 < length < math.inf)
 KIND = (
     '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
 )
@@ -44,7 +42,7 @@ def init_command(
             "--deviation",
             "LENGTH",
             "How far triangles may leave curved faces of STEP files at most, in that unit.",
-            callback=DEVIATION,
+            check=LENGTH,
         ),
     ] = None,
     force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,

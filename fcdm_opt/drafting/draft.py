@@ -24,7 +24,7 @@ from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, told_solids
-from fcdm_opt.geometry.facet_errors import known_to
+from fcdm_opt.geometry.facet_errors import known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
@@ -153,6 +153,7 @@ def draft(
         "limits": partial(_limits, situation, choice),
         "steps": partial(parameter_table, length=steps, angle="0.1"),
         "moved": _moved,
+        "round_ones": _round_ones,
     }
     text = _template(filters).render(
         title=f"{called(paths[0])} and {called(paths[1])}",
@@ -450,6 +451,13 @@ def _lie_over(body: Body, i: int, j: int) -> bool:
 def _extent(body: Body, unit: str) -> str:
     sides = " x ".join(f"{x:.5g}" for x in np.ptp(body.vertices, axis=0).tolist())
     return f"{shown(body.name)}, {sides} {unit}, {len(body.parts)} convex part{'s' * (len(body.parts) > 1)}"
+
+
+def _round_ones(body: Body, most: int = 4) -> str:
+    """Return which round faces a body is told to have, or could be, see `rounded`."""
+    told = body.rounded() if may_be_rounded(body) else body
+    names = [*dict.fromkeys(name for name in names_of_rows(told) if " radius " in name)] if round_surfaces(told) else []
+    return ", ".join(names[:most]) + (f" and {more} more" if (more := len(names) - most) > 0 else "")
 
 
 def _relative(mesh: Path, file: Path) -> str:

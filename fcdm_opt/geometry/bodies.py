@@ -51,6 +51,8 @@ Seed = SeedRule | Sequence[float] | NDArray[Any]
 SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
+NOT_RIGID = "the transform is not a rigid motion"
+RIGID = f"a rotation matrix and a shift, last row 0 0 0 1, to {DEFAULT.rigid:g}"
 MOST_PRODUCTS = 1_000_000  # of normals and corners worked out at a time
 
 
@@ -860,9 +862,9 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
         *(abs(p - q) for p, q in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
     )
     if not error <= DEFAULT.rigid:
-        raise InputError("the transform is not a rigid motion", key=key, found=f"error {error:.3g}")
+        raise InputError(NOT_RIGID, key=key, found=f"one that is off by {error:.3g}: {T.tolist()}", allowed=RIGID)
     if a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0:
-        raise InputError("the transform is not a rigid motion", key=key, found="a mirror")
+        raise InputError(NOT_RIGID, key=key, found=f"a mirror image: {T.tolist()}", allowed=RIGID)
     T.flags.writeable = False
     return T
 

@@ -94,11 +94,11 @@ def _signs(sizes: CompensationMap) -> list[str]:
     signs = {
         "each panel: two sizes, all others as at the star": several and inside,
         "each panel: two sizes, all others in the middle": several and not inside,
-        "thin white lines: equal amounts": len(box) > 1 and any(np.isfinite(own.amounts[0]) for own in sizes.regions),
+        "thin lines: equal amounts": len(box) > 1 and any(np.isfinite(own.amounts[0]) for own in sizes.regions),
         f"star: {'nominal sizes' if scales else 'as drawn'}": inside,
         "diamonds A to D: corners that these requirements ask for": scales,
-        "white line between black ones: the motion jumps there": plane and any(own.jumps for own in sizes.boundaries),
-        "black line: another contact, or limit, holds the motion": any(
+        "double line: the motion jumps there": plane and any(own.jumps for own in sizes.boundaries),
+        "thick line: another contact, or limit, holds the motion": any(
             not (plane and own.jumps) for own in sizes.boundaries
         ),
         "hatched: no motion, or none known": any(np.isnan(own.amounts[0]) for own in sizes.regions),

@@ -13,8 +13,8 @@ from fcdm_opt.geometry.arrays import Array, Flags
 LIGHT = np.array([-0.45, 0.6, 0.66])
 """Where the light comes from: right, up and towards the reader, a unit vector nearly."""
 
-DULL = 0.62
-"""Of its colour that a face keeps that the light does not reach."""
+DEEP = 1.9
+"""How many times as far from white the colour of a face is that the light does not reach: deeper, as no grey is."""
 
 STEP = 2.0
 """Pixels between two places of a line that are looked at."""
@@ -168,7 +168,7 @@ def fill_pixels(corners, starts, scale, tint, owner, depths, owners, colours):
             continue
         turn = 1.0 if nz > 0.0 else -1.0
         shade = turn * (nx * LIGHT[0] + ny * LIGHT[1] + nz * LIGHT[2]) / long
-        lit = DULL + (1.0 - DULL) * max(shade, 0.0)
+        deep = DEEP + (1.0 - DEEP) * max(shade, 0.0)
         for row in range(max(0, int(np.floor(low[1]))), min(depths.shape[0], int(np.ceil(high[1])) + 1)):
             for column in range(max(0, int(np.floor(low[0]))), min(depths.shape[1], int(np.ceil(high[0])) + 1)):
                 x, y, inside = column + 0.5, row + 0.5, True
@@ -182,4 +182,4 @@ def fill_pixels(corners, starts, scale, tint, owner, depths, owners, colours):
                 if depth > depths[row, column]:
                     depths[row, column], owners[row, column] = depth, owner
                     for part in range(3):
-                        colours[row, column, part] = tint[part] * lit
+                        colours[row, column, part] = max(0.0, 1.0 - (1.0 - tint[part]) * deep)

@@ -106,7 +106,7 @@ def test_a_name_of_another_kind_of_file_made_a_folder_of_that_name(here: Path, l
     assert result.exit_code == 2
     assert allowed.split()[-1] in result.stderr.partition("allowed: ")[2]
     assert [own.name for own in here.iterdir()] == ["p.toml"]
-    assert written("--out")(Path("run.1")) == Path("run.1")  # the name of a folder
+    assert written()("--out", Path("run.1")) == Path("run.1")  # the name of a folder
 
 
 @pytest.mark.slow

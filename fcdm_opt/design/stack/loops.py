@@ -99,8 +99,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
             raise InputError(what, key="of", allowed=f"two parts of {known}, as --of {','.join(one)}")
         pair = asked[found[0]]
     else:
-        one, two = arguments.items(of) if len(arguments.items(of)) == 2 else (of, of)
-        named = [own for own in relations if {*own} == {one, two}]
+        named = [own for own in relations if sorted(own) == sorted(map(str, arguments.items(of)))]
         if not named:
             allowed = " or ".join(" - ".join(own) for own in relations)
             raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)

@@ -78,8 +78,8 @@ def run_study(
     InputError
         For a study, folder, store or engine that cannot be used; what is stored by then stays.
     """
-    study = study if isinstance(study, Study) else Study.read(study)
     check_engine(engine, jobs, scheduler)
+    study = study if isinstance(study, Study) else Study.read(study)
     with (
         Store(Path(out), study.key, __version__, study.to_dict()) as store,
         shown(len(study), progress=progress, say=say) as tell,
@@ -161,7 +161,7 @@ def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
     if scheduler is not None and engine != "dask":
-        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
+        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='the engine "dask"')
     if scheduler is not None and not (isinstance(scheduler, str) and scheduler.strip()):
         raise InputError("not an address", key="scheduler", found=scheduler, allowed='"tcp://host:8786"')
     if scheduler is not None and jobs is not None:

@@ -35,7 +35,12 @@ function shrunk(points) {
 }
 const columns = points => ({ x: points.map(p => p[0]), y: points.map(p => p[1]), z: points.map(p => p[2]) });
 const lines = (points, edges) => columns(edges.flatMap(([i, j]) => [points[i], points[j], [null, null, null]]));
-const LIGHT = { facenormalsepsilon: 0, vertexnormalsepsilon: 0, ambient: 0.6, diffuse: 0.6, specular: 0, roughness: 1, fresnel: 0 };
+const LIGHT = { facenormalsepsilon: 0, vertexnormalsepsilon: 0, ambient: 0.8, diffuse: 0.35, specular: 0, roughness: 1, fresnel: 0 };
+/** A colour with so much of the ground in it as in the key, or nearly: edges and what touches stand out from it. */
+const tinted = (colour, ground, share = 0.3) => `#${[1, 3, 5].map(k => {
+  const [own, other] = [colour, ground].map(hex => parseInt(hex.slice(k, k + 2), 16));
+  return Math.round(own + share * (other - own)).toString(16).padStart(2, "0");
+}).join("")}`;
 
 function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane(frame) : null;
@@ -45,15 +50,16 @@ function drawScene() {
     ...triad(colours),
   ];
   const known = frame.contacts ?? [], seen = plane ? known.filter(p => dot(plane.facing, p) <= plane.level) : known;
-  if (seen.length) {
+  const view = freshView || !gd.layout?.scene ? firstView() : currentView();
+  freshView = false;
+  if (seen.length) { // before what is beside it, which would hide half of the ring
+    const facing = plane?.facing ?? unit(minus(values(view.camera.eye), values(view.camera.center)));
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(plane ? lifted(seen, plane, 0.02) : seen), marker: ring,
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(lifted(seen, { facing }, 0.02)), marker: ring,
       hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
-  const view = freshView || !gd.layout?.scene ? firstView() : currentView();
-  freshView = false;
   const axis = k => ({ visible: false, range: extent().range[k], autorange: false, showspikes: false });
   const layout = {
     margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", showlegend: false,
@@ -78,7 +84,7 @@ function bodyTraces(frame, colours, plane) {
     const [seed] = placed([object.seed], object.body, frame);
     return [
       {
-        type: "mesh3d", name: role, ...solid, ...corners(triangles), color: colour, opacity, flatshading: true,
+        type: "mesh3d", name: role, ...solid, ...corners(triangles), color: tinted(colour, colours.paper), opacity, flatshading: true,
         lighting: LIGHT,
         hoverinfo: "text", text: points.map(p => `${name}, ${role}<br>corner ${pair(p)}`),
       },
