@@ -34,10 +34,10 @@ def _changes(allowed: str) -> common.Check:
     """Return the check of options KEY=VALUE, each value as in a problem file; a word that is no such value is text."""
 
     def change(key: str, text: str) -> tuple[str, Any]:
-        told = _CHANGE.fullmatch(text)
-        if told is None:
+        match = _CHANGE.fullmatch(text)
+        if match is None:
             raise InputError("not a name and a value", key=key, found=text, allowed=allowed)
-        name, value = told[1].strip(), told[2].strip()
+        name, value = match[1].strip(), match[2].strip()
         try:
             return name, parsed(f"value = {value}")["value"]
         except ValueError:
@@ -178,8 +178,12 @@ def whatif_command(
     from fcdm_opt.design.whatif.compare import compare as compared
     from fcdm_opt.design.whatif.conflicts import conflicts as clashing
     from fcdm_opt.design.whatif.drop import drop as costs
+    from fcdm_opt.design.whatif.fitting import fits_up_to
     from fcdm_opt.design.whatif.whatif import whatif
     from fcdm_opt.show import tables
+    from fcdm_opt.show.solved import SolvedCase
+    from fcdm_opt.show.texts import advised
+    from fcdm_opt.show.verdict import verdict_text
     from fcdm_opt.solver import solve
 
     plain = not (changes or budget or conflicts or drop or compare)
@@ -191,7 +195,8 @@ def whatif_command(
             yield "budget", largest_tolerances(problem, None if budget == "limits" else budget), tables.print_budgets
         solution: Bounded | None = solve(problem, time=math.inf) if plain or conflicts else None
         if plain and solution is not None and solution.verified and not solution.usable:  # outside the fit
-            yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
+            lines = verdict_text(cast("Any", solution)), advised(SolvedCase(solution, fits_up_to=fits_up_to(problem)))
+            yield "solution", solution, lambda _: tables.print_lines(lines)
         if conflicts or (solution is not None and not solution.verified):
             yield "conflicts", clashing(problem if solution is None else solution), tables.print_said
         if drop or (plain and solution is not None and solution.usable):
@@ -427,6 +432,7 @@ def _each_case(
     Where it is no matter what was `made`, cases that differ in that alone are asked about once.
     """
     from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.model.true_faces import on_true_faces
     from fcdm_opt.show.printing import print_lines
     from fcdm_opt.show.remarks import known_gaps
     from fcdm_opt.show.tables import print_case, print_judged
@@ -447,7 +453,8 @@ def _each_case(
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
-            of_facets |= not (key == "map" or getattr(answer, "on_true_faces", number > 0))  # a map says it itself
+            exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
+            of_facets |= not (key == "map" or exact)  # a map says it itself
             if not inquiry.as_json:
                 printed(answer)
             if key in JUDGED:

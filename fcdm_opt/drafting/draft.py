@@ -455,8 +455,10 @@ def _extent(body: Body, unit: str) -> str:
 
 def _round_ones(body: Body, most: int = 4) -> str:
     """Return which round faces a body is told to have, or could be, see `rounded`."""
-    told = body.rounded() if may_be_rounded(body) else body
-    names = [*dict.fromkeys(name for name in names_of_rows(told) if " radius " in name)] if round_surfaces(told) else []
+    known = body.rounded() if may_be_rounded(body) else body
+    names = (
+        [*dict.fromkeys(name for name in names_of_rows(known) if " radius " in name)] if round_surfaces(known) else []
+    )
     return ", ".join(names[:most]) + (f" and {more} more" if (more := len(names) - most) > 0 else "")
 
 

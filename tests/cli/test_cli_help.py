@@ -26,6 +26,7 @@ ROWS = {name: own.lines(name) for name, own in COMMANDS.items()}
 LINES = [line for lines in ROWS.values() for line in lines.splitlines()]
 QUICK = ("init", "schema", "curve", "solve", "range", "whatif", "pose")  # commands whose first example is run
 BOXES = "problems/boxes.toml"
+LOOP = "problems/assemblies/loop_of_four.toml"
 PATIENCE = 300.0  # seconds after which a process is taken to hang
 
 
@@ -156,6 +157,9 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
         (f"map {BOXES} --box 1,2,3 --out /proc/none", "error: --box: not pairs of numbers; found '1,2,3'; allowed: "),
         ("stability", "error: --out: what to do is not given once; found 'neither'; allowed: "),
         (f"solve {BOXES} --case nope", "error: --case: no such case; found 'nope'; allowed: close the gap,"),
+        ("stack x.toml --of base", "error: --of: not two parts; found 'base'; allowed: "),  # it was a TypeError
+        ("study x.toml --out o --engine foo", "error: --engine: no such word; found 'foo'; allowed: joblib or dask"),
+        (f"stack {LOOP} --of base,kay", "error: --of: no such part, did you mean 'key'?; found 'kay'; allowed: base,"),
         ("solve problems", "error: problems: the file cannot be read; found 'Is a directory'; allowed: "),
     ],
 )
@@ -343,4 +347,3 @@ def corners(*ends: float) -> list[list[float]]:
 
 def flat(text: str) -> str:
     return " ".join(text.split())
-

@@ -36,6 +36,7 @@ MOST_HELD = 2_000_000
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = ("impossible", "undecided")
+COARSE = 0.01  # width of an interval of shares from which on tenths of a per cent are told
 
 
 @dataclass(frozen=True)
@@ -161,12 +162,13 @@ class AssemblyYield(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         low, high = self.interval
-        sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
+        places = 4 if high - low < COARSE else 1  # no more than is known
+        sure = f"{100.0 * self.confidence:.6g} % sure: {low:.{places}%} to {high:.{places}%}"
         within = round((1.0 - self.outside) * self.count)
-        words = [f"{self.share:.4%} of {within} pairs pass ({sure})" if within else "of no pair it is known"]
+        words = [f"{self.share:.{places}%} of {within} pairs pass ({sure})" if within else "of no pair it is known"]
         if self.outside > 0.0:
             words.append(f"{self.outside:.4%} of {self.count} are beyond the map's ends, where they may pass or fail")
-        words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
+        words += [f"{getattr(self, what):.{places}%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
         return ", ".join((*words, *self.known_to))
 
 

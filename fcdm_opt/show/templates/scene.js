@@ -42,6 +42,9 @@ const tinted = (colour, ground, share = 0.3) => `#${[1, 3, 5].map(k => {
   return Math.round(own + share * (other - own)).toString(16).padStart(2, "0");
 }).join("")}`;
 
+/** Points so near to the reader that what is beside them hides no part of their rings. */
+const broughtForward = (points, { eye, center }) => lifted(points, { facing: unit(minus(values(eye), values(center))) }, 0.08);
+
 function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane(frame) : null;
   const traces = [
@@ -52,11 +55,10 @@ function drawScene() {
   const known = frame.contacts ?? [], seen = plane ? known.filter(p => dot(plane.facing, p) <= plane.level) : known;
   const view = freshView || !gd.layout?.scene ? firstView() : currentView();
   freshView = false;
-  if (seen.length) { // before what is beside it, which would hide half of the ring
-    const facing = plane?.facing ?? unit(minus(values(view.camera.eye), values(view.camera.center)));
+  if (seen.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(lifted(seen, { facing }, 0.02)), marker: ring,
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(broughtForward(seen, view.camera)), marker: ring,
       hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
@@ -69,7 +71,13 @@ function drawScene() {
     },
   };
   gd.setAttribute("aria-label", `Scene in three dimensions. ${element("shown").textContent}`);
-  return Plotly.react(gd, traces, layout, SCENE);
+  const drawn = Plotly.react(gd, traces, layout, SCENE);
+  gd.removeAllListeners("plotly_relayout");
+  gd.on("plotly_relayout", () => {
+    const { x, y, z } = columns(broughtForward(seen, currentView().camera)), at = traces.findIndex(trace => trace.name === "contact");
+    if (at >= 0) Plotly.restyle(gd, { x: [x], y: [y], z: [z] }, [at]);
+  });
+  return drawn;
 }
 
 function bodyTraces(frame, colours, plane) {
