@@ -214,7 +214,8 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
             return Element("V", (corner + 1,))
         if within[k].any():
             return min(edge_names[j] for j in np.flatnonzero(within[k]))
-        on = (face for face in np.flatnonzero(flat[k]).tolist() if surface.lies_on(face, points[[row]])[0])
+        near = surface.near(np.flatnonzero(flat[k]), points[[row]])
+        on = (face for face in near.tolist() if surface.lies_on(face, points[[row]])[0])
         return min((face_names[face] for face in on), default=Element("V", (row + 1,)))
 
     @cache  # the parts beside a cut have its edges in common
@@ -229,7 +230,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         on = surface.along_edges(middles, along)[1]
         free = ~on.any(axis=1)  # the faces beside a true edge are not what the part's edge lies on
         shares = {edge_names[k]: float(lengths[each].sum()) for k, each in zip(along.tolist(), on.T, strict=True)}
-        for face in candidates.tolist():
+        for face in surface.near(candidates, ends).tolist():
             shares[face_names[face]] = float(lengths[free][surface.lies_on(face, middles[free])].sum())
         return chosen(own, shares, DEFAULT.nominal, ends)
 
@@ -242,7 +243,8 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         if own.vertices in whole:
             return own, None
         on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ unit_normals(outline) > 0)
-        shares = {face_names[k]: surface.area_within(k, outline) for k in np.flatnonzero(on).tolist()}
+        near = surface.near(np.flatnonzero(on), outline)
+        shares = {face_names[k]: surface.area_within(k, outline) for k in near.tolist()}
         least = DEFAULT.nominal * np.ptp(outline, axis=0).max() / surface.size
         return chosen(own, shares, least, outline)
 

@@ -108,6 +108,17 @@ class Surface:
         """Return a face's triangles, (k, 3, 3)."""
         return self._polygons[face]
 
+    @cached_property
+    def _boxes(self) -> Array:
+        """Lowest and highest corner of each face's box, (2, faces, 3)."""
+        return np.array([(own.min(axis=(0, 1)), own.max(axis=(0, 1))) for own in self._polygons]).swapaxes(0, 1)
+
+    def near(self, faces: Ints, points: Array) -> Ints:
+        """Return those of some faces, (k,), whose boxes meet that of points, (m, 3)."""
+        (lowest, highest), slack = self._boxes[:, faces], DEFAULT.nominal * self.size
+        low, high = points.min(axis=0) - slack, points.max(axis=0) + slack
+        return faces[((lowest <= high) & (highest >= low)).all(axis=1)]
+
     def _polygons_near(self, face: int, points: Array) -> Array:
         """Return those of a face's triangles whose boxes meet that of points, (m, 3)."""
         triangles, slack = self.polygons(face), DEFAULT.nominal * self.size

@@ -36,7 +36,6 @@ def tally() -> Tally:
     return found
 
 
-@pytest.mark.slow
 def test_diagrams_agree_with_the_undecomposed_meshes():
     found = tally()
     assert not found.wrong, "\n".join(found.wrong)
