@@ -150,35 +150,16 @@ def named(**options: str) -> Iterator[None]:
 
 Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]
 AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
-Out = Annotated[
-    Path | None,
-    option("--out", "DIR", "Write pictures (PNG and SVG) into this folder.", OUTPUT, check=written()),
-]
-TableOut = Annotated[
-    Path | None,
-    option(
-        "--table",
-        "CSV",
-        "Write one row a case into this file, for Excel and the like.",
-        OUTPUT,
-        check=written(".csv", ".txt"),
-    ),
-]
+PICTURES = "Write pictures (PNG and SVG) into this folder."
+Out = Annotated[Path | None, option("--out", "DIR", PICTURES, OUTPUT, check=written())]
+TABLE = "Write one row a case into this file, for Excel and the like."
+TableOut = Annotated[Path | None, option("--table", "CSV", TABLE, OUTPUT, check=written(".csv", ".txt"))]
 Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
-Time = Annotated[
-    float | None,
-    option(
-        "--time",
-        "S",
-        "Wall time after which all ends, with the best answers and bounds so far.",
-        check=lambda key, seconds: pacing.begin(seconds, key=key),
-    ),
-]
-Cases = Annotated[
-    list[str] | None,
-    option("--case", "NAME", "Take only this case; may be repeated.", CHOICE, autocompletion=case_names),
-]
+TIME = "Wall time after which all ends, with the best answers and bounds so far."
+Time = Annotated[float | None, option("--time", "S", TIME, check=lambda key, own: pacing.begin(own, key=key))]
+CASES = "Take only this case; may be repeated."
+Cases = Annotated[list[str] | None, option("--case", "NAME", CASES, CHOICE, autocompletion=case_names)]
 
 
 @dataclass(frozen=True)

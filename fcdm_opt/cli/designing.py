@@ -48,12 +48,10 @@ def _changes(allowed: str) -> common.Check:
 
 def _limit(key: str, text: str) -> float | str:
     """Read an amount, or that it is the limits that bound it."""
-    amount = math.nan
     with suppress(ValueError):
-        amount = float(text)
-    if text != "limits" and not amount >= 0.0:
-        raise InputError("not an amount", key=key, found=text, allowed='a length >= 0, or "limits"')
-    return text if text == "limits" else amount
+        if text == "limits" or float(text) >= 0.0:
+            return text if text == "limits" else float(text)
+    raise InputError("not an amount", key=key, found=text, allowed='a length >= 0, or "limits"')
 
 
 def _numbers(text: str, key: str, allowed: str, count: int | None = None) -> tuple[float, ...]:
@@ -89,13 +87,10 @@ Results = Annotated[Path, option("--out", "DIR", RESULTS, check=common.written()
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
-Columns = Annotated[
-    common.Text,
-    option("--columns", "A,B", "Its columns with the movable and the static part's sizes.", check=common.names),
-]
-Nominals = Annotated[
-    str | None, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn. Default: 1.")
-]
+OF_PARTS = "Its columns with the movable and the static part's sizes."
+Columns = Annotated[common.Text, option("--columns", "A,B", OF_PARTS, check=common.names)]
+DIVIDED = "What these columns are divided by: the sizes as drawn. Default: 1."
+Nominals = Annotated[str | None, option("--nominals", "X,Y", DIVIDED)]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
 SizeBox = Annotated[common.Text, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX, check=IN_BOX)]
 SET = (
@@ -104,8 +99,7 @@ SET = (
     "contact[1].clearance=0.1; may be repeated."
 )
 BUDGET = (
-    'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any motion within the '
-    "case's own limits does."
+    'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any within limits.'
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
 OVER = (
@@ -114,6 +108,10 @@ OVER = (
 )
 AMOUNT = checked("unusable number", "a finite length >= 0", lambda amount: 0.0 <= amount < math.inf)
 SHARE = checked("unusable number", "between 0.5 and 1, as 0.9973", lambda share: 0.5 < share < 1.0)
+ERROR = "Error of the amount that is allowed; default: 1e-4 of the largest."
+SHARED = "Time for all maps, a share each, after which they are left as they are."
+PASSING = "Tell the share of pairs whose motion stays within it."
+MUST_FIT = "With --cost: share of pairs that must fit."
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 ENGINE = "joblib: processes of this machine; dask: workers of a cluster, --scheduler, or of one made here."
@@ -211,29 +209,10 @@ def map_command(
     files: common.Files,
     out: Annotated[Path | None, option("--out", "DIR", MAPS)] = None,
     dark: common.Dark = False,
-    error: Annotated[
-        float | None,
-        option(
-            "--error",
-            "LENGTH",
-            "Error of the amount that is allowed; default: 1e-4 of the largest.",
-            check=common.LENGTH,
-        ),
-    ] = None,
-    seconds: Annotated[
-        float,
-        option(
-            "--seconds",
-            "S",
-            "Time for all maps, a share each, after which they are left as they are.",
-            check=common.SECONDS,
-        ),
-    ] = 120.0,
+    error: Annotated[float | None, option("--error", "LENGTH", ERROR, check=common.LENGTH)] = None,
+    seconds: Annotated[float, option("--seconds", "S", SHARED, check=common.SECONDS)] = 120.0,
     time: common.Time = None,
-    budget: Annotated[
-        float | None,
-        option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.", check=AMOUNT),
-    ] = None,
+    budget: Annotated[float | None, option("--budget", "AMOUNT", PASSING, check=AMOUNT)] = None,
     over: Annotated[common.Text, option("--over", "SIZE,...", OVER, check=common.names)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
@@ -363,9 +342,7 @@ def stack_command(
     gap: Annotated[common.Text, option("--gap", "LO,HI", LIMITS, check=WITHIN)] = None,
     draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
     cost: Annotated[common.Texts, option("--cost", "SIZE=C", COST, check=_changes("SIZE=C as width=1"))] = None,
-    share: Annotated[
-        float | None, option("--share", "S", "With --cost: share of pairs that must fit.", check=SHARE)
-    ] = None,
+    share: Annotated[float | None, option("--share", "S", MUST_FIT, check=SHARE)] = None,
     of: Annotated[common.Text, option("--of", "PART,PART", OF, check=common.two("parts"))] = None,
     cut: Annotated[common.Text, option("--slice", "SIZE,SIZE", SLICE, check=common.two("sizes"))] = None,
     seed: common.Seed = 1,

@@ -23,6 +23,8 @@ DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
     "motion that solves the case."
 )
+CERTIFY = "Prove to 1e-4 how small a motion can be at all, and have the proof checked."
+PROVING = "Wall time of a case's proof; default: a number of looks."
 QUICK = "quick: the first motion that the stages find, without proof."
 
 
@@ -77,17 +79,11 @@ def curve_command(
 
 def solve_command(
     files: common.Files,
-    certify: Annotated[
-        bool, option("--certify", None, "Prove to 1e-4 how small a motion can be at all, and have the proof checked.")
-    ] = False,
+    certify: Annotated[bool, option("--certify", None, CERTIFY)] = False,
     effort: Annotated[
-        str,
-        option("--effort", "proved|quick", QUICK, check=common.one_of("proved", "quick")),
+        str, option("--effort", "proved|quick", QUICK, check=common.one_of("proved", "quick"))
     ] = "proved",
-    seconds: Annotated[
-        float | None,
-        option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.", check=common.SECONDS),
-    ] = None,
+    seconds: Annotated[float | None, option("--seconds", "S", PROVING, check=common.SECONDS)] = None,
     time: common.Time = None,
     table: common.TableOut = None,
     as_json: common.AsJson = False,

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
+FILE = "File to write. Default: MOVABLE-STATIC.toml here."
+UNIT = 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".'
+CHORD = "How far triangles may leave curved faces of STEP files at most, in that unit."
 KIND = (
     '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
 )
@@ -30,21 +33,9 @@ KIND = (
 def init_command(
     movable: Annotated[Path, argument("MOVABLE", f"Mesh file of the part that moves: {KINDS}.")],
     static: Annotated[Path, argument("STATIC", "Mesh file of the part at rest, likewise.")],
-    out: Annotated[
-        Path | None, option("--out", "TOML", "File to write. Default: MOVABLE-STATIC.toml here.", OUTPUT)
-    ] = None,
-    unit: Annotated[
-        str | None, option("--unit", "UNIT", 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".')
-    ] = None,
-    deviation: Annotated[
-        float | None,
-        option(
-            "--deviation",
-            "LENGTH",
-            "How far triangles may leave curved faces of STEP files at most, in that unit.",
-            check=LENGTH,
-        ),
-    ] = None,
+    out: Annotated[Path | None, option("--out", "TOML", FILE, OUTPUT)] = None,
+    unit: Annotated[str | None, option("--unit", "UNIT", UNIT)] = None,
+    deviation: Annotated[float | None, option("--deviation", "LENGTH", CHORD, check=LENGTH)] = None,
     force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,
     time: Time = None,
 ) -> None:
