@@ -283,12 +283,13 @@ BY_PARAMETER = {
 """Keys with a value for each parameter of the motion."""
 
 
-def of_kind(kind: type) -> BeforeValidator:
+def of_kind(kind: type, example: str = "") -> BeforeValidator:
     """Return the check that an argument is of a kind."""
 
     def check(value: Any) -> Any:
         if not isinstance(value, kind):
-            raise refusal("wrong kind of argument", found=type(value).__name__, allowed=f"a {kind.__name__}")
+            found = value if isinstance(value, str) else type(value).__name__
+            raise refusal("wrong kind of argument", found=found, allowed=f"a {kind.__name__}{example}")
         return value
 
     return BeforeValidator(check)
@@ -327,7 +328,7 @@ class Arguments(Case):
         None, "a number > 0, or steps > 0 by parameter, length units or radians"
     )
     keep_out: Any = ()
-    motion: Annotated[Any, of_kind(Motion)] = declared(..., "a Motion")
+    motion: Annotated[Any, of_kind(Motion, ', as fo.Translation("z")')] = declared(..., "a Motion")
     published: tuple[Real, ...] | None = declared(  # type: ignore[assignment]
         None, "a finite number for each parameter, length units or radians"
     )

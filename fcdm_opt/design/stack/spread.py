@@ -242,7 +242,7 @@ def drawn_gaps(
             bins = ((gaps - edges[0]) * (BINS / (edges[-1] - edges[0]))).astype(np.int64)
             counts += np.bincount(np.clip(bins, 0, BINS - 1), minlength=BINS)
     mean = total / count
-    deviation = float(np.sqrt(max(square / count - mean**2, 0.0)))
+    deviation = min(float(np.sqrt(max(square / count - mean**2, 0.0))), (largest - least) / 2.0)  # Popoviciu
     share, surely, possibly = (passed / count).tolist()
     interval = proportion_interval(int(passed[0]), count, confidence)
     three = (zero + np.quantile(np.concatenate(kept), [BEYOND, 1.0 - BEYOND])).tolist()
