@@ -47,8 +47,10 @@ class Interval:
     @classmethod
     def stacked(cls, numbers: Sequence[Interval], shape: tuple[int, ...]) -> Interval:
         """Return numbers, each broadcast to a shape, one after the other along a new last axis."""
-        sides = zip(*(number._sides for number in numbers), strict=True)
-        return cls(*(np.stack([np.broadcast_to(own, shape) for own in side], axis=-1) for side in sides))
+        middles, radii = np.empty((2, *shape, len(numbers)))
+        for k, number in enumerate(numbers):
+            middles[..., k], radii[..., k] = number._sides
+        return cls(middles, radii)
 
     @property
     def low(self) -> Any:

@@ -358,7 +358,7 @@ def _spread(centre: Interval, change: Interval) -> Interval:
 
 
 def _column(x: Interval, count: int) -> Interval:
-    return Interval(*(np.array(np.broadcast_to(side, count))[:, None] for side in (x.middle, x.radius)))
+    return Interval.stacked([x], (count,))
 
 
 def _together(numbers: Sequence[Interval], count: int) -> Interval:
