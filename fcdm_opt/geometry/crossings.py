@@ -22,6 +22,7 @@ from fcdm_opt.geometry.polygons import Sides, clipped
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
 BLOCK = 1 << 18  # pairs looked at together
+FEW_PAIRS = 1 << 18  # of boxes, up to which all are compared
 CELLS = 1 << 16  # along each axis, of the curve that boxes are ordered along
 SEVERAL, SPARE = -1, -2  # in place of the group of a node's boxes: there are several, there is none
 
@@ -159,6 +160,9 @@ def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, I
 
 def overlapping_between(low: Array, high: Array, under: Array, over: Array) -> Ints:
     """Return the pairs of a box of one set, (n, k), and one of another, (m, k), that overlap: rows of both, (p, 2)."""
+    if len(low) * len(under) <= FEW_PAIRS:
+        axes = zip(low.T[..., None], high.T[..., None], under.T, over.T, strict=True)
+        return np.argwhere(reduce(np.logical_and, ((a <= d) & (b >= c) for a, b, c, d in axes)))
     groups, count = np.repeat([0, 1], [len(low), len(under)]), len(low)
     found = overlapping(np.concatenate([low, under]), np.concatenate([high, over]), groups)
     pairs = [np.column_stack([np.minimum(i, j), np.maximum(i, j) - count]) for i, j in found]

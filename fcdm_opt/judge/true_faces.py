@@ -113,14 +113,16 @@ class _There:
         """Return which of its neighbours it may have bent edges with."""
         return [m for m in np.unique(others).tolist() if m != k and (self.is_round[k] or self.is_round[m])]
 
-    def has(self, k: int, feet: Array, slack: float) -> Flags:
-        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord."""
+    def has(self, k: int, feet: Array, slack: float, *, over: bool = False) -> Flags:
+        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord.
+
+        With `over` they are known to be over its triangles.
+        """
         if not len(feet):
             return np.zeros(0, bool)
         surface, side = self.patches[k]
-        own = np.flatnonzero(self.owners == k)
         normals = side * _height(surface, feet)[1]
-        found = _over(feet, normals, self.corners[own])
+        found = np.ones(len(feet), bool) if over else _over(feet, normals, self.corners[self.owners == k])
         beyond = np.zeros(len(feet), bool)
         for m, start, end, low, high in self._bent_edges(k):
             i, e = overlapping_between(feet, feet, low - slack, high + slack).T
@@ -276,7 +278,7 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
         rows = np.flatnonzero(inside)
         inside[rows] = other.has(k, points[rows] - height[rows, None] * directions[rows], slack)
         rows = np.flatnonzero(inside)  # sides of triangles from a bent edge may cut across its bow
-        inside[rows] = own.has(j, points[rows], slack)
+        inside[rows] = own.has(j, points[rows], slack, over=True)
         rows = np.flatnonzero(inside)
         inside[rows] = ~other.nearer(points[rows], k, depth[rows], slack)
         if not inside.any():

@@ -126,7 +126,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if not solution.usable:
         impossible = problem.goal == "clear" and solution.status in IMPOSSIBLE  # for larger ones too
         return replace(solution, amount_low=math.inf, amount_high=math.inf) if impossible else solution
-    if problem.goal == "clear" or _gap_at_rest(problem) <= problem.contact_slack:
+    if problem.goal == "clear" or not amount > 0.0 or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)
     low = 0.0
     one, two = (bounding_bodies(body) for body in problem.of_facets.bodies[:2])
