@@ -116,7 +116,7 @@ def chosen(situation: Situation) -> Choice:
         if situation.large:  # a motion across many faces is soon told along an axis
             along = Translation(XYZ[int(np.abs(situation.normal).argmax())])
         # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
-        flush = goal == "seat" or (situation.flush and situation.on_round_face)
+        flush = goal == "seat" or (situation.state == "touching" and situation.on_round_face)
         shifts = (along, ANY_SHIFT) if flush else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):

@@ -16,8 +16,11 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.facet_errors import facet_errors, is_plane_there
+from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there
+from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.patches import NearestPoints, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
+from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.active_parts import active_bodies
 from fcdm_opt.tolerances import DEFAULT
 
@@ -64,7 +67,12 @@ class Situation:
 
     @cached_property
     def gap(self) -> float:
-        """Distance where the parts are apart; minus how deep they overlap: no shorter shift takes them apart."""
+        """Distance where the parts are apart; minus how deep they overlap: no shorter shift takes them apart.
+
+        That of true faces, where round ones are known and meet.
+        """
+        if self.on_round_face and self._on_true_faces:
+            return self._on_true_faces[0].gap
         gap = float(self._usual.gap(DRAWN))
         if gap < -DEFAULT.snap * self.size and (len(self.movable.parts) > 1 or len(self.static.parts) > 1):
             gap = min(gap, -depth_as_drawn(self.movable, self.static, DRAWN))
@@ -75,10 +83,19 @@ class Situation:
         """Return "touching" where a nominal contact as drawn would be taken for one, else "apart", "overlapping"."""
         if self._usual.locate(DRAWN) is not None:
             return "touching"
-        moved = np.abs(self._usual.nearest(DRAWN) - DRAWN).max()
+        true = self.on_round_face and bool(self._on_true_faces)
+        moved = 0.0 if true else np.abs(self._usual.nearest(DRAWN) - DRAWN).max()
         if abs(self.gap) <= DEFAULT.snap * self.size and moved <= DEFAULT.snap:
             return "touching"
         return "apart" if self.gap > 0 else "overlapping"
+
+    @cached_property
+    def _on_true_faces(self) -> list[NearestPoints]:
+        """Where true faces are nearest as drawn, the nearest first, if all are known; none of parts that are far."""
+        both = self.movable, self.static
+        if not all(map(all_recognised, both)):
+            return []
+        return where_nearest(*both, DRAWN, np.eye(4), DEFAULT.snap * self.size)
 
     @cached_property
     def contacts(self) -> tuple[Feature, ...]:
@@ -108,9 +125,10 @@ class Situation:
 
     @cached_property
     def on_round_face(self) -> bool:
-        """Whether what touches first is a facet of a round face, whose normal is one of many."""
-        near = self.nearest or self.grown
-        pieces = () if near is None else _pieces(near.contact)
+        """Whether the facets that meet first are of a round face: their normal is one of many."""
+        pair = self._usual.nearest(DRAWN)
+        contact = self._usual.locate(pair) if np.isfinite(pair).all() else None
+        pieces = () if contact is None else _pieces(contact)
         return any(self._is_round(piece.feature) for piece in pieces)
 
     def _is_round(self, feature: Feature) -> bool:
@@ -171,22 +189,35 @@ class Situation:
     def normal(self) -> Array:
         """Unit direction in which the parts meet, from the movable part to the static one.
 
-        Where round faces lie in one another it is that of all contacts on the average, and along an axis if they are
-        all round.
+        Where one lies in a round face of the other, as in a bore, it is where that faces on the average, and along x,
+        y or z where it faces all ways.
         """
         for near in (self.nearest, self.grown):
             if near is not None:
-                normal = np.array(_pieces(near.contact)[0].normal)
-                if not (self.on_round_face and self.flush and self.state == "touching"):
-                    return normal
-                every = [own for joint in self._joints if self._is_round(joint.feature) for own in joint.normals]
-                mean = np.mean(every, axis=0)
-                length = float(np.linalg.norm(mean))
-                axis = np.eye(3)[np.abs(normal).argmax()] * np.sign(normal[np.abs(normal).argmax()])
-                return mean / length if length > ONE_SIDE else axis
+                piece = _pieces(near.contact)[0]
+                round_ones = self.state == "touching" and self.on_round_face and self._on_true_faces
+                return self._normal_of_room(piece.feature) if round_ones else np.array(piece.normal)
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
+
+    def _normal_of_room(self, feature: Feature) -> Array:
+        """Return where a concave face of a contact faces on the average; without one the normal of true faces."""
+        normal = self._on_true_faces[0].normal
+        for body, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
+            label, faces = tuple(sorted(element.vertices)), true_faces(body)
+            around = [label] if element.kind == "F" else body.faces_with(label)
+            for k in {faces.patch_of(body.face_rows[face]) for face in around if face in body.face_rows}:
+                if not faces.is_round[k] or faces.patches[k].side > 0.0:
+                    continue
+                on = np.abs(faces.patches[k].gaps(faces.corners.reshape(-1, 3))[0]) <= DEFAULT.snap * body.size
+                alike = np.unique(faces.owners[on.reshape(-1, 3).all(axis=1)])
+                a, b, c = np.moveaxis(faces.corners[np.isin(faces.owners, alike)], 1, 0)
+                areas = cross(b - a, c - a)
+                mean = sign * areas.sum(axis=0) / norms(areas).sum()
+                length, largest = float(norms(mean)), int(np.abs(normal).argmax())
+                return mean / length if length > ONE_SIDE else np.eye(3)[largest] * np.sign(normal[largest])
+        return normal
 
     def switching_points(self, most: int) -> list[SwitchingPoint]:
         """Return the switching points in `box` that are nearest to the parts as drawn, by number."""

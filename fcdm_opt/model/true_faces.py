@@ -110,6 +110,12 @@ class Exchange:
             for role, point in zip(self.points, own.points.tolist(), strict=False):
                 self.points[role].append(point)
 
+    def met(self, own: NearestPoints, transform: Array) -> NearestPoints:
+        """Return points that overlap after a motion, by rounding, each half as far within: line to line, parts fit."""
+        half, (one, two) = max(-own.gap, 0.0) / 2.0 * own.normal, self.facets.target.tolist()
+        within = np.array([-half @ transform[:3, :3] / one, half / two])
+        return own._replace(points=own.points + within[: len(own.points)])
+
     def nearer(self, found: Solution) -> list[NearestPoints]:
         """Return where true faces meet after the least motion near one after which the parts touch.
 
@@ -237,7 +243,7 @@ def points_of_true_faces(
         worst = [own for own in new if own.gap < -TIGHT * slack]
         if worst and all(map(asked.has, worst)):  # no piece of the true solid is known there
             break
-        asked.add(worst or new[:1])  # where they are nearest their gap is told
+        asked.add(worst or [asked.met(own, current.transform) for own in new[:1]])  # their gap is told there
         if not worst:
             less = current.amount < least * (1.0 - DEFAULT.nominal)
             if apart and less and (near := asked.nearer(current)):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.true_distance import FacesApart
@@ -174,6 +175,24 @@ def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     assert inward.amount == pytest.approx(tube - r, rel=1e-8)
     rim = math.sqrt(tube**2 - (ring - outer) ** 2) - math.sqrt(r**2 - (ring - outer) ** 2)
     assert usable(asked(ball, race, Z), effort="quick").amount == pytest.approx(rim, rel=1e-8)
+
+
+def test_a_ball_that_fits_its_socket_line_to_line_at_one_place_was_said_not_to_fit() -> None:
+    """Both shrink about their seeds to one radius: rounding of 1e-11 left no place for the ball but 8 mm away."""
+    socket = fo.cut(fo.Box((40, 40, 24), centre=(0, 0, -8)), fo.Sphere(10.0, facets=16))
+    solution = usable(asked(fo.Sphere(10.0, facets=16), socket, Z, target=(0.98, 0.98)), effort="quick")
+    assert list(solution.parameters.values()) == [pytest.approx(0.02 * socket.seed[2], abs=1e-9)]
+
+
+def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
+    """A ball in its socket overlaps by its facets, a shaft in its bore faces all ways: the next axis will do."""
+    socket = fo.cut(fo.Box((40, 40, 20), centre=(0, 0, -10)), fo.Sphere(10.0, facets=16))
+    ball = Situation(fo.Sphere(10.0, facets=20), socket)
+    assert ball.state == "touching"
+    np.testing.assert_allclose(ball.normal, (0.0, 0.0, -1.0), atol=1e-9)
+    shaft = Situation(pin(10.0), plate(10.0))
+    assert (shaft.state, sorted(np.abs(shaft.normal))) == ("touching", [0.0, 0.0, 1.0])
+    assert not shaft.sides
 
 
 @pytest.mark.parametrize("case", ["pin", "ball", "roller"])
