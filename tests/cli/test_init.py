@@ -168,7 +168,7 @@ def test_meshes_that_are_no_boxes_solve_as_written(tmp_path: Path, movable: str,
     out = tmp_path / "own.toml"
     result = run("init", MESHES / movable, MESHES / static, "--out", out)
     assert result.exit_code == 0
-    assert result.stderr.strip() == f"wrote {out}"
+    assert result.stderr.strip().splitlines()[-1] == f"wrote {out}"  # the machine may be busy, which is told
     assert result.stdout.splitlines()[-1] == f"next: fcdm-opt solve {out}"
     (document,) = json.loads(run("solve", out, "--json").stdout)["files"]
     assert [case["usable"] for case in document["cases"]] == [True] * 4
