@@ -151,7 +151,7 @@ def test_a_size_with_a_space_in_its_name_is_set_on_the_command_line(tmp_path: Pa
         ("size.peg length.tolerence=0.02", "did you mean 'tolerance'"),
         ("size[3].tolerance=0.02", "1 to 2"),
         ("size=[]", "one by one"),
-        ('made."peg length=0.02', "not a change"),
+        ('made."peg length=0.02', "not a name and a value"),
     ):
         code, _, said = run("whatif", file, "--set", change)
         assert code == 2

@@ -113,7 +113,7 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
 def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     block = fo.Prism([(-60, -9), (60, -9), (60, 30), (30, 30), (0, 0), (-30, 30), (-60, 30)], 60.0)
     problem = asked(fo.Cylinder(8.0, 50.0, base=(0, 8.0 * math.sqrt(2.0) + 0.1, 5.0)), block, Y)
-    monkeypatch.setattr(apart_until, "MOST", 1_500)
+    monkeypatch.setattr(apart_until, "MOST", 300)
     assert usable(problem).amount_low < 0.09
     assert usable(problem, certify=True).amount_low == pytest.approx(0.1, rel=1e-4)
 
