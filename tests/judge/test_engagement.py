@@ -369,7 +369,7 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
 def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) -> None:
     found = CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B"])
     assert found.exit_code == 1
-    assert f"Does not fit: nut 19.79 in slot 19.60, {WALLS}." in re.sub(r"\s+", " ", found.stdout)
+    assert f"does not fit: nut 19.79 in slot 19.60, {WALLS}" in re.sub(r"\s+", " ", found.stdout)
     data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
     assert data["files"][0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
 

@@ -245,8 +245,8 @@ BAD = [
     ({"limits": {"RZ": (-1, 10**400)}}, "limits.RZ", "1000", "lower <= upper"),
     ({"resolution": 10**400}, "resolution", "1000", "TZ, RZ"),
     ({"name": 7}, "name", "7", "string"),
-    ({"motion": "z"}, "motion", "str", "Motion"),
-    ({"static": "plate"}, "static", "str", "Body"),
+    ({"motion": "z"}, "motion", "'z'", "Motion"),
+    ({"static": "plate"}, "static", "'plate'", "Body"),
     ({"static": MOVABLE, "motion": Screw("seeds", pitch=1.0)}, "motion.Screw.axis", "0.0", "a line"),
 ]
 
