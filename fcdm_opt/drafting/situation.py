@@ -16,7 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there
+from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there, rows_at
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
@@ -196,19 +196,18 @@ class Situation:
             if near is not None:
                 piece = _pieces(near.contact)[0]
                 round_ones = self.state == "touching" and self.on_round_face and self._on_true_faces
-                return self._normal_of_room(piece.feature) if round_ones else np.array(piece.normal)
+                return self._normal_at_concave_face(piece.feature) if round_ones else np.array(piece.normal)
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
 
-    def _normal_of_room(self, feature: Feature) -> Array:
+    def _normal_at_concave_face(self, feature: Feature) -> Array:
         """Return where a concave face of a contact faces on the average; without one the normal of true faces."""
         normal = self._on_true_faces[0].normal
         for body, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
-            label, faces = tuple(sorted(element.vertices)), true_faces(body)
-            around = [label] if element.kind == "F" else body.faces_with(label)
-            for k in {faces.patch_of(body.face_rows[face]) for face in around if face in body.face_rows}:
-                if not faces.is_round[k] or faces.patches[k].side > 0.0:
+            faces = true_faces(body)
+            for k in {faces.patch_of(row) for row in rows_at(body, element) if row >= 0}:
+                if not faces.patches[k].concave:
                     continue
                 on = np.abs(faces.patches[k].gaps(faces.corners.reshape(-1, 3))[0]) <= DEFAULT.snap * body.size
                 alike = np.unique(faces.owners[on.reshape(-1, 3).all(axis=1)])

@@ -92,11 +92,14 @@ def errors_about(body: Body, surfaces: RoundFaces, others: Array) -> Array:
 
 def is_plane_there(body: Body, element: Element) -> bool:
     """Tell whether a body's faces at one of its elements are plane in truth, as far as is known."""
-    errors = facet_errors(body)
-    label = tuple(sorted(element.vertices))
-    beside = [label] if element.kind == "F" else body.faces_with(label)
-    rows = [body.face_rows.get(face, -1) for face in beside]
+    errors, rows = facet_errors(body), rows_at(body, element)
     return errors is not None and bool(rows) and min(rows) >= 0 and not errors[rows].any()
+
+
+def rows_at(body: Body, element: Element) -> list[int]:
+    """Return the rows in `Body.faces` of a face, or of all that meet at an edge or corner; -1 of one that has none."""
+    label = tuple(sorted(element.vertices))
+    return [body.face_rows.get(face, -1) for face in ([label] if element.kind == "F" else body.faces_with(label))]
 
 
 def deviation_of(body: Body) -> tuple[float, float]:

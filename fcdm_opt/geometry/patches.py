@@ -57,6 +57,12 @@ class Patch(NamedTuple):
         """Return the second derivatives of the gaps, (n, 3, 3)."""
         return self.side * self.surface.bends(points)
 
+    @property
+    def concave(self) -> bool:
+        """Whether it is about a convex space: of a bore, a conical hole, or a socket of a ball."""
+        surface = self.surface
+        return self.side < 0.0 and not surface.flat and (surface.line is not None or surface.ring == 0.0)
+
     def placed(self, transform: Array, scale: float) -> Patch:
         """Return it moved and scaled, see `Swept.placed`."""
         return Patch(self.surface.placed(transform, scale), self.side)

@@ -84,9 +84,7 @@ class FacePieces(NamedTuple):
     def in_holes(self, faces: TrueFaces) -> Flags:
         """Tell which triangles of plane faces are between a chord of a hole's rim and the rim: nothing is there."""
         found, near = np.zeros(len(self.corners), bool), DEFAULT.tie * faces.body.size
-        flat, concave = (
-            np.array(list(map(own, faces.patches))) for own in (lambda patch: patch.surface.flat, is_concave)
-        )
+        flat, concave = np.array([(own.surface.flat, own.concave) for own in faces.patches]).T
         both = np.concatenate([faces.every_pair_of_patches, faces.every_pair_of_patches[:, ::-1]])
         rims = np.flatnonzero(flat[both[:, 0]] & concave[both[:, 1]])
         middles = np.tile(faces.every_edge.mean(axis=1), (2, 1))
@@ -154,7 +152,7 @@ class FacesApart:
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
         self.remaining = most
-        self._concave = [np.array(list(map(is_concave, own.patches))) for own in faces]
+        self._concave = [np.array([patch.concave for patch in own.patches]) for own in faces]
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.
@@ -237,10 +235,8 @@ class FacesApart:
         errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
         wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
         first = np.where(wide, sizes[0][i] >= sizes[1][j], errors[0][i] >= errors[1][j])
-        concave = [
-            own[pieces.patches[rows]] for own, pieces, rows in zip(self._concave, self._pieces, (i, j), strict=True)
-        ]
-        first = np.where(concave[0] == concave[1], first, concave[1])
+        one, two = (self._concave[k][self._pieces[k].patches[rows]] for k, rows in enumerate((i, j)))
+        first = np.where(one == two, first, two)
         for k, chosen in enumerate((i[first], j[~first])):
             rows = np.zeros(len(self._pieces[k].corners), bool)
             rows[chosen] = True
@@ -261,14 +257,8 @@ def _no_farther(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> 
     return float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
 
 
-def is_concave(patch: Patch) -> bool:
-    """Tell whether a face is about a convex room: of a bore, a conical hole, or a socket of a ball."""
-    surface = patch.surface
-    return patch.side < 0.0 and not surface.flat and (surface.line is not None or surface.ring == 0.0)
-
-
 def _stays(corners: Array, errors: Array, surface: Swept, directions: Array, length: float) -> Flags:
-    """Tell which pieces stay in the convex room within a surface after any shift of that length, (m,).
+    """Tell which pieces stay in the convex space within a surface after any shift of that length, (m,).
 
     The largest distance from the axis, or centre, is that of a corner, as it is convex: |a + s| with |s| <= l along
     D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2).

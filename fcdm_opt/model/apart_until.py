@@ -1,6 +1,7 @@
-"""How far a motion of one parameter goes at least until parts that are apart touch, on their true faces.
+"""How far a motion goes at least until parts that are apart touch, on their true faces: of one parameter, or a shift.
 
-From each pose the part goes on by what its distance is at least over its largest speed: nothing is touched on the way.
+Where it turns, the part goes on from each pose by what its distance is at least over its largest speed: nothing is
+touched before.
 """
 
 from __future__ import annotations
