@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, PointPiece
 from fcdm_opt.geometry.elements import Element, Elements
 from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
-from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, norms, units
-from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
+from fcdm_opt.geometry.patches import Patch, true_faces
 from fcdm_opt.tolerances import DEFAULT
 
 BENT = 0.3  # radians: how far the face turns across such a piece
@@ -43,18 +44,17 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return None
     if not round_surfaces(body):
         return found[0]
-    inner, faces = found[0], true_faces(body)
+    inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
     corners = np.concatenate([part.vertices for part in inner.parts])
-    pieces = list[tuple[Array, tuple[int, ...], Array]]()
     for point in np.asarray(points, float).reshape(-1, 3):
-        if norms(corners - point).min() > DEFAULT.tie * body.size and (piece := _piece(faces, point)) is not None:
+        far = norms(corners - point).min() > DEFAULT.tie * body.size
+        if far and (piece := _piece(body, *point.tolist())) is not None:
             pieces.append(piece)
             corners = np.concatenate([corners, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
     made = list[PointPiece]()
-    for corners, of, normals in pieces:
-        hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
+    for corners, of, normals, hull in pieces:
         used, pair = hull.used + count + 1, np.sort(hull.used[hull.edges[:, :2]], axis=1) + count + 1
         named = Elements(
             [Element("V", (v,)) for v in used.tolist()],
@@ -70,8 +70,10 @@ def exact_at(body: Body, points: Array) -> Body | None:
     return replace(inner, name=body.name, vertices=points, parts=every, exact=ExactPoints(body, tuple(made)))
 
 
-def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Array] | None:
+@lru_cache(maxsize=256)  # each further point is asked for with those before it
+def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hull] | None:
     """Return corners of a convex piece of the true solid at a point, those on the faces first; see `PointPiece`."""
+    faces, point = true_faces(body), np.array(place)
     size = faces.body.size
     near = faces.at(point)
     if not near or not faces.is_round[near[0]]:
@@ -97,7 +99,8 @@ def _piece(faces: TrueFaces, point: Array) -> tuple[Array, tuple[int, ...], Arra
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
     ring = [_within(patches, point + width * direction - lower) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
-    return corners, tuple(faces.row_at(k, point) for k in near), normals
+    hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
+    return corners, tuple(faces.row_at(k, point) for k in near), normals, hull
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:

@@ -225,7 +225,8 @@ def _truth(sure: Any, never: Any) -> Interval:
 
 def _known(x: Interval) -> tuple[Any, Any]:
     """Tell where x is surely not 0, and where it surely is."""
-    return (x.low > 0) | (x.high < 0), (x.middle == 0) & (x.radius == 0)
+    size = np.abs(x.middle)
+    return size > x.radius + UNIT * (size + x.radius), (size == 0) & (x.radius == 0)
 
 
 def _less(x: Interval, y: Interval) -> Interval:

@@ -215,6 +215,9 @@ def _motion(problem: Problem) -> PosesOfPieces:
     return PosesOfPieces(problem)
 
 
+_poses = lru_cache(maxsize=16)(PosesOfPieces.poses)  # of which both values and derivatives of all equations are
+
+
 class _Equations:
     """The equations of all contacts of some problems, in order."""
 
@@ -230,7 +233,7 @@ class _Equations:
         """Return their values at the centres of boxes, (n, equations)."""
         found = []
         for motion, equations in self._own:
-            centre = motion.poses(boxes).centre
+            centre = _poses(motion, boxes).centre
             found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
         return Interval.stacked(found, (len(boxes.rows), 1))[:, 0]
 
@@ -252,7 +255,7 @@ def _boxes(low: Array, high: Array) -> Boxes:
 
 def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) -> list[Interval]:
     """Return derivatives of each equation over boxes times their half widths, (n, 1, k)."""
-    poses = motion.poses(boxes)
+    poses = _poses(motion, boxes)
     found = []
     for kind, given in equations:
         (_, slopes), _ = _expression(kind).slopes(poses.over, given)

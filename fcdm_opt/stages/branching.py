@@ -96,7 +96,7 @@ def confirmed(task: Task, answer: Answer) -> Answer:
     That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
     motions are looked at then, with translations in all directions all rotations.
     """
-    if not task.weighted or answer.q is None or _closed(task, answer, FINE_GAP):
+    if not task.weighted or answer.q is None or answer.lower_bound >= _gained(task, _amount(task, answer)):
         return answer
     if len(task.weights) > MOST_PARAMETERS:
         pairs = len(task.movable.vertices) * len(task.static.vertices)
@@ -191,12 +191,12 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
     """Return an answer, or a better one that a descent over all ways apart finds from it, or from further motions."""
     if not separating_directions.suits(task):
         return answer
-    best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
+    best = _amount(task, answer)
     for start in starts if answer.q is None else (answer.q, *starts):
         if pacing.over():
             break
         found = separating_directions.descended(task, start, SPREAD * max(task.amount(start), task.unit))
-        if found is not None and found.amount < best * (1.0 - GAINED) - slack:
+        if found is not None and found.amount < _gained(task, best):
             best = found.amount
             answer = replace(found, stage=STAGE_APART, lower_bound=min(answer.lower_bound, best))
     return answer
@@ -257,6 +257,11 @@ def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: f
 
 def _amount(task: Task, answer: Answer) -> float:
     return np.inf if answer.q is None else task.amount(answer.q)
+
+
+def _gained(task: Task, amount: float) -> float:
+    """Return below which amount a motion is better than one known: what counts as met may gain the rest."""
+    return amount * (1.0 - GAINED) - DEFAULT.cut * task.size / search_rate(task)
 
 
 def bounded(
