@@ -7,7 +7,9 @@ than a point: no direction in the plane may part them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +57,39 @@ class Cause(NamedTuple):
     what: str
 
 
-class Rest(NamedTuple):
-    """A part pair on which a tracked feature rests, with the conditions that make it real there."""
+Made = tuple[Array | None, list[tuple[Conditions, Cause]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A part pair on which a tracked feature can rest, with the conditions that make it real there.
+
+    Attributes
+    ----------
+    parts : tuple of int
+    corners : pair of (n, 3) arrays
+        Of either part's elements in contact, relative to its seed.
+    make : callable
+        Returns `line` and `groups`: of hundreds of part pairs on which a large face lies few are asked for them.
+    """
 
     parts: Parts
-    line: Array | None  # (13,), see `TrackedPair`; None of a contact that gives none of the lines of the scale pair
-    groups: list[tuple[Conditions, Cause]]  # of the conditions of each one must hold
+    corners: tuple[Array, Array]
+    make: Callable[[], Made]
+
+    @cached_property
+    def _made(self) -> Made:
+        return self.make()
+
+    @property
+    def line(self) -> Array | None:
+        """(13,), see `TrackedPair`; None of a contact that gives none of the lines of the scale pair."""
+        return self._made[0]
+
+    @property
+    def groups(self) -> list[tuple[Conditions, Cause]]:
+        """Conditions of which in each group one must hold."""
+        return self._made[1]
 
 
 class Followed(NamedTuple):
@@ -199,7 +228,17 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
 
 
 def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
+    """Return a part pair whose corner, or crossing edges, are the contact."""
     one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
+    kind, i, j = site
+    own = one.loops[i] if kind == F1V2 else one.edges[i, :2] if kind == E1E2 else [i]
+    other = two.loops[j] if kind == V1F2 else two.edges[j, :2] if kind == E1E2 else [j]
+    corners = one.vertices[list(own)] - one.seed, two.vertices[list(other)] - two.seed
+    return Rest(parts, corners, partial(_real, one, two, site, normal, k))
+
+
+def _real(one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int) -> Made:
+    """Return the line of a corner or of crossing edges, and that they meet within their elements."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     line, made = _supported(one, two, site, normal, k)
     kind, i, j = site
@@ -223,7 +262,7 @@ def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: 
         for w, ahead in ((c, sign), (d, -sign)):
             ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
             made.append((ends, _border(two, 2, (w,), number)))
-    return Rest(parts, line, made)
+    return line, made
 
 
 def _supported(
@@ -264,12 +303,26 @@ def _supported(
 
 
 def _flush_rest(
-    problem: Problem, seat: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
+    problem: Problem, flush: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
 ) -> Rest:
-    """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
+    """Return a part pair whose elements lie in one plane."""
     one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
+    corners = one.vertices[list(own)] - one.seed, two.vertices[list(other)] - two.seed
+    return Rest(parts, corners, partial(_really_flush, one, two, flush, own, other, parallel, k))
+
+
+def _really_flush(
+    one: ConvexPart,
+    two: ConvexPart,
+    flush: Flush,
+    own: tuple[int, ...],
+    other: tuple[int, ...],
+    parallel: bool,
+    k: int,
+) -> Made:
+    """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
-    n = seat.normal
+    n = flush.normal
     faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
     has = [
         bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)
@@ -303,7 +356,7 @@ def _flush_rest(
             inside = Conditions.of(forms.ALONG, k, v=X[corners],
                                    w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
             made.append((inside, _shared(two, 2, (a, b), number)))
-    return Rest(parts, line, made)
+    return line, made
 
 
 def _last(points: Array, own: list[int], way: Array) -> int:

@@ -20,7 +20,7 @@ from fcdm_opt.curve.coherence import Tracked
 from fcdm_opt.curve.contact import Contact, contact_at, contact_set, is_own, located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import distinct
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.equations import FeaturePoints
@@ -230,7 +230,7 @@ class Holding:
         """Return the directions in which part pairs are just as far apart as they must be; `every`: of joints too."""
         near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
         near = near if every else self.task.beside_joints(near)
-        ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
+        ways = {(i, j): self._ways((i, j), every=every) for i, j in np.argwhere(near).tolist()}
         return self._each_once({parts: found for parts, found in ways.items() if found})
 
     def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
@@ -243,7 +243,7 @@ class Holding:
             return located(one, two, pose, supporting_contact(one, two, way.normal, pose, slack), rho)
         return located(one, two, pose, contact_at(one, two, way.normal, pose, rho, slack), rho)
 
-    def _ways(self, parts: Parts) -> list[Facing]:
+    def _ways(self, parts: Parts, *, every: bool) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
         one, two, pose = task.movable.parts[parts[0]], obstacle.part, self._pose_to(parts)
@@ -252,8 +252,11 @@ class Holding:
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - self.slack).tolist()
         body = task.keep_out[obstacle.keep_out].body if obstacle.keep_out >= 0 else task.static
-        # where only a cut of a solid keeps a pair apart, its next part does not
         own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
+        if not own and (widest <= self.slack or obstacle.need <= 0.0):
+            return []  # only cuts of the solids meet, which touch elsewhere or not at all
+        if not every and obstacle.keep_out < 0 and any(is_closed(task, parts, sites[k]) for k in own):
+            return []  # by a contact that is closed in any case
         if obstacle.need > 0 and widest > 0:
             normals = [task.way_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
@@ -415,6 +418,19 @@ class Holding:
             )
         ]
         return scene.rate(name, terms)
+
+
+def is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
+    """Tell whether a facet of a pair's Minkowski difference is on a face of a contact that is restored."""
+    kind, *rows = site.tolist()
+    letters = LETTERS[kind]
+    both = zip((task.movable, task.static), parts, letters, rows, strict=True)
+    own = [body.parts[part].elements[letter][row] for body, part, letter, row in both]
+    return any(
+        set(own[0].vertices) <= set(joint.feature.one.vertices)
+        and set(own[1].vertices) <= set(joint.feature.two.vertices)
+        for joint in task.joints
+    )
 
 
 def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, bool]]:

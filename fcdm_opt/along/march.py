@@ -221,15 +221,23 @@ class March:
 
     def _taken_over(self, stop: Stop) -> bool:
         """Go over to another part pair on which the same features rest, where there is one."""
+        here = self._stretch(stop.x)
         for k in sorted({cause.feature for cause in stop.causes if cause.feature >= 0}):
             before = self._rests
             for rest in self._followed[k].rests:
-                if rest is not before[k]:
+                if rest is not before[k] and self._meets(rest, here):
                     self._rest_on([rest if place == k else other for place, other in enumerate(before)])
                     if self._goes_on(stop.x):
                         return True
             self._rest_on(before)
         return False
+
+    def _meets(self, rest: Rest, here: RayStretch) -> bool:
+        """Tell whether boxes about the elements of a part pair meet; what is not told is no reason to leave it out."""
+        one, two = rest.corners
+        X, Y = here.rho[0] * one @ here.R[0].T - here.d[0], here.rho[1] * two
+        away = np.maximum(Y.min(axis=0) - X.max(axis=0), X.min(axis=0) - Y.max(axis=0)).max()
+        return not away > DEFAULT.snap * (np.abs(X).max() + np.abs(Y).max())
 
     def _goes_on(self, x: float) -> bool:
         """Tell whether all conditions hold at x to within rounding, and for some way on."""

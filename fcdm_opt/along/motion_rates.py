@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along.holding import fit_rows
+from fcdm_opt.along.holding import fit_rows, is_closed
 from fcdm_opt.curve.contact import is_own
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.curve.kernels import F1V2, V1F2
@@ -218,7 +218,9 @@ def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
     rotation = task.pose(q)[:9].reshape(3, 3)
     for seat in task.seats:
         kind, one, two = seat.site
-        line = next(line for line in task.untracked if line.parts == seat.parts)
+        joint = next(own for own in task.joints if own.feature in (seat.feature, seat.touching))
+        there = tuple(joint.sites[np.argmax(joint.normals @ seat.normal)].tolist())
+        line = next(line for line in task.untracked if (line.parts, line.site) == (joint.parts, there))
         corners = seat.contact.one if kind == V1F2 else seat.contact.two
         for corner in corners:
             site = (kind, corner, two) if kind == V1F2 else (kind, one, corner)
@@ -241,7 +243,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         own_sites = [k for k in tight if is_own((task.movable, one), (other, obstacle.part), sites[k])]
         if not own_sites and (widest <= slack or obstacle.need <= 0.0):
             continue  # only cuts of the solids meet, which touch elsewhere or not at all
-        if other is task.static and any(_is_closed(task, (i, j), sites[k]) for k in own_sites):
+        if other is task.static and any(is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
         normals = distinct(rows[own_sites or tight, :3])
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
@@ -263,19 +265,6 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
                 )  # fmt: skip
                 if closing or np.abs(made.slope).max() > DEFAULT.tie:  # else no motion brings the two nearer
                     yield made
-
-
-def _is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
-    """Tell whether a facet of a pair's Minkowski difference is on a face of a contact that is restored."""
-    kind, *rows = site.tolist()
-    letters = {F1V2: "FV", V1F2: "VF"}.get(kind, "EE")
-    both = zip((task.movable, task.static), parts, letters, rows, strict=True)
-    own = [body.parts[part].elements[letter][row] for body, part, letter, row in both]
-    return any(
-        set(own[0].vertices) <= set(joint.feature.one.vertices)
-        and set(own[1].vertices) <= set(joint.feature.two.vertices)
-        for joint in task.joints
-    )
 
 
 def _place(task: Task, j: int) -> tuple[Body, int]:

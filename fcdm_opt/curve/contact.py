@@ -299,25 +299,49 @@ class Joint:
 def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint, ...]:
     """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`.
 
-    Without those that another one holds: a corner or an edge of a face that lies flush.
+    Without those that another one holds: a corner or an edge of a face that lies flush, what touches within it.
     """
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
-    found: dict[Feature, Joint] = {}
-    for (i, j), contact in meetings(movable, static, pose, rho, slack):
-        if contact.feature in found:
+    least = DEFAULT.shared * min(movable.size, static.size)
+    met = list[tuple[int, Array, Joint, tuple[Array, Array]]]()
+    for own in meetings(movable, static, pose, rho, slack):
+        one, two = movable.parts[own.parts[0]], static.parts[own.parts[1]]
+        shared = contact_set(one, two, pose, own.contact, rho)
+        placed = (
+            rho[0] * (one.vertices - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:],
+            rho[1] * (two.vertices - two.seed),
+        )
+        met.append((dimension(shared, least), shared, _joint(movable, static, pose, rho, own, slack), placed))
+    met.sort(key=lambda own: (-own[0], len(own[2].normals)))  # the fewer directions, the less is due to the cuts
+    found, known = dict[Feature, Joint](), [(size, shared, joint) for size, shared, joint, _ in met]
+    for size, shared, joint, (X, Y) in met:
+        if joint.feature in found:
             continue
-        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
-        tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
-        kept: list[int] = []
-        parts = movable.parts[i], static.parts[j]
-        own = np.array([_of_contact(*parts, contact, site) for site in sites[tight].tolist()], dtype=np.bool_)
-        for k in [*tight[own].tolist(), *tight[~own].tolist()]:  # as they turn other corners leave
-            if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
-                kept.append(k)
-        found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
+        regions = list[Array]()
+        for other_size, region, other in known:
+            if other_size > size and other.feature in found:
+                normals = found[other.feature].normals.T
+                if ((Y @ normals).min(axis=0) - (X @ normals).max(axis=0)).min() >= -slack:
+                    regions.append(region)
+        if not (regions and covers(regions, [shared], slack)):  # within these, their planes are between the parts
+            found[joint.feature] = joint
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
-    least = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
-    return tuple(own.carried_by(movable, static) for own in least)
+    kept = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
+    return tuple(own.carried_by(movable, static) for own in kept)
+
+
+def _joint(movable: Body, static: Body, pose: Array, rho: Array, met: Meeting, slack: float) -> Joint:
+    """Return the contact of two parts that touch, with the directions in which they may come apart."""
+    (i, j), contact = met
+    one, two = movable.parts[i], static.parts[j]
+    sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
+    tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
+    kept: list[int] = []
+    own = np.array([_of_contact(one, two, contact, site) for site in sites[tight].tolist()], dtype=np.bool_)
+    for k in [*tight[own].tolist(), *tight[~own].tolist()]:  # as they turn other corners leave
+        if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
+            kept.append(k)
+    return Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
 
 
 def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequence[int]) -> bool:
@@ -446,6 +470,43 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     if not len(shared):  # a common point, or the middle between them
         shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
     return _distinct(shared)
+
+
+def covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
+    """Tell whether convex regions hold the ends and middles of segments, or points: what touches there is their border.
+
+    Parts that are cut where a larger contact goes on have such contacts of their own.
+    """
+    low, high = (np.array([end(region, axis=0) for region in regions]) for end in (np.min, np.max))
+    points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
+    for point in points:
+        near = np.flatnonzero(((low - slack <= point) & (point <= high + slack)).all(axis=1)).tolist()
+        if not any(_holds(regions[k], point, slack) for k in near):
+            return False
+    return True
+
+
+def _holds(region: Array, point: Array, slack: float) -> bool:
+    """Tell whether a point lies in a convex polygon, corners in order, or on a segment."""
+    sides, spokes = np.roll(region, -1, axis=0) - region, point - region
+    lengths = np.linalg.norm(sides, axis=1)
+    turns = np.cross(sides, spokes)
+    normal = np.cross(sides, np.roll(sides, -1, axis=0)).sum(axis=0)
+    size = np.linalg.norm(normal)
+    if len(region) < 3 or not size > slack * lengths.max():
+        return bool(np.linalg.norm(spokes, axis=1).sum() <= lengths.max() + slack)
+    level = abs(float(spokes[0] @ normal)) <= slack * size
+    return bool(level and (turns @ normal >= -slack * lengths * size).all())
+
+
+def dimension(points: Array, least: float) -> int:
+    """Return 0 for points no more than a length apart, 1 for a segment, 2 for what is wider than the length."""
+    spokes = points - points[0]
+    along = spokes[np.argmax((spokes**2).sum(axis=1))]
+    length = float(np.linalg.norm(along))
+    if not length > least:
+        return 0
+    return 2 if np.linalg.norm(np.cross(spokes, along / length), axis=1).max() > least else 1
 
 
 def _distinct(points: Array) -> Array:

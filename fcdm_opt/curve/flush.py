@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,6 +14,8 @@ from fcdm_opt.curve.contact import (
     Contact,
     contact_at,
     contact_set,
+    covers,
+    dimension,
     located,
     placed_elements,
     supporting_contact,
@@ -109,6 +111,11 @@ class Flush:
         y = two.seed + rho[1] * (two.vertices[list(self.contact.two)] - two.seed)
         return float((y.mean(axis=0) - x.mean(axis=0)) @ self.normal)
 
+    def carried_by(self, movable: Body, static: Body) -> Flush:
+        """Return the contact with all part pairs of the bodies that have the elements which touch."""
+        touching = self.carriers[0][2]
+        return replace(self, carriers=tuple(_carriers(movable, static, touching)) or self.carriers)
+
     def misfit(self, pose: Array, rho: Array) -> float:
         """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
 
@@ -194,37 +201,10 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
         for flush in found.values()
         if not any(
             other.touching.kind.count("F") > flush.touching.kind.count("F")
-            and _covers(shared[other.feature], shared[flush.feature], slack)
+            and covers(shared[other.feature], shared[flush.feature], slack)
             for other in found.values()
         )
     )
-
-
-def _covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
-    """Tell whether convex regions hold the ends and middles of segments, or points: what touches there is their border.
-
-    Parts that are cut where a larger contact goes on have such contacts of their own.
-    """
-    low, high = (np.array([end(region, axis=0) for region in regions]) for end in (np.min, np.max))
-    points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
-    for point in points:
-        near = np.flatnonzero(((low - slack <= point) & (point <= high + slack)).all(axis=1)).tolist()
-        if not any(_holds(regions[k], point, slack) for k in near):
-            return False
-    return True
-
-
-def _holds(region: Array, point: Array, slack: float) -> bool:
-    """Tell whether a point lies in a convex polygon, corners in order, or on a segment."""
-    sides, spokes = np.roll(region, -1, axis=0) - region, point - region
-    lengths = np.linalg.norm(sides, axis=1)
-    turns = np.cross(sides, spokes)
-    normal = np.cross(sides, np.roll(sides, -1, axis=0)).sum(axis=0)
-    size = np.linalg.norm(normal)
-    if len(region) < 3 or not size > slack * lengths.max():
-        return bool(np.linalg.norm(spokes, axis=1).sum() <= lengths.max() + slack)
-    level = abs(float(spokes[0] @ normal)) <= slack * size
-    return bool(level and (turns @ normal >= -slack * lengths * size).all())
 
 
 def _ways_out(element: Array, normal: Array, along: bool) -> Array:
@@ -242,16 +222,6 @@ def _is_plane(movable: Body, static: Body, feature: Feature, touching: Feature) 
         return False
     sides = ((movable, feature.one), (static, feature.two))
     return all(element.kind != "F" or tuple(sorted(element.vertices)) in body.faces for body, element in sides)
-
-
-def dimension(points: Array, least: float) -> int:
-    """Return 0 for points no more than a length apart, 1 for a segment, 2 for what is wider than the length."""
-    spokes = points - points[0]
-    along = spokes[np.argmax((spokes**2).sum(axis=1))]
-    length = float(np.linalg.norm(along))
-    if not length > least:
-        return 0
-    return 2 if np.linalg.norm(np.cross(spokes, along / length), axis=1).max() > least else 1
 
 
 def distinct(normals: Array) -> list[Array]:

@@ -542,6 +542,8 @@ def _resolved(
     if before is not None:
         names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
         parts |= {name: getattr(before, name) for name in names_known if points is None or name in vars(before)}
+        if "nominal_seats" in parts:
+            parts["nominal_seats"] = tuple(own.carried_by(*parts["active"]) for own in before.nominal_seats)
         if before.contacts:
             parts["nominal_joints"] = tuple(joint.carried_by(*parts["active"]) for joint in before.nominal_joints)
     contact = NominalContact(**{**request, **parts})

@@ -276,9 +276,7 @@ def test_a_part_in_the_middle_of_a_surface_body_is_no_free_range() -> None:
         found = fo.contact_times(problem, limit=20.0)
         assert found.free == pytest.approx((-20.0, 3.0), rel=1e-12)
     speck = key((4, 5), (4, 5), (4, 5))
-    inside = fo.contact_times(
-        Problem(speck, slotted("surface"), motion=Translation("x"), goal="clear", target=(1, 1))
-    )
+    inside = fo.contact_times(Problem(speck, slotted("surface"), motion=Translation("x"), goal="clear", target=(1, 1)))
     assert inside.free is None
     assert {span.state for span in inside.spans if span.low <= 0 <= span.high} == {"overlapping"}
 
@@ -420,3 +418,57 @@ def test_a_ring_over_a_pin_far_from_the_seed_is_seated_by_any_shift(monkeypatch:
         assert answer.lower_bound == pytest.approx(answer.amount, rel=1e-9)
         unasked = fo.solve(answer.problem.changed(contacts=None))  # whole faces, where no contact is named
         assert unasked.amount == pytest.approx(answer.amount, rel=1e-9)
+
+
+def turned_diagonals(corners: np.ndarray, faces: list[list[int]], number: int) -> list[list[int]]:
+    """Return the triangles of squares, with diagonals of triangles that lie in one plane turned at random."""
+    rng = np.random.default_rng(number)
+    triangles = [own for a, b, c, d in faces for own in ([a, b, c], [a, c, d])]
+
+    def normal(a: int, b: int, c: int) -> np.ndarray:
+        return np.cross(corners[b] - corners[a], corners[c] - corners[a])
+
+    for _ in range(4 * len(faces)):
+        sides = {(t[k], t[k - 2]): (n, t[k - 1]) for n, t in enumerate(triangles) for k in range(3)}
+        (a, b), (one, c) = list(sides.items())[rng.integers(len(sides))]
+        two, d = sides[b, a]
+        made = normal(a, d, c), normal(d, b, c)
+        flat = all(n @ normal(*triangles[one]) > 0.99 * np.linalg.norm(n) ** 2 > 0 for n in made)
+        if flat and abs(normal(*triangles[one]) @ normal(*triangles[two])) > 0 and (c, d) not in sides:
+            triangles[one], triangles[two] = [a, d, c], [d, b, c]
+    return triangles
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "shift", "ranged"),
+    [("L", "L", (0.0, 0.0), True), ("T", "cross", (-0.25, 0.0), True), ("L", "T", (0.5, 0.25), False)],
+)
+def test_how_faces_are_cut_into_triangles_changes_nothing(above, below, shift, ranged):
+    """Corners of triangles within a flush contact are no contacts, and a face goes on where triangles were not near.
+
+    Of a large mesh the corners in the middle of two faces were a contact of its own: derivatives were nan, maps empty;
+    and a range ended where a face went on in triangles that are not near each other as drawn.
+    """
+    told = []
+    for number in (None, 1, 2):
+        bodies = []
+        for name, at in ((above, np.append(shift, 0.5)), (below, np.zeros(3))):
+            corners, faces = surface_of(VOXELS[name][0])
+            corners = corners / corners.max(axis=0) * (1.0, 1.0, 0.5) + at
+            faces, kept = (faces, "exact") if number is None else (turned_diagonals(corners, faces, number), "surface")
+            bodies.append(fo.Body.from_mesh(corners, faces, decomposition=kept, seed=at + np.array((0.45, 0.45, 0.25))))
+        asked = Problem(
+            *bodies, motion=Translation("x") >> Translation("z"), goal="at", contacts="all", requirement="A",
+            tolerance=0.01,
+        )  # fmt: skip
+        found = fo.solve(asked)
+        assert [joint.feature.kind for joint in asked.nominal_joints] == ["F1F2"]
+        assert found.coordinates["TZ"] == pytest.approx(0.005, rel=1e-9)
+        assert found.sensitivity.target == pytest.approx([0.25, 0.25], rel=1e-9)
+        told.append((asked.nominal_joints[0].feature, found.amount))
+        if ranged:
+            kept = fo.coherent_range(asked, {"TZ": 1.0})
+            told[-1] += (kept.low, kept.high)
+    for number in (1, 2):
+        assert told[number][0] == told[0][0]
+        assert told[number][1:] == pytest.approx(told[0][1:], rel=1e-9)

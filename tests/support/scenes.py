@@ -332,7 +332,7 @@ SCENES = {
     ),
     "loop, large meshes": Scene(
         ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
-        range=(0.5 / (0.5 + 5.0 * (sqrt(2) - 1.0)) - 1.0, 1.0),  # until it is beside the floor where that is cut out
+        range=(-10 / 11, 1.0),
         touches=(-1.01, 0.01, 1.01),
         worst=0.01,
     ),
