@@ -37,14 +37,10 @@ Field = Callable[[int, Array], Array]
 """How a point as drawn, (3,), of body 1 or 2 moves; of body 0 how the seed of body 1 does."""
 
 
-def _still(owner: int, point: Array) -> Array:
-    return np.zeros(3)
-
-
 class Change(NamedTuple):
     """How points as drawn move, and how much each scale of the target pair changes."""
 
-    field: Field = _still
+    field: Field = lambda owner, point: np.zeros(3)
     scales: Array = np.zeros(2)
 
 

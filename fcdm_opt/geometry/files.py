@@ -197,7 +197,8 @@ def drawn_mesh(
     drawn, names, several = _picked(drawn, solid, path)
     vertices, faces, off, surfaces, _ = drawn
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
-    joined = suffix == ".stl" and _few_digits(vertices)
+    # with no more digits than single precision takes
+    joined = suffix == ".stl" and all(x == float(f"{x:.{SINGLE_DIGITS - 1}e}") for x in np.unique(vertices).tolist())
     vertices, remarks, moved, rounding = _plane(
         vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data
     )
@@ -292,11 +293,6 @@ def _plane(
     if not step:
         return vertices, (), 0.0, rounding
     return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step, rounding
-
-
-def _few_digits(vertices: Array) -> bool:
-    """Tell whether numbers are written with no more digits than single precision takes."""
-    return all(x == float(f"{x:.{SINGLE_DIGITS - 1}e}") for x in np.unique(vertices).tolist())
 
 
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:

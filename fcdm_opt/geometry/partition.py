@@ -9,6 +9,7 @@ A star-shaped solid may be covered by convex parts that all hold its seed instea
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+from fcdm_opt.geometry.measures import cross
 from fcdm_opt.geometry.polygons import components
 
 Edge = tuple[int, int]
@@ -207,15 +209,15 @@ def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
     along, middle = b - a, (a + b) / 2
     distance = ((middle[:, None] - middle) ** 2).sum(axis=2)
     # of the triangles on edge i with a corner at an end of edge j
-    across = np.cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
+    across = cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
     area = (across**2).sum(axis=3).max(axis=0)
     flat = np.abs((across[0] * along).sum(axis=2)) <= space.slack
     flat &= area > space.slack**2
     beside = [{facet.plane for facet in own} for own in reflex.values()]
     found = []
-    for i, row in enumerate(np.argsort(distance, axis=1, kind="stable").tolist()):
-        near = [j for j in row if j != i and flat[i, j] and not beside[i] & beside[j]]
-        found += [(min(i, j), max(i, j)) for j in near[:NEAREST]]
+    for i, row in enumerate(np.argsort(distance, axis=1, kind="stable")):
+        near = (j for j in row[flat[i, row]].tolist() if j != i and not beside[i] & beside[j])
+        found += [(min(i, j), max(i, j)) for j in islice(near, NEAREST)]
     pairs = sorted(dict.fromkeys(found), key=lambda pair: distance[pair])
     return np.array([[*edges[i], *edges[j]] for i, j in pairs], np.int64).reshape(-1, 4)
 

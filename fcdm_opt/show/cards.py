@@ -401,10 +401,7 @@ def map_card(sizes: CompensationMap) -> Card:
     exact = sizes.reached <= sizes.error
     return Card(
         "Compensation map",
-        facts=[
-            ("cells", simplices(len(sizes.table), len(sizes.over)), solves),
-            ("largest error", sizes.error_text),
-        ],
+        facts=[("cells", simplices(len(sizes.table), len(sizes.over)), solves), ("largest error", sizes.error_text)],
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",
         mood="good" if exact else "mind",

@@ -225,9 +225,7 @@ def draw_section(
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
     half = min(STEPS * max(long, deep), LARGEST * size) if max(long, deep) > 1e-9 * size else STILL * size
     axes = sheet.axes(*corner, INSET, INSET)
-    for body, colour, look in (
-        (static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35}),
-    ):  # fmt: skip
+    for body, colour, look in ((static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35})):
         if cut := [
             Path(polygon[[*range(len(polygon)), 0]], closed=True)
             for polygon in section(body, middle, facing, plane, 1.5 * half)

@@ -265,7 +265,8 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     asked, names = all_sizes(problem, sizes, box)
     scene = ContactGaps(problem, asked, names, own=by_name(problem, sizes, box))
     transform = transform_of(problem, pose) if isinstance(problem, Problem) else None
-    poses = [transform] if transform is not None else scene.transforms(_of_coordinates(problem, pose))
+    coordinates = [own.name for own in problem.coordinates]
+    poses = [transform] if transform is not None else scene.transforms(_parameters(coordinates, pose))
     at, (pairs, source) = scene.rows(poses), drawn(asked.box)
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
@@ -331,10 +332,6 @@ def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, *, count: int, see
     if own:
         return draws(scene.sizes, count, seed), f"{count} pairs drawn as the sizes are distributed"
     return drawn_pairs(sizes, box, count, seed)
-
-
-def _of_coordinates(scene: Problem | Assembly, pose: Any) -> Array:
-    return _parameters([own.name for own in scene.coordinates], pose)
 
 
 def gaps_text(least: float, most: float, unit: str) -> str:

@@ -78,9 +78,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         "unit": scene.unit,
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
-            for what, gap, at in (
-                ("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest),
-            )
+            for what, gap, at in (("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest))
         ],
         "spread": [spread.low, spread.high],
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": own.coefficient, "worst": own.worst,
