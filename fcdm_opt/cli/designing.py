@@ -167,7 +167,7 @@ def whatif_command(
     conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
     drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
     compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
-    time: common.Time = None,
+    time: common.Time = 120.0,
     as_json: common.AsJson = False,
     case: common.Cases = None,
 ) -> None:
@@ -196,9 +196,13 @@ def whatif_command(
             lines = verdict_text(cast("Any", solution)), advised(SolvedCase(solution, fits_up_to=fits_up_to(problem)))
             yield "solution", solution, lambda _: tables.print_lines(lines)
         if conflicts or (solution is not None and not solution.verified):
-            yield "conflicts", clashing(problem if solution is None else solution), tables.print_said
+            with common.named(problem="--conflicts" * conflicts):
+                clashes = clashing(problem if solution is None else solution)
+            yield "conflicts", clashes, tables.print_said
         if drop or (plain and solution is not None and solution.usable):
-            yield "drop", costs(problem if solution is None else solution), tables.print_costs
+            with common.named(problem="--drop" * drop):
+                dropped = costs(problem if solution is None else solution)
+            yield "drop", dropped, tables.print_costs
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 

@@ -15,6 +15,7 @@ from fcdm_opt.curve.touching import clipped, touching_vertices
 from fcdm_opt.geometry.arrays import Array, Ints, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.patches import patches_of_element
 from fcdm_opt.tolerances import DEFAULT
 
 Vertices = tuple[int, ...]
@@ -253,7 +254,32 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
 
 def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> tuple[Feature, ...]:
     """Return the features that touch, each once; arguments as `meetings` takes them."""
-    return tuple(dict.fromkeys(met.contact.feature for met in meetings(movable, static, pose, rho, slack)))
+    found = dict.fromkeys(met.contact.feature for met in meetings(movable, static, pose, rho, slack))
+    return tuple(distinct_on_true_faces([*found], movable, static))
+
+
+def distinct_on_true_faces(features: Sequence[Feature], movable: Body, static: Body) -> Sequence[Feature]:
+    """Return features of which none is another one's on the true faces; all where no body is made exact on these.
+
+    There an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
+    it or an edge of that face is up to rounding.
+    """
+    if movable.exact is None and static.exact is None:
+        return features
+    met, kept = {own: true_faces_met(own, movable, static) for own in features}, list[Feature]()
+    for own in sorted(features, key=lambda own: sum(map(len, met[own]))):
+        if not any(met[other][0] <= met[own][0] and met[other][1] <= met[own][1] for other in kept):
+            kept.append(own)
+    return [own for own in features if own in kept]
+
+
+TrueFacesMet = tuple[frozenset[int], frozenset[int]]
+"""The true faces, by number, that the elements of a feature are of: those of the movable and of the static body."""
+
+
+def true_faces_met(feature: Feature, movable: Body, static: Body) -> TrueFacesMet:
+    """Return which true faces of two bodies meet in a feature."""
+    return patches_of_element(movable, feature.one), patches_of_element(static, feature.two)
 
 
 _LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # kinds of the elements of a site
@@ -327,7 +353,8 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
             found[joint.feature] = joint
     wide = [own for own in found.values() if own.feature.kind == "F1F2"]
     kept = [own for own in found.values() if own in wide or not _is_held(own, wide, movable, static)]
-    return tuple(own.carried_by(movable, static) for own in kept)
+    apart = distinct_on_true_faces([own.feature for own in kept], movable, static)
+    return tuple(own.carried_by(movable, static) for own in kept if own.feature in apart)
 
 
 def _joint(movable: Body, static: Body, pose: Array, rho: Array, met: Meeting, slack: float) -> Joint:

@@ -16,9 +16,9 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there, rows_at
+from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.patches import NearestPoints, true_faces
+from fcdm_opt.geometry.patches import NearestPoints, patches_of_element, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.active_parts import active_bodies
@@ -206,7 +206,7 @@ class Situation:
         normal = self._on_true_faces[0].normal
         for body, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
             faces = true_faces(body)
-            for k in {faces.patch_of(row) for row in rows_at(body, element) if row >= 0}:
+            for k in patches_of_element(body, element):
                 if not faces.patches[k].concave:
                     continue
                 on = np.abs(faces.patches[k].gaps(faces.corners.reshape(-1, 3))[0]) <= DEFAULT.snap * body.size

@@ -31,6 +31,7 @@ from fcdm_opt.geometry.naming import (
     neighbours,
     normals_of_faces,
     round_faces,
+    rows_at,
 )
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
@@ -47,9 +48,6 @@ NARROW = 1e-3  # of the extent of a facet: narrower, no bend across is told
 USUAL = 0.6  # of the facets of a round face, at least so many are no flats
 ALL_OUT = 1.5  # times what faces stand out: where one meets a plane face aslant, as much is not enough
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
-
-TAKEN = "round = true takes them as round"
-"""What is said of facets where that key of a body is a cure."""
 
 _KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
 _ROUND: WeakKeyDictionary[Body, _OfRound | None] = WeakKeyDictionary()
@@ -94,12 +92,6 @@ def is_plane_there(body: Body, element: Element) -> bool:
     """Tell whether a body's faces at one of its elements are plane in truth, as far as is known."""
     errors, rows = facet_errors(body), rows_at(body, element)
     return errors is not None and bool(rows) and min(rows) >= 0 and not errors[rows].any()
-
-
-def rows_at(body: Body, element: Element) -> list[int]:
-    """Return the rows in `Body.faces` of a face, or of all that meet at an edge or corner; -1 of one that has none."""
-    label = tuple(sorted(element.vertices))
-    return [body.face_rows.get(face, -1) for face in ([label] if element.kind == "F" else body.faces_with(label))]
 
 
 def deviation_of(body: Body) -> tuple[float, float]:
@@ -562,8 +554,14 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
             reasons.setdefault(reason, []).append(body.name)
     told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
-    cure = f"; {TAKEN}" * any(map(may_be_rounded, (movable, *others)))
-    return [f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them{cure}"]
+    off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"
+    return ["; ".join(filter(None, (off, rounding_line((movable, *others)))))]
+
+
+def rounding_line(bodies: Sequence[Body]) -> str:
+    """Return which line of a file takes facets for round faces, and where it goes; "" where none does."""
+    names = dict.fromkeys(body.name or "the part" for body in bodies if may_be_rounded(body))
+    return f'a line "round = true" below the "file" of {" and of ".join(names)} takes them as round' if names else ""
 
 
 def may_be_rounded(body: Body) -> bool:

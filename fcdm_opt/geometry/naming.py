@@ -120,11 +120,11 @@ def told_element(body: Body, element: Element) -> str:
     """
     body = body.full_body or body
     if body.exact is not None:
-        if (piece := body.piece_of(element)) is not None:
-            return _rounded(names_of_rows(body.exact.facets)[piece.rows[0]])
-        points, body = body.vertices[np.array(element.vertices) - 1], body.exact.facets
+        rows, points = rows_of_element(body, element), body.vertices[np.array(element.vertices) - 1]
+        if body.piece_of(element) is not None:
+            return _rounded(names_of_rows(body.exact.facets)[rows[0]])
+        body = body.exact.facets
         if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
-            rows = _rows_near(body, points.mean(axis=0))
             if element.kind == "F":
                 return told_element(body, Element("F", body.faces[rows[0]]))
             return _edge_or_corner(element.kind, [names_of_rows(body)[row] for row in rows], [*map(_place, points)])
@@ -138,6 +138,23 @@ def told_element(body: Body, element: Element) -> str:
     few = len(body.vertices) <= NUMBERED
     ends = [str(v) if few else _place(body.vertices[v - 1]) for v in label]
     return _edge_or_corner(element.kind, sides, ends)
+
+
+def rows_of_element(body: Body, element: Element) -> list[int]:
+    """Return the rows of the faces of a body, as drawn, that an element is of, that which names it first."""
+    body = body.full_body or body
+    drawn = body if body.exact is None else body.exact.facets
+    if (piece := body.piece_of(element)) is not None:
+        return [*piece.rows]
+    if max(element.vertices) > len(drawn.vertices):
+        return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0))
+    return [row for row in rows_at(drawn, element) if row >= 0]
+
+
+def rows_at(body: Body, element: Element) -> list[int]:
+    """Return the rows in `Body.faces` of a face, or of all that meet at an edge or corner; -1 of one that has none."""
+    label = tuple(sorted(element.vertices))
+    return [body.face_rows.get(face, -1) for face in ([label] if element.kind == "F" else body.faces_with(label))]
 
 
 def _edge_or_corner(kind: str, sides: Sequence[str], ends: Sequence[str]) -> str:
@@ -172,10 +189,16 @@ def is_round(told: str) -> bool:
 
 
 def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
-    """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1."""
+    """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1.
+
+    But for bodies that are exact at points of round faces, of which there is a part for each.
+    """
     bodies = (movable.name or "the movable part", movable), (static.name or "the static part", static)
     both = zip(bodies, parts, strict=True)
-    return " and ".join(f"convex part {k + 1} of {name}" if len(body.parts) > 1 else name for (name, body), k in both)
+    words = (
+        f"convex part {k + 1} of " * (len(body.parts) > 1 and body.exact is None) + name for (name, body), k in both
+    )
+    return " and ".join(words)
 
 
 def with_article(told: str) -> str:

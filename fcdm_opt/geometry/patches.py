@@ -19,8 +19,10 @@ import numpy as np
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping_between
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
+from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept, inverse_of, onto, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
@@ -209,6 +211,12 @@ def true_faces(body: Body) -> TrueFaces:
     if body not in _KNOWN:
         _KNOWN[body] = TrueFaces(body)
     return _KNOWN[body]
+
+
+def patches_of_element(body: Body, element: Element) -> frozenset[int]:
+    """Return the true faces, by number, that a face, an edge or a corner of a body is of."""
+    faces = true_faces(body if body.exact is None else body.exact.facets)
+    return frozenset(map(faces.patch_of, rows_of_element(body, element)))
 
 
 class NearestPoints(NamedTuple):

@@ -222,12 +222,61 @@ class FacesApart:
         """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such shifts."""
         found = np.zeros((2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
-            patches = self._pieces[1 - k].patches[pairs[:, 1 - k]]
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
-                rows = np.flatnonzero(patches == patch)
-                surface, its = self._faces[1 - k].patches[patch].surface, pairs[rows, k]
-                found[k, rows] = _stays(own.corners[its], own.errors[its], surface, directions, length)
+                surface = self._faces[1 - k].patches[patch].surface
+                room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
+                rows = np.flatnonzero(room > 0.0)
+                its, most = pairs[rows, k], self._farthest(k, surface)[pairs[rows, k]]
+                far = _farthest_after(own.corners[its], own.errors[its], most, surface, directions, length)
+                found[k, rows] |= far < room[rows]
         return found
+
+    def _nearest_to(self, k: int, number: int) -> Array:
+        """Return what no point of a piece is nearer to the axis of a bore of that body, or to a socket's centre, (n,).
+
+        The radius for pieces of the bore, or of a conical hole; of plane ones what their sides are; 0 of others.
+        """
+        own, surface = self._pieces[k], self._faces[k].patches[number].surface
+        found = np.where(own.patches == number, surface.radius, 0.0)
+        plane = np.array([patch.surface.flat for patch in self._faces[k].patches])
+        if surface.line not in (None, (1.0, 0.0)):
+            return found
+        rows = np.flatnonzero(plane[own.patches])
+        across = _across(own.corners[rows], surface)
+        sides = np.roll(across, -1, axis=1) - across
+        share = -(across * sides).sum(axis=2) / np.maximum((sides**2).sum(axis=2), SMALLEST)
+        near, others = norms(across + np.clip(share, 0.0, 1.0)[..., None] * sides), own.others[rows]
+        straight = (others < 0) | plane[others]
+        near = np.where(others == number, surface.radius, near - np.where(straight, 0.0, own.errors[rows, None]))
+        up = cross(sides[:, 0], sides[:, 1]) if surface.line is None else np.broadcast_to(surface.axis, (len(rows), 3))
+        turns = (cross(across, sides) * up[:, None]).sum(axis=2)  # of one sign: about the axis, or the centre's foot
+        around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
+        found[rows] = np.where(around, 0.0, near.min(axis=1))
+        return found
+
+    def _farthest(self, k: int, surface: Swept) -> Array:
+        """Return what no point of a piece is farther than from the axis of a bore, or the centre of a socket, (n,).
+
+        As its face, and the faces whose edges it goes up to, are of a radius about an axis or a point; else infinite.
+        """
+        own, bore = self._pieces[k], surface.line is not None
+        of_face = list[float]()
+        for number, patch in enumerate(self._faces[k].patches):
+            its, off = patch.surface, patch.surface.origin - surface.origin
+            if its.line not in (None, (1.0, 0.0)) or its.ring or (its.line and not bore):
+                of_face.append(0.0 if its.flat else np.inf)
+                continue
+            rows = own.patches == number
+            along = np.abs((own.corners[rows] - its.origin) @ its.axis).max(initial=0.0) + own.errors[rows].max(
+                initial=0.0
+            )
+            slant = float(norms(cross(its.axis, surface.axis))) * along if its.line else 0.0
+            off = off - (off @ surface.axis) * surface.axis if bore else off
+            of_face.append(float(norms(off)) + slant + its.radius)
+        radii = np.array([*of_face, 0.0])  # of no other face the last
+        plane = np.array([patch.surface.flat for patch in self._faces[k].patches])[own.patches]
+        rim = np.maximum(norms(_across(own.corners, surface)).max(axis=1), radii[own.others].max(axis=1))
+        return np.where(plane, rim, radii[own.patches])
 
     def _cut(self, pairs: Ints, small: float) -> None:
         """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
@@ -257,21 +306,31 @@ def _no_farther(one: Array, two: Array, errors: Sequence[Array], last: Ints) -> 
     return float(norms(np.maximum(over - low[:, None], high[:, None] - under)).min())
 
 
-def _stays(corners: Array, errors: Array, surface: Swept, directions: Array, length: float) -> Flags:
-    """Tell which pieces stay in the convex space within a surface after any shift of that length, (m,).
+def _across(corners: Array, surface: Swept) -> Array:
+    """Return where corners are from the axis of a bore, across it, or from the centre of a socket."""
+    off = corners - surface.origin
+    return off if surface.line is None else off - (off @ surface.axis)[..., None] * surface.axis
 
-    The largest distance from the axis, or centre, is that of a corner, as it is convex: |a + s| with |s| <= l along
-    D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2).
+
+def _farthest_after(
+    corners: Array, errors: Array, farthest: Array, surface: Swept, directions: Array, length: float
+) -> Array:
+    """Return how far out pieces are in the space within a surface after any shift of that length, at most, (m,).
+
+    Where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
+    corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
+    `FacesApart._farthest` for what else bounds |a|.
     """
     off, across = corners - surface.origin, np.eye(3)
     steep, slope = surface.line or (1.0, 0.0)
     if surface.line is not None:
         across = across - np.outer(surface.axis, surface.axis)
     room, aside, far = errors[:, None], off @ across, np.linalg.norm(across @ directions, 2)
-    a, b = norms(aside) + room, np.linalg.norm(aside @ directions, axis=-1) + room * far
+    a = np.minimum(norms(aside) + room, farthest[:, None])
+    b = np.minimum(np.linalg.norm(aside @ directions, axis=-1) + room * far, a * far)
     most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
     along = off @ surface.axis - np.sign(slope) * (room + length * np.linalg.norm(surface.axis @ directions))
-    return np.asarray((steep * most - slope * along < surface.radius).all(axis=1))
+    return np.asarray((steep * most - slope * along).max(axis=1))
 
 
 def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:

@@ -328,7 +328,7 @@ class Arguments(Case):
         None, "a number > 0, or steps > 0 by parameter, length units or radians"
     )
     keep_out: Any = ()
-    motion: Annotated[Any, of_kind(Motion, ', as fo.Translation("z")')] = declared(..., "a Motion")
+    motion: Annotated[Any, of_kind(Motion, ', as fo.Translation("x") >> fo.Rotation("z")')] = declared(..., "a Motion")
     published: tuple[Real, ...] | None = declared(  # type: ignore[assignment]
         None, "a finite number for each parameter, length units or radians"
     )

@@ -11,11 +11,12 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
+from fcdm_opt.curve.contact import true_faces_met
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.facet_errors import TAKEN, known_to, may_be_rounded
+from fcdm_opt.geometry.facet_errors import known_to, rounding_line
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
@@ -80,6 +81,21 @@ class Status(Enum):
             Status.NOT_VERIFIED,
         )
 
+    @property
+    def words(self) -> str:
+        """The status in a few words, for a cell of a table: "impossible", "no motion found"."""
+        return WORDS.get(self.name, self.name.lower().replace("_", " "))
+
+
+WORDS = {
+    "ALREADY_SATISFIED": "nothing to do",
+    "INFEASIBLE": "impossible",
+    "NOT_FOUND": "no motion found",
+    "NOT_IN_STEPS": "none in whole steps",
+    "LEFT_COHERENT_RANGE": "only beyond coherent range",
+    "OUTSIDE_FIT": "outside the fit",
+}
+"""What rows say of statuses whose names say less, by these."""
 
 UNTIMED = "No motion found by then, and none proved impossible: allow more time."
 UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
@@ -295,6 +311,10 @@ class Bounded(Plain, NotebookRepr):
         """What the motion rests on: alike where the same contacts and constraints hold it."""
         return self.status, self.active
 
+    def is_held_like(self, other: Any) -> bool:
+        """Tell whether another answer to a question of this kind has the same status, contacts and constraints."""
+        return bool(self.held_by == other.held_by)
+
     def answering(self, question: Any) -> Self:
         """Return the same motion as an answer to another question, to be judged by that."""
         raise NotImplementedError
@@ -330,8 +350,8 @@ class Bounded(Plain, NotebookRepr):
     @property
     def _why_open(self) -> str:
         """Why true parts may need less or more than meshes, and what cures it."""
-        if any(map(may_be_rounded, self.question.bodies)):
-            return f"{FACETED}; {TAKEN}"
+        if line := rounding_line(self.question.bodies):
+            return f"{FACETED}; {line}"
         of_facets = any(body.surfaces is None and body.exact is None for body in self.question.bodies)
         return FACETED if of_facets else OPEN
 
@@ -526,6 +546,17 @@ class Solution(Bounded):
     def held_by(self) -> tuple[Any, ...]:
         """Status, features and what is active."""
         return self.status, self.features, self.active
+
+    def is_held_like(self, other: Any) -> bool:
+        """Tell it; of parts that are exact on true faces, where points are chosen anew, by the faces that meet."""
+        if self.held_by == other.held_by or self.problem.exact_at is None or other.problem.exact_at is None:
+            return bool(self.held_by == other.held_by)
+        met, others = (
+            [true_faces_met(own, *each.problem.bodies[:2]) for own in each.features] for each in (self, other)
+        )
+        alike = [[bool(one & its) and bool(two & theirs) for its, theirs in others] for one, two in met]
+        same = all(map(any, alike)) and all(map(any, zip(*alike, strict=True))) and bool(met) == bool(others)
+        return same and (self.status, self.active) == (other.status, other.active)
 
     def answering(self, question: Problem) -> Self:
         """Return the same motion as an answer to another question about the same motion."""

@@ -31,6 +31,7 @@ from fcdm_opt.show.texts import (
     in_unit,
     number,
     numbers,
+    outcome_text,
     parameter_units,
     proved_least,
     share_text,
@@ -214,7 +215,7 @@ def solution_card(solution: Solution) -> Card:
         said=f"{told}. {solution.advice}" if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED") else told,
         facts=facts,
         lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
-        state=solution.status.name,
+        state=solution.status.words,
         mood=mood_of(solution),
         picture=before_after_figure(problem, solution),
         told="decision curve before and after the motion, nominal pair and pair made",
@@ -224,7 +225,7 @@ def solution_card(solution: Solution) -> Card:
 def cases_card(cases: SolvedCases) -> Card:
     """Return the card of several answers: a line for each case."""
     lines = [
-        (name, solution.status.name, number(solution.amount), solution.amount_unit or "length",
+        (name, outcome_text(solution), number(solution.amount), solution.amount_unit or "length",
          _bound(solution, "")[0], getattr(solution, "pair_state", "-"), _instruction(solution))
         for name, solution in cases.items()
     ]  # fmt: skip
@@ -254,7 +255,7 @@ def assembly_card(solution: AssemblySolution) -> Card:
         facts=facts,
         tables=[(("part", "relative to", "made", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
-        state=solution.status.name,
+        state=solution.status.words,
         mood=mood_of(solution),
         picture=assembly_figure(solution),
         told="the parts after their motions",
@@ -361,14 +362,14 @@ def whatif_card(answer: WhatIf) -> Card:
         ("changed", ", ".join(answer.changed) or "nothing"),
         ("amount", f"{number(before.amount)} to {number(after.amount)}", after.problem.amount_unit or "length"),
         ("predicted", told),
-        ("status before", before.status.name if before.status is not after.status else ""),
+        ("status before", before.status.words if before.status is not after.status else ""),
     ]
     kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
     lines = [
         (each.name, *(_shown(value, kinds.get(each.name, "")) for value in each[1:])) for each in answer.differences
     ]
     tables = [(("of the answer", "before", "after"), lines)]
-    state, mood = after.status.name, mood_of(after)
+    state, mood = after.status.words, mood_of(after)
     return Card("What if", said=after.advice, facts=facts, tables=tables, state=state, mood=mood)
 
 

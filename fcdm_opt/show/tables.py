@@ -119,6 +119,7 @@ def _label(feature: Any, bodies: Any) -> str:
 def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
+
 UNPROVED = "the bound is proved by the solver alone, without evidence that the judge can check"
 
 
@@ -126,7 +127,11 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
     for row in rows:
         print_text(f"{row.solution.problem.name}: {verdict_text(row.solution)}", indent="   ")
-    fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
+    alike: dict[tuple[Any, ...], Problem] = {}
+    for problem in (row.solution.problem for row in rows):  # of cases with the same parts, one that is exact on them
+        parts = (*problem.of_facets.bodies[:2], str(problem.tolerance), *problem.nominal_pair)
+        alike[parts] = problem if problem.exact_at is not None else alike.get(parts, problem)
+    fits = dict.fromkeys(f"{told}." for problem in alike.values() if (told := fit_text(problem)))
     if any(row.solution.problem.requirement for row in rows):
         fits |= {f"requirements: {WORDS['requirement'].partition(': ')[2]}.": None}
     print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
@@ -251,9 +256,11 @@ def print_whatif(answer: WhatIf) -> None:
     values = ((name, *(str(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
-    telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
-    changed = (f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling)
-    notes += [labels_in_words(text, answer.after.question) for text in changed]
+    for what in answer.differences:
+        if what.name in ("features", "active"):
+            ends = zip((what.before, what.after), (answer.before, answer.after), strict=True)
+            old, new = (labels_in_words("; ".join(map(str, each or ["none"])), own.question) for each, own in ends)
+            notes += [f"{what.name}: {old} -> {new}"] * (old != new)
     print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
 
@@ -343,8 +350,12 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
         return  # the pose tells each contact
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text,
-         "between": end.between or labels_in_words(end.feature, problem)}
+        {
+            "end": name,
+            "gap": f"{end.gap:+.{DIGITS}g}",
+            "at sizes": end.sizes_text,
+            "between": end.between or labels_in_words(end.feature, problem),
+        }
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))
@@ -370,7 +381,3 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
         "predicted": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
         "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
-
-
-def _words(value: Any) -> str:
-    return ", ".join(map(str, value)) or "none" if isinstance(value, list | tuple) else str(value)

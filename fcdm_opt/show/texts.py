@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.solution import Status
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -38,15 +39,6 @@ NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion w
 
 MOST_SIZES = 4
 """Sizes by name that are told in a line."""
-
-UNUSABLE = {
-    "INFEASIBLE": "impossible",
-    "OUTSIDE_FIT": "outside the fit",
-    "NOT_VERIFIED": "not verified",
-    "NOT_IN_STEPS": "none in whole steps",
-    "LEFT_COHERENT_RANGE": "only beyond coherent range",
-}
-"""Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
 
 
 def number(value: float | None, digits: int = DIGITS) -> str:
@@ -90,8 +82,8 @@ def shown(value: Any, digits: int = DIGITS) -> str:
 
 
 def status_text(status: str) -> str:
-    """Return the name of a status in words."""
-    return status.lower().replace("_", " ")
+    """Return a status in words, from its name; a study has further ones, as "WORKER_LOST"."""
+    return Status[status].words if status in Status.__members__ else status.lower().replace("_", " ")
 
 
 def shortened(text: str, longest: int) -> str:
@@ -237,7 +229,7 @@ def bound_line(solution: Bounded) -> str:
 
 def outcome_text(solution: Bounded) -> str:
     """Return how a solve ended, in words for the cell of a table."""
-    return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
+    return "verified" if solution.usable else solution.status.words
 
 
 def advised(case: SolvedCase) -> str:

@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from ordinary import box, problems
 
 from fcdm_opt import pacing
-from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Tolerances, budget
+from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Point, _Tolerances, budget
 from fcdm_opt.design.whatif.fitting import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -299,6 +300,23 @@ def test_tolerances_whose_parts_lie_in_larger_ones_were_all_looked_at_and_what_e
     assert (worst.points < 24, loosest.points) == (True, 2)
     assert "does not fit: peg" in worst.advice
     assert worst.advice in str(found)
+
+
+def test_of_two_motions_as_small_now_one_and_now_the_other_was_taken_for_changes_of_contact(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Amounts on one line need no look between them; and where there is no end of changes they are left, as is said."""
+    straight = [_Point(tau, True, SimpleNamespace(amount=2.0 * tau)) for tau in (0.1, 0.15, 0.2)]
+    assert straight[0].leads_straight(*straight[1:], None)
+    assert not straight[0].leads_straight(*straight[1:], 0.4)  # as near as that it may be passed between them
+    bent = straight[1]._replace(solution=SimpleNamespace(amount=0.31))
+    assert not straight[0].leads_straight(bent, straight[2], None)
+    monkeypatch.setattr(_Point, "like", lambda *_: False)
+    monkeypatch.setattr("fcdm_opt.design.whatif.budget.STRAIGHT", -1.0)
+    monkeypatch.setattr("fcdm_opt.design.whatif.budget.LOOKS", 1)
+    found = one(between_walls(), 2.0, "C", largest=0.2)
+    assert found.tolerance == 0.2
+    assert found.reason.endswith("on not at these: 64 were looked at by then")
 
 
 def test_where_time_was_over_there_was_no_budget_at_all() -> None:

@@ -75,7 +75,7 @@ def test_a_goal_without_a_motion_stands_last_with_its_status():
     last = found.goals[-1]
     assert math.isnan(last.amount)
     assert not last.status.found
-    assert last.status.name in str(last)
+    assert last.status.words in str(last)
 
 
 def test_the_clearance_goes_with_the_goal_that_asks_for_it():
@@ -178,7 +178,7 @@ def test_a_problem_without_a_motion_is_refused_and_points_to_conflicts():
     for asked in (stuck, solve(stuck)):
         with pytest.raises(InputError, match="conflicts") as caught:
             drop(asked)
-        assert caught.value.found == Status.INFEASIBLE.name
+        assert caught.value.found == Status.INFEASIBLE.words
     with pytest.raises(InputError, match="Solution"):
         drop("bracket.toml")  # type: ignore[arg-type]
 

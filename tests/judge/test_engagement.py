@@ -396,7 +396,7 @@ def test_the_cards_show_nothing_green_of_a_motion_outside_the_fit() -> None:
     card = fo.solve(nut_in_rail())._repr_html_()
     good = fo.solve(nut_in_rail(0.01))._repr_html_()
     assert "no: outside the fit" in card
-    assert "OUTSIDE_FIT" in card
+    assert "\u2717 outside the fit" in card
     assert "Does not fit: nut 19.79 mm in slot 19.60 mm" in card
     assert "outside" not in good
 

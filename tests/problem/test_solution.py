@@ -186,6 +186,7 @@ def test_a_rejected_motion_becomes_not_verified_and_others_keep_their_status():
     assert rejected().parameters == solution("solved").parameters
     data = through_json(rejected().to_dict())
     assert Solution.from_dict(data).status is Status.NOT_VERIFIED
+    assert not any("_" in status.words or status.words != status.words.lower() for status in Status)
     for status in (Status.INFEASIBLE, Status.NOT_FOUND, Status.LEFT_COHERENT_RANGE):
         other = replace(solution("infeasible"), status=status)
         assert other.with_certificate(verify(other), {}).status is status

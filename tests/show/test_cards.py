@@ -107,7 +107,7 @@ def test_curve_is_drawn_and_its_features_are_listed(example: fo.Solution) -> Non
 def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solution) -> None:
     words = read(solution).words
     for text in (
-        "SOLVED",
+        "\u2713 solved",
         "Move probe 0.01 along +z: then its corner 1 touches the top face (facing +z) of probe; smallest possible",
         "0.01",
         "exact",
@@ -118,7 +118,7 @@ def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solutio
         assert text in words
     reader = read(example)
     expected = [
-        "! PAIR_OVERLAPS",
+        "! pair overlaps",
         example.status.value,
         f"{example.amount:.4g}",
         f"{math.degrees(example.parameters['RZ']):.4g}",
@@ -199,14 +199,14 @@ def test_other_cards_show_their_numbers(solution: fo.Solution) -> None:
 def test_no_motion(solution: fo.Solution) -> None:
     stuck = fo.solve(probe_problem(limits={"TZ": (-1.0, 0.001)}))
     words = read(stuck).words
-    assert "\u2717 INFEASIBLE" in words
+    assert "\u2717 impossible" in words
     assert "impossible" in words
     assert "no motion to verify" in words
     nothing = replace(
         solution, amount=math.nan, lower_bound=math.nan, rho=None, transform=None, parameters={}, pair_gap=math.inf,
         certificate=None, features=(), seconds={}, status=fo.Status.NOT_FOUND, stage="",
     )  # fmt: skip
-    assert "\u2717 NOT_FOUND" in read(nothing).words
+    assert "\u2717 no motion found" in read(nothing).words
 
 
 @pytest.mark.slow

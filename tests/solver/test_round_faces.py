@@ -87,6 +87,19 @@ def test_line_to_line_is_a_contact_all_round() -> None:
         assert solution.pair_gap == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_flank_on_a_rod_was_named_twice_now_by_its_face_and_now_by_the_edge_of_it() -> None:
+    """The budget took that for changes of contact, and looked into each: it gave no answer in 900 s."""
+    flanks = [(14.0, 0.0), (2.0, -12.0), (22.0, -12.0), (22.0, 12.0), (2.0, 12.0)]
+    jaw = fo.Prism(flanks, 16, base=(0, 0, -8), name="jaw")
+    rod = fo.Cylinder(14.0 * math.sqrt(0.5), 40, base=(0, 0, -20), facets=16, name="rod")
+    made = [(1.02, 1.02), (1.03, 1.03)]
+    one, two = (usable(asked(jaw, rod, X >> Y, target=pair), effort="quick") for pair in made)
+    for solution in (one, two):
+        told = [own.in_words(*solution.problem.bodies[:2]) for own in solution.features]
+        assert sorted(told) == [f"face {k} of jaw, cylinder of radius 9.899 of rod" for k in (3, 7)]
+    assert one.is_held_like(two)
+
+
 def test_a_taper_sticks_out_by_its_scale_times_its_length_to_the_apex() -> None:
     slope, tall = 0.025, 64.0
     plug = fo.Cone(9.0 - slope * tall, 9.0, tall, facets=16).with_seed(np.array([0.0, 0.0, tall]))
@@ -201,10 +214,14 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
-@pytest.mark.parametrize("case", ["pin", "ball", "roller"])
+@pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
-    """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less."""
+    """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.
+
+    Of a pin in the middle, which is as near all round, a thirtieth was shown, after 20 s.
+    """
     movable, static, motion, amount = {
+        "pin in the middle": (fo.Cylinder(9.95, 30, base=(0, 0, -5)), plate(10.0), X >> Y, 0.05),
         "pin": (fo.Cylinder(9.9, 30, base=(0.03, 0.01, -5)), plate(10.0), X >> Y, 0.1 - math.hypot(0.03, 0.01)),
         "ball": (
             fo.Sphere(9.8, centre=(0.04, 0.02, -0.04), facets=16),

@@ -28,6 +28,7 @@ from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.model.mesh_error import too_wide
+from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
@@ -46,8 +47,10 @@ CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
-DEARER = 8  # times: what a tolerance of sizes costs to look at
-SECANTS = 3  # guesses of a crossing by the amounts at both ends, before a bracket is halved
+DEARER = 8  # times: what a tolerance of sizes, or of parts with round faces, costs to look at
+STRAIGHT = 1e-4  # of an amount: so near to a straight line three of them are on one
+LOOKS = 8  # tolerances a cell, on the average, after which changes are not looked into any more
+SECANTS = 8  # guesses of a crossing by the amounts at both ends, each twice as near at least, before it is halved
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
 
@@ -362,7 +365,15 @@ class _Point(NamedTuple):
         one, two = self.solution, other.solution
         met = one.status is two.status is Status.ALREADY_SATISFIED
         shared = met and {*getattr(one, "features", ())} & {*getattr(two, "features", ())}
-        return bool(shared) or one.held_by == two.held_by
+        return bool(shared) or one.is_held_like(two)
+
+    def leads_straight(self, middle: _Point, last: _Point, limit: float | None) -> bool:
+        """Tell whether amounts change evenly from here over another tolerance to a third, all of them good."""
+        share = (middle.tau - self.tau) / (last.tau - self.tau)
+        off = abs(middle.amount - self.amount - share * (last.amount - self.amount))
+        room = STRAIGHT * max(self.amount, middle.amount, last.amount)
+        below = limit is None or max(self.amount, middle.amount, last.amount) + room <= limit
+        return middle.good and last.good and off <= room and below
 
 
 @lru_cache(maxsize=2)
@@ -382,6 +393,7 @@ class _Tolerances:
     accuracy: float
     points: dict[float, _Point] = field(default_factory=dict)
     questions: dict[float, Scene] = field(default_factory=dict)  # the last one
+    hurried: float = np.inf  # from here on changes were not looked into
 
     def at(self, tau: float) -> _Point:
         """Solve at a tolerance, once."""
@@ -442,13 +454,18 @@ class _Tolerances:
 
     @property
     def cells(self) -> int:
-        """How many cells of equal width are looked at: fewer of sizes, for which parts are made anew each time."""
-        return CELLS // DEARER if by_name(self.problem) else CELLS
+        """How many cells of equal width are looked at: fewer where parts are made anew, or exact, each time."""
+        return CELLS // DEARER if self.is_dear else CELLS
 
     @property
     def stride(self) -> int:
         """How often a tolerance doubles from one that is looked at to the next, below the first cell."""
-        return 2 if by_name(self.problem) else 1
+        return 2 if self.is_dear else 1
+
+    @cached_property
+    def is_dear(self) -> bool:
+        """Whether sizes are asked about, for which parts are made anew, or parts that are made exact on round faces."""
+        return by_name(self.problem) or any(map(has_round_faces, self.problem.relations.values()))
 
     def is_narrow(self, good: float, bad: float) -> bool:
         """Tell whether a bracket is as narrow as asked; or as what counts as touching."""
@@ -515,6 +532,9 @@ class _Tolerances:
                 _measured(tau, of_scales, self.problem.unit, 3) for tau in (spacing, first, spacing / 2**SPLITS)
             )
             why += f": sampled every {every} from {begin}, down to {finest} at changes"
+            if self.hurried < np.inf:
+                why += f", but from {_measured(self.hurried, of_scales, self.problem.unit, 3)} on"
+                why += f" not at these: {LOOKS * self.cells} were looked at by then"
         return self._result(low, high, lie, why, spacing)
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
@@ -576,10 +596,17 @@ class _Tolerances:
         """Return a good tolerance and a bad one with one crossing between them, the first; None where all are good."""
         if high.tau - low.tau <= finest or self._is_calm(low, high):
             return None if high.good else (low, high)
+        if high.good and len(self.points) >= LOOKS * self.cells:
+            self.hurried = min(self.hurried, low.tau)
+            return None
         predicted = (tau for tau in self.crossing if low.tau < tau < high.tau)
         middle = self.at(next(predicted, (low.tau + high.tau) / 2))
         if not middle.good:
             return self._crossing(low, middle, finest)
+        if low.leads_straight(
+            middle, high, self.limit
+        ):  # of two motions that are as small, now one is found and now the other
+            return None
         return self._crossing(low, middle, finest) or self._crossing(middle, high, finest)
 
     def _is_calm(self, low: _Point, high: _Point) -> bool:
@@ -595,6 +622,7 @@ class _Tolerances:
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
         """Return a bracket of the asked width, about where amounts of both ends cross the limit, else by halving."""
+        off = np.inf
         for _ in range(SECANTS):
             rise = high.amount - low.amount
             if self.limit is None or not rise > 0.0 or self.is_narrow(low.tau, high.tau):
@@ -605,6 +633,9 @@ class _Tolerances:
                 if low.tau < tau < high.tau:
                     point = self.at(tau)
                     low, high = (point, high) if point.good else (low, point)
+            before, off = off, min(abs(own.amount - self.limit) for own in (low, high))
+            if not off <= 0.5 * before:
+                break
         good, bad = narrowed(self._may_be_good, low.tau, high.tau, self.is_narrow)
         return (self.at(good), self.at(bad)) if not self.at(bad).good else self._narrowed(self.at(bad), high)
 

@@ -65,7 +65,7 @@ class Conflicts(Plain):
         for clash in self.clashes:
             what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
             outside = clash.status is Status.OUTSIDE_FIT
-            found = "none stays in the fit" if outside else f"none found: {clash.status.name}"
+            found = "none stays in the fit" if outside else clash.status.words
             sizes = f", of sizes {', '.join(clash.sizes)}" if clash.sizes else ""
             lines.append(f"{what}{sizes} ({'proved' if clash.proved else found})")
         if not self.complete:

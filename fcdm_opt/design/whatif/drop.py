@@ -62,7 +62,7 @@ class Dropped(PlainMotion):
 
     def __str__(self) -> str:
         if math.isnan(self.amount):
-            return f"{self.name}: {self.status.name}"
+            return f"{self.name}: {self.status.words}"
         if self.saving == 0.0:
             return f"{self.name}: costs nothing"
         more = "" if math.isnan(self.estimate) else f" (its multiplier predicted {self.estimate:.6g})"
@@ -134,7 +134,7 @@ def drop(problem: Scene | Bounded) -> Costs:
     if not solution.usable:
         what = "the problem has no motion that could become smaller"
         allowed = "a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none"
-        raise InputError(what, key="problem", found=solution.status.name, allowed=allowed)
+        raise InputError(what, key="problem", found=solution.status.words, allowed=allowed)
     asked = solution.question
     rows = [_without(solution, one) for one in constraints(asked)]
     goals = list(_other_goals(solution.problem, solution.amount)) if isinstance(asked, Problem) else []

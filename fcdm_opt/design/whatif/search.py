@@ -146,7 +146,7 @@ class Trial(PlainMotion):
 
     def __str__(self) -> str:
         if not self.solution.usable:
-            return f"{self.change}: no motion to use ({self.solution.status.name.replace('_', ' ').lower()})"
+            return f"{self.change}: no motion to use ({self.solution.status.words})"
         return f"{self.change}: amount {measured(f'{self.solution.amount:.6g}', self.solution.amount_unit)}"
 
 
@@ -294,7 +294,7 @@ class ClashSearch:
         common = LeastRelaxation(name=name, cures=self.meets(dropped), unit=constraint.unit, solution=dropped)
         if not self.meets(dropped):
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
-            note = f"without it: {dropped.status.name}"
+            note = f"without it: {dropped.status.words}"
             return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
         if not constraint.unit:
             return replace(common, by=math.inf, failing=math.nan)

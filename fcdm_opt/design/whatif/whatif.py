@@ -81,8 +81,7 @@ class WhatIf(Plain, NotebookRepr):
         told = f"predicted {self.predicted_amount:.6g}"
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
-        status = self.after.status.name.lower().replace("_", " ")
-        return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {status}"
+        return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
 
 
 def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:
