@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -158,6 +158,11 @@ Dark = Annotated[bool, option("--dark", None, "Pictures light on dark.", OUTPUT)
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 TIME = "Wall time after which all ends, with the best answers and bounds so far."
 Time = Annotated[float | None, option("--time", "S", TIME, check=lambda key, own: pacing.begin(own, key=key))]
+USUAL = 120.0  # seconds that a command has whose work may have no end
+USUAL_TIME = f"{TIME[:-1]}; default: {USUAL:.0f}."
+TimeOrUsual = Annotated[
+    float | None, option("--time", "S", USUAL_TIME, check=lambda key, own: pacing.begin(own, key=key))
+]
 CASES = "Take only this case; may be repeated."
 Cases = Annotated[list[str] | None, option("--case", "NAME", CASES, CHOICE, autocompletion=case_names)]
 
@@ -184,7 +189,12 @@ class OpenedFile:
 
 
 def opened_files(
-    paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool, named: Named | None = None
+    paths: Sequence[Path],
+    wanted: Sequence[str],
+    *,
+    assemblies: bool,
+    named: Named | None = None,
+    first: Callable[[Any], object] | None = None,
 ) -> list[OpenedFile]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
@@ -218,6 +228,8 @@ def opened_files(
             if name not in known:
                 what = f"no such {kind}{closest(name, known)}"
                 raise InputError(what, key=key, found=name, allowed=", ".join(known))
+    for content in contents if first is not None else ():
+        cast("Any", first)(content)
     files = list[OpenedFile]()
     for path, own in read:
         if isinstance(own, str):
@@ -245,10 +257,9 @@ class Inquiry:
     too; `finish` writes the document and exits with the most severe code.
 
     Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, the folder for
-    pictures and whether these are light on dark make one; `first` refuses cases before a folder that is none is, and
-    names that options give, `named`, are refused before meshes are read. Its
-    `pictures` are an album, made once the files were read and only where there is a case to show; `codes` are the exit
-    codes so far.
+    pictures and whether these are light on dark make one; names that options give, `named`, and what `first` refuses
+    about the contents of a file are refused before meshes are read. Its `pictures` are an album, made once the files
+    were read and only where there is a case to show; `codes` are the exit codes so far.
     """
 
     def __init__(
@@ -263,7 +274,8 @@ class Inquiry:
         named: Named | None = None,
     ) -> None:
         row = ROWS.get(manner.get().command)
-        self._opened = opened_files(paths, cases or (), assemblies=row is not None and row.assemblies, named=named)
+        several = row is not None and row.assemblies
+        self._opened = opened_files(paths, cases or (), assemblies=several, named=named, first=first)
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
@@ -272,13 +284,7 @@ class Inquiry:
         if out is not None and any(file.problems for file in self._opened):
             from fcdm_opt.show.album import Album
 
-            try:
-                self.pictures = Album(written()("--out", out), self.wrote, dark=dark)
-            except InputError:
-                for problem in (each for file in self._opened for each in file.problems if first is not None):
-                    assert first is not None
-                    first(problem)
-                raise
+            self.pictures = Album(written()("--out", out), self.wrote, dark=dark)
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
@@ -167,7 +168,7 @@ def whatif_command(
     conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
     drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
     compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
-    time: common.Time = 120.0,
+    time: common.TimeOrUsual = None,
     as_json: common.AsJson = False,
     case: common.Cases = None,
 ) -> None:
@@ -184,6 +185,8 @@ def whatif_command(
     from fcdm_opt.show.verdict import verdict_text
     from fcdm_opt.solver import solve
 
+    if not pacing.limited():
+        pacing.begin(common.USUAL)
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -235,7 +238,7 @@ def map_command(
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
-    from fcdm_opt.design.sizes import chosen_sizes, sources
+    from fcdm_opt.design.sizes import SCALES, box_over, chosen_sizes, sources
     from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
     from fcdm_opt.show.grids import write_grids
@@ -244,16 +247,22 @@ def map_command(
     pairs = _pairs(sizes, columns, nominals, deviations=True)
     given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
 
-    def sizes_of(problem: Scene) -> Any:
+    def looked_at(file: Any) -> None:
+        scales = {f"scales.{part.name}": 1.0 for part in getattr(file, "part", ())} or dict.fromkeys(SCALES, 1.0)
+        known: Any = SimpleNamespace(sizes=file.size, nominal_scales=scales)
         with common.named(**given):
-            return chosen_sizes(problem, over=over)
+            names = () if over is None else chosen_sizes(known, over)
+            if box is not None and (names or not file.size):  # else a case's own keys say what it is of
+                box_over(known, names or [*scales], box)
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=sizes_of)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=looked_at)
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if pairs is not None:  # refused before a map is made
-            sources(pairs, positive=[name in problem.nominal_scales for name in sizes_of(problem)])
+            with common.named(**given):
+                names = chosen_sizes(problem, over=over)
+            sources(pairs, positive=[name in problem.nominal_scales for name in names])
         spent = min(each, max(pacing.left(), LEAST))
         with pacing.unlimited(), common.named(**given):  # it has its own limit
             found = compensation_map(problem, over=over, box=box, error=error, seconds=spent, jobs=jobs or 1)
@@ -296,11 +305,15 @@ def pose_command(
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
     from fcdm_opt.design.fixed_pose.best_pose import best_pose
     from fcdm_opt.design.fixed_pose.clearances import clearances
+    from fcdm_opt.design.sizes import size_box
     from fcdm_opt.show import tables
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
     pairs = _pairs(sizes, columns, nominals)
+    if box is not None:
+        with common.named(box="--box"):
+            size_box(box, "box")
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         with common.named(

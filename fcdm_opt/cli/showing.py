@@ -1,10 +1,11 @@
-"""A sign of life on stderr for what takes longer: what it is at, and how far; nothing before `PATIENCE` is over.
+"""A sign of life on stderr for what takes longer: what it is at, and how far.
 
-A bar where stderr is a terminal; elsewhere a line, and further ones at ever longer intervals.
+Where stderr is a terminal a line at once and then a bar; elsewhere lines after `PATIENCE`, at ever longer intervals.
 """
 
 from __future__ import annotations
 
+import shutil
 import sys
 import threading
 from collections.abc import Iterator
@@ -14,7 +15,8 @@ from typing import Any
 
 from fcdm_opt import pacing
 
-PATIENCE = 2.0  # seconds after which a command shows that it is at work
+PATIENCE = 2.0  # seconds after which a command shows a bar, or says elsewhere that it is at work
+CLEARED = "\r\x1b[2K"  # what takes such a line away
 REFRESH = 0.1  # seconds between two pictures of the bar
 QUIET = 0.3  # seconds without output after which the bar is drawn again below it
 LATER = 2.0  # how many times as late each further line comes
@@ -38,6 +40,8 @@ def shown() -> Iterator[None]:
     if sign.terminal:
         sys.stdout, sys.stderr = (_Above(stream, sign) if stream is not None else stream for stream in kept)
     with pacing.listening(sign.told):
+        if sign.terminal:
+            sign.tick()
         watcher.start()
         try:
             yield
@@ -54,11 +58,13 @@ class _Sign:
     def __init__(self) -> None:
         self.stream: Any = sys.stderr
         self.terminal = bool(self.stream.isatty())
-        self._start = self._written = self._begun = perf_counter()
-        self._next = PATIENCE
+        self._start = self._begun = perf_counter()
+        self._written = self._start - QUIET  # nothing is yet
+        self._next = 0.0 if self.terminal else PATIENCE
         self._doing: tuple[str, int, int] = ("loading libraries", 0, 0)
         self._first = 0  # how many pieces were done when this began
         self._bar: Any = None
+        self._line, self._width = False, shutil.get_terminal_size().columns - 1 + len(CLEARED)
         self._lock = threading.RLock()
 
     def told(self, text: str, done: int, total: int) -> None:
@@ -74,7 +80,7 @@ class _Sign:
             return
         if self.terminal:
             if now - self._written >= QUIET:
-                self._draw()
+                self._draw(now - self._start >= PATIENCE)
             return
         text, done, total = self._doing
         counted = f" ({done} of {total})" if total else ""
@@ -82,7 +88,13 @@ class _Sign:
         self.stream.write(f"still {text}{counted}, after {now - self._start:.0f} s\n")
         self.stream.flush()
 
-    def _draw(self) -> None:
+    def _draw(self, bar: bool) -> None:
+        if not bar:  # whose libraries are not loaded yet
+            with self._lock:
+                self.stream.write(f"{CLEARED}{self._doing[0]}"[: self._width])
+                self.stream.flush()
+                self._line = True
+            return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
@@ -96,6 +108,7 @@ class _Sign:
                 )  # fmt: skip
                 self._bar.add_task(text, total=None)
                 self._bar.start()
+            self._clear()
             words = f"{text}, {perf_counter() - self._start:.0f} s"
             spent = perf_counter() - self._begun
             if total and done - self._first > 0:
@@ -103,10 +116,16 @@ class _Sign:
             self._bar.update(0, description=words, total=total or None, completed=done)
             self._bar.refresh()
 
+    def _clear(self) -> None:
+        if self._line:
+            self.stream.write(CLEARED)
+            self._line = False
+
     def hide(self) -> None:
         """Take the bar away, for what is printed or because all is done."""
         with self._lock:
             self._written = perf_counter()
+            self._clear()
             if self._bar is not None:
                 self._bar.stop()
                 self._bar = None

@@ -167,11 +167,14 @@ def test_options_were_refused_late_and_by_the_names_of_arguments(line: str) -> N
     assert (code, printed, errors.startswith(f"error: {option}: ")) == (2, "", True)
 
 
-def test_options_that_a_file_decides_on_were_named_as_keys_of_it() -> None:
-    slot = PROBLEMS / "slot_and_key.toml"
-    for line in (("stack", "--of", "a,b"), ("map", "--over", "much")):
-        code, _, errors = run(line[0], slot, *line[1:])
-        assert (code, f": {line[1]}: " in errors, "slot_and_key.toml: case" in errors) == (2, True, True)
+def test_options_that_a_file_decides_on_were_named_as_keys_of_it_after_meshes_were_read(tmp_path: Path) -> None:
+    code, _, errors = run("stack", PROBLEMS / "slot_and_key.toml", "--of", "a,b")
+    assert (code, ": --of: " in errors, "slot_and_key.toml: case" in errors) == (2, True, True)
+    text = (PROBLEMS / "keyway.toml").read_text("utf-8")
+    (unread := tmp_path / "unread.toml").write_text(text.replace("meshes/", "no-such/"), "utf-8")
+    for option, value in (("--over", "much"), ("--box", "0,1,1,1")):
+        code, _, errors = run("map", unread, option, value)
+        assert (code, errors.startswith(f"error: {option}: ")) == (2, True)
 
 
 @pytest.mark.slow
