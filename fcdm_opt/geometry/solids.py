@@ -300,7 +300,7 @@ class PlacedSolids:
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
         if self.inside(which, middle[None])[0]:
             return np.asarray(middle)
-        return np.asarray(points[np.argmax([self._near(which, own, 0.0)[1].min() for own in points])])
+        return np.asarray(points[np.argmax([self._distance(which, own)[0] for own in points])])
 
     def gap(self, of_parts: float, slack: float = 0.0) -> float:
         """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.
@@ -407,7 +407,7 @@ class PlacedSolids:
         every = np.concatenate([self._within_common(pieces), *_between(pieces)])
         depths = self._depths(every)
         as_deep = every[depths >= (1.0 - DEFAULT.snap) * depths.max()]
-        inner = [min(self._near(which, point, 0.0)[1].min() for which in range(2)) for point in as_deep]
+        inner = [min(self._distance(which, point)[0] for which in range(2)) for point in as_deep]
         point = as_deep[int(np.argmax(inner))]
         near = (self._near(which, point, 0.0) for which in range(2))
         return np.array([_nearest(point, corners[far.argmin()][None])[0] for corners, far in near])
@@ -419,25 +419,24 @@ class PlacedSolids:
             found = self._located(which, points)
             total[(found.winding <= 0) & ~found.on] = -np.inf
             for k in np.flatnonzero(np.isfinite(total) & ~found.on):
-                total[k] += self._near(which, points[k], 0.0)[1].min()
+                total[k] += self._distance(which, points[k])[0]
         return total
 
     def _near(self, which: int, point: Array, more: float) -> tuple[Array, Array]:
-        """Return the triangles of a surface that are not further from a point than the nearest and a length.
-
-        And how far they are.
-        """
-        corners, (low, high) = self._corners[which], self._boxes[which]
-        away = np.maximum(np.maximum(low - point, point - high), 0.0)
-        least = np.einsum("ij,ij->i", away, away)
-        first = corners[:, 0] - point
-        most = np.sqrt(np.einsum("ij,ij->i", first, first).min())
-        slack = DEFAULT.weld * self.size
-        nearest = float(norms(point - _nearest(point, corners[least <= (most + slack) ** 2])).min())
-        near = corners[least <= (nearest + more + slack) ** 2]
+        """Return the triangles of a surface as near to a point as the nearest and a length, and how far they are."""
+        (nearest, least), slack = self._distance(which, point), DEFAULT.weld * self.size
+        near = self._corners[which][least <= (nearest + more + slack) ** 2]
         far = norms(point - _nearest(point, near))
         kept = far <= nearest + more + slack
         return near[kept], far[kept]
+
+    def _distance(self, which: int, point: Array) -> tuple[float, Array]:
+        """Return how far a point is from a surface, and the squares of how far from its triangles it is at least."""
+        corners, (low, high) = self._corners[which], self._boxes[which]
+        away = np.maximum(np.maximum(low - point, point - high), 0.0)
+        least, most = dots(away, away), dots(own := corners[:, 0] - point, own).min()
+        near = corners[least <= (np.sqrt(most) + DEFAULT.weld * self.size) ** 2]
+        return float(norms(point - _nearest(point, near)).min()), least
 
     def _deepest(self, point: Array, value: float) -> float:
         """Return the largest sum of depths that steps from a point lead to.
