@@ -50,6 +50,13 @@ FAST = {
 }  # fmt: skip
 
 
+# files of few tests that take long: workers begin with them, or one would still be at them when all others are done
+LONG = {
+    "test_compensation_map", "test_curve_of_unions", "test_large_meshes", "test_mesh_error", "test_nonconvex",
+    "test_notebooks", "test_round_faces", "test_slow_inputs", "test_study_run", "test_tour",
+}  # fmt: skip
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--slow`: without it, slow tests are left out unless they are named."""
     parser.addoption("--slow", action="store_true", help="all tests, with all of their cases and more examples each")
@@ -58,6 +65,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Choose how many examples each test takes."""
     settings.load_profile("plain Python" if PLAIN else "slow" if config.option.slow else "tests")
+    config.option.loadscopereorder = False  # files go to workers as they are sorted below
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -89,7 +97,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of fast files; leave out slow tests and cases, unless all are asked for or these named."""
+    """Mark the tests of fast files; leave out slow tests and cases, unless all are asked for or these named.
+
+    Workers are given files that take long first, then those of many tests.
+    """
+    if hasattr(config, "workerinput"):
+        files = Counter(item.path for item in items)
+        items.sort(key=lambda item: (item.path.stem not in LONG, -files[item.path]))
     for item in items:
         if item.path.stem in FAST:
             item.add_marker(pytest.mark.fast)
