@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -242,11 +242,12 @@ def assembly_yield(
     counts, edges = np.histogram(amounts, 1 if alike else BINS, (low, high + wide * alike))
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
+    exchanged = cache(lambda *own: looked_up(np.where(own, *ends[::-1])).amount)  # of two sizes one's is the other's
     contributions = []
     for k, body in enumerate(BODIES if over == SCALES else over):
         own, held = np.arange(len(over)) == k, pairs[:: max(len(pairs) * len(over) // MOST_HELD, 1)].copy()
         held[:, k] = scatter[k].quantile(0.5)
-        one, other = (looked_up(np.where(which, *ends[::-1])).amount for which in (own, ~own))
+        one, other = exchanged(*own.tolist()), exchanged(*(~own).tolist())
         indices, deviations = sobol_indices(here, one, other, there)
         (first, total), (first_error, total_error) = indices.tolist(), deviations.tolist()
         fixed = looked_up(held)
