@@ -12,9 +12,10 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.plots import ALONG, path, pieces, plane
+from fcdm_opt.show.verdict import range_texts
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.coherent_range import CoherentRange, Event
+    from fcdm_opt.along.coherent_range import CoherentRange
 
 CURVES = 5
 """Curves drawn on either side of the one at rest."""
@@ -49,10 +50,7 @@ def family_figure(coherent: CoherentRange, *, title: str = "") -> Figure:
     title : str
         Text above the picture.
     """
-    named = zip(("low", "high"), coherent.events, strict=True)
-    words = [f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in named]
-    tracked = " & ".join(feature.label for feature in coherent.features)
-    sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, tracked]))
+    sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join(range_texts(coherent)))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
     ends = [drawn_end(coherent, sign) for sign in (-1.0, 1.0)]
     draw_family(left, coherent, ends)
@@ -62,12 +60,6 @@ def family_figure(coherent: CoherentRange, *, title: str = "") -> Figure:
     one, two = (axes.get_legend_handles_labels() for axes in (left, right))
     sheet.legend(one[0] + two[0], one[1] + two[1], bottom=0.0)
     return sheet.figure
-
-
-def _short(event: Event) -> str:
-    """Return an event in a few words."""
-    what = event.what.split("; ")[0]
-    return f"{event.kind}{' (grazing)' if event.grazing else ''}, {what}" if what else event.kind
 
 
 def drawn_end(coherent: CoherentRange, sign: float) -> float:

@@ -104,13 +104,14 @@ def _contacts(solution: Solution) -> list[str]:
     problem, unit, gaps = solution.problem, solution.problem.unit, solution.contact_gaps
     if not problem.contacts:
         opened = [gaps[label] for label in solution.open_contacts]
-        if problem.goal != "touch" or not opened:
+        if problem.goal != "touch" or not opened or solution.status.name == "OUTSIDE_FIT":
             return []
         most = measured(f"{max(opened):.4g}", unit)
         if len(gaps) == 1:
             return [f"the contact of the nominal position is open now, by {most}"]
         return [
-            f"{len(opened)} of the {len(gaps)} contacts of the nominal position are open now, by up to {most}; "
+            f"of the {len(gaps)} contacts of the nominal position {len(opened)} {'is' if len(opened) == 1 else 'are'} "
+            f"open now, by up to {most}; "
             'contacts = "all" asks for all of them'
         ]
     told = list[str]()

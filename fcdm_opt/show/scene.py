@@ -52,6 +52,7 @@ MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
 fit in one of its lines."""
 
+HEAD = 9.0  # points across an arrow's head
 THIN = 0.7
 """Points: lines that are drawn thinner are so in the key of a page, too."""
 
@@ -429,7 +430,9 @@ def draw_scene(
     ]
     raster, cut = _draw_solids(axes, shown, named, contacts)
     if old is not None:
-        _draw_arrow(axes, [raster, _draw_old(axes, raster, shown, old, times, cut)], shown, old, said)
+        alone, dashes = _draw_old(axes, raster, shown, old, times, cut)
+        arrow = _draw_arrow(axes, [raster, alone], shown, old, said)
+        _name_old(axes, raster, dashes, (old.vertices - one.vertices) @ page, arrow)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)
     return axes
@@ -499,7 +502,7 @@ def _draw_solids(
     for (_, colour, label), (_, edges, _) in zip(bodies, solids, strict=True):
         axes.add_collection(LineCollection(raster.visible(edges), colors=LINE, linewidths=0.6, alpha=0.75, zorder=2))
         if label:
-            axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
+            axes.fill([], [], facecolor=colour, alpha=0.75, label=label)
     if cut is not None:
         where = "at the contact" if contacts[0].across is None else OVERLAP
         axes.plot([], [], color=GREY, linewidth=0.6, label=f"{CUT} {where}; thin lines: what is cut away")
@@ -516,8 +519,10 @@ def _cut_open(body: Body, cut: Cut | None, toward: Array | None = None) -> tuple
     return list(points[triangles[~opened]]), list(edges), list(points[triangles[opened]])
 
 
-def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None) -> Raster:
-    """Draw the old place of body 1 in dashes, where nothing hides it; return where it is."""
+def _draw_old(
+    axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None
+) -> tuple[Raster, Sequence[Array]]:
+    """Draw the old place of body 1 in dashes, where it does not hide them itself; return where it is, and these."""
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
@@ -529,13 +534,19 @@ def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: flo
     axes.add_collection(LineCollection(pieces, colors=BLUE, zorder=3, **look))
     far = f", drawn {times:g} times as far off" if times > 1.0 else ""
     axes.plot([], [], color=BLUE, label=f"before the motion: the same part{far}", **look)
-    steps = (old.vertices - shown.bodies[0].vertices) @ page
+    return alone, pieces
+
+
+def _name_old(axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, arrow: Array) -> None:
+    """Name the old place at an end of its dashes, clear of these and of the arrow, by where corners came from."""
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
-    ahead = np.array([[0.02], [0.1]]) * width * away / np.linalg.norm(away)
+    ahead = np.array([[0.02], [0.1]]) * float(np.ptp(axes.get_xlim())) * away / np.linalg.norm(away)
     ends = sorted((end for line in pieces for end in line if raster.free(end + ahead)), key=lambda end: -(end @ away))
     dashes = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in pieces] or [np.empty((0, 2, 2))])
-    Names(axes, dashes).put("before", ends, away, colour=BLUE)
-    return alone
+    names = Names(axes, dashes)
+    for point in arrow:
+        names.keep(point, HEAD)
+    names.put("before", ends, away, colour=BLUE)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
@@ -557,15 +568,18 @@ def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
     return [np.array(line) for line in lines.values()]
 
 
-def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body, said: str) -> None:
-    """Draw the motion as an arrow beside body 1, clear of all that is drawn, and say it in words above them."""
+def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body, said: str) -> Array:
+    """Draw the motion as an arrow beside body 1, clear of all that is drawn, and say it in words above them.
+
+    Returns points along it.
+    """
     page = page_directions(*shown.view)
     here, there = old.vertices @ page, shown.bodies[0].vertices @ page
     steps = there - here
     lengths = np.linalg.norm(steps, axis=1)
     far = int(lengths.argmax())
     if not lengths[far] > 0.0:
-        return
+        return np.empty((0, 2))
     way = steps[far] / lengths[far]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     gap = 0.03 * (right - left)
@@ -593,6 +607,7 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body,
         lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
         look = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
         axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
+    return np.linspace(start, tip, 6)
 
 
 def _draw_contacts(

@@ -225,17 +225,18 @@ def draw_section(
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
     half = min(STEPS * max(long, deep), LARGEST * size) if max(long, deep) > 1e-9 * size else STILL * size
     axes = sheet.axes(*corner, INSET, INSET)
+    outlines = list[Array]()
     for body, colour, look in ((static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35})):
-        if cut := [
-            Path(polygon[[*range(len(polygon)), 0]], closed=True)
-            for polygon in section(body, middle, facing, plane, 1.5 * half)
-        ]:
+        polygons = [own[[*range(len(own)), 0]] for own in section(body, middle, facing, plane, 1.5 * half)]
+        outlines += polygons
+        if cut := [Path(own, closed=True) for own in polygons]:
             whole = Path.make_compound_path(*cut)
             axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", **look))
             axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, linewidth=1.1))
     if long > 1e-9 * size:
         for polygon in section(was, middle, facing, plane, 1.5 * half):
-            axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
+            outlines.append(polygon[[*range(len(polygon)), 0]])
+            axes.plot(*outlines[-1].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
         arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
@@ -247,7 +248,8 @@ def draw_section(
     longest = CORNER * half
     power = 10.0 ** np.floor(np.log10(longest))
     bar = power * max(k for k in (1, 2, 5) if k * power <= longest)
-    left, foot = free_corner(half, ends)
+    sides = np.concatenate([np.stack([own[:-1], own[1:]], axis=1) for own in (ends, *outlines)])
+    left, foot = free_corner(half, sides)
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
@@ -262,13 +264,17 @@ def draw_section(
     return facing
 
 
-def free_corner(half: float, line: Array) -> tuple[float, float]:
-    """Return where a bar of known length begins in a square about 0: in the first corner that a line keeps clear of."""
+def free_corner(half: float, lines: Array) -> tuple[float, float]:
+    """Return where a bar of known length begins in a square about 0: in the first corner that lines keep clear of.
+
+    Where there is none, in the first that the first line, (2, 2), does.
+    """
     wide, high = CORNER * half, 0.35 * half  # with its label
     corners = [(x, y) for x in (-0.92 * half, 0.92 * half - wide) for y in (-0.88 * half, 0.68 * half)]
-    for x, y in corners:
-        if not clipped(line[None], [[x, x + wide], [y - 0.1 * half, y + high]])[1].any():
-            return x, y
+    for some in (lines, lines[:1]):
+        for x, y in corners:
+            if not clipped(some, [[x, x + wide], [y - 0.1 * half, y + high]])[1].any():
+                return x, y
     return corners[0]
 
 

@@ -238,8 +238,8 @@ def advised(case: SolvedCase) -> str:
     Without how they do not fit, which the verdict says.
     """
     told, fits = case.solution.advice, case.fits_up_to
-    if told.startswith("Does not fit"):
-        told = told.partition(". ")[2]
+    if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
+        told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
     if fits is None:
         return told
     table = case.solution.problem.tolerance

@@ -496,7 +496,7 @@ def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
     shares = np.linspace(-1.0, 1.0, 401)
     for turn in np.linspace(0.0, np.pi, 25):
         way = 3.0 * np.array([np.cos(turn), np.sin(turn)])
-        left, foot = free_corner(2.0, np.array([-way, way]))
+        left, foot = free_corner(2.0, np.array([[-way, way]]))
         points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
         assert -2.0 < left < far[0] < 2.0
         assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show.texts import parameter_texts, telling
+from fcdm_opt.show.texts import advised, parameter_texts, telling
 from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -246,3 +247,11 @@ def test_a_shift_of_3e_13_mm_stood_beside_one_of_25_micrometres() -> None:
                          motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"))  # fmt: skip
     assert telling(problem, [-3.393e-07, -3.049e-13, 0.02528]) == [0.0, 0.0, 0.02528]
     assert telling(problem, [2e-6, 0.0, 0.02528]) == [2e-6, 0.0, 0.02528]
+
+
+def test_advice_began_in_the_midst_of_a_name_with_a_number() -> None:
+    advice = (
+        "Does not fit: lid 93.3 mm in base 89.7 mm, across the cylinder of radius 4 no. 3 of base. Choose other sizes."
+    )
+    case: Any = SimpleNamespace(solution=SimpleNamespace(advice=advice), fits_up_to=None)
+    assert advised(case) == "Choose other sizes."
