@@ -430,8 +430,8 @@ def draw_scene(
     ]
     raster, cut = _draw_solids(axes, shown, named, contacts)
     if old is not None:
-        alone, dashes = _draw_old(axes, raster, shown, old, times, cut)
-        arrow = _draw_arrow(axes, [raster, alone], shown, old, said)
+        place, dashes = _draw_old(axes, raster, shown, old, times, cut)
+        arrow = _draw_arrow(axes, [raster, place], shown, old, said)
         _name_old(axes, raster, dashes, (old.vertices - one.vertices) @ page, arrow)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)

@@ -225,18 +225,18 @@ def draw_section(
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
     half = min(STEPS * max(long, deep), LARGEST * size) if max(long, deep) > 1e-9 * size else STILL * size
     axes = sheet.axes(*corner, INSET, INSET)
-    outlines = list[Array]()
+    borders = list[Array]()
     for body, colour, look in ((static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35})):
         polygons = [own[[*range(len(own)), 0]] for own in section(body, middle, facing, plane, 1.5 * half)]
-        outlines += polygons
+        borders += polygons
         if cut := [Path(own, closed=True) for own in polygons]:
             whole = Path.make_compound_path(*cut)
             axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", **look))
             axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, linewidth=1.1))
     if long > 1e-9 * size:
         for polygon in section(was, middle, facing, plane, 1.5 * half):
-            outlines.append(polygon[[*range(len(polygon)), 0]])
-            axes.plot(*outlines[-1].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
+            borders.append(polygon[[*range(len(polygon)), 0]])
+            axes.plot(*borders[-1].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
         arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
@@ -248,7 +248,7 @@ def draw_section(
     longest = CORNER * half
     power = 10.0 ** np.floor(np.log10(longest))
     bar = power * max(k for k in (1, 2, 5) if k * power <= longest)
-    sides = np.concatenate([np.stack([own[:-1], own[1:]], axis=1) for own in (ends, *outlines)])
+    sides = np.concatenate([np.stack([own[:-1], own[1:]], axis=1) for own in (ends, *borders)])
     left, foot = free_corner(half, sides)
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
