@@ -23,7 +23,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
-MOST = 1_000_000  # pairs of pieces that are looked at: some seconds
+MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
@@ -225,58 +225,70 @@ class FacesApart:
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
-                rows = np.flatnonzero(room > 0.0)
-                its, most = pairs[rows, k], self._farthest(k, surface)[pairs[rows, k]]
+                rows = np.flatnonzero(room > -np.inf)
+                its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
                 far = _farthest_after(own.corners[its], own.errors[its], most, surface, directions, length)
                 found[k, rows] |= far < room[rows]
         return found
 
     def _nearest_to(self, k: int, number: int) -> Array:
-        """Return what no point of a piece is nearer to the axis of a bore of that body, or to a socket's centre, (n,).
+        """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,).
 
-        The radius for pieces of the bore, or of a conical hole; of plane ones what their sides are; 0 of others.
+        In what its radius bounds there, see `Swept.line`: the radius for pieces of its own; of plane ones, of a cone
+        those at a right angle to the axis, what their sides are; minus infinity of others.
         """
         own, surface = self._pieces[k], self._faces[k].patches[number].surface
-        found = np.where(own.patches == number, surface.radius, 0.0)
-        plane = np.array([patch.surface.flat for patch in self._faces[k].patches])
-        if surface.line not in (None, (1.0, 0.0)):
-            return found
-        rows = np.flatnonzero(plane[own.patches])
+        found = np.where(own.patches == number, surface.radius, -np.inf)
+        (steep, slope), planes = surface.line or (1.0, 0.0), [patch.surface for patch in self._faces[k].patches]
+        plane = np.array([its.flat for its in planes])
+        level = [not slope or bool(norms(cross(its.axis, surface.axis)) <= DEFAULT.tie) for its in planes]
+        rows = np.flatnonzero((plane & level)[own.patches])
         across = _across(own.corners[rows], surface)
         sides = np.roll(across, -1, axis=1) - across
         share = -(across * sides).sum(axis=2) / np.maximum((sides**2).sum(axis=2), SMALLEST)
         near, others = norms(across + np.clip(share, 0.0, 1.0)[..., None] * sides), own.others[rows]
         straight = (others < 0) | plane[others]
-        near = np.where(others == number, surface.radius, near - np.where(straight, 0.0, own.errors[rows, None]))
+        near = steep * (near - np.where(straight, 0.0, own.errors[rows, None]))
+        near = near - slope * ((own.corners[rows] - surface.origin) @ surface.axis)
+        near = np.where(others == number, surface.radius, near)
         up = cross(sides[:, 0], sides[:, 1]) if surface.line is None else np.broadcast_to(surface.axis, (len(rows), 3))
         turns = (cross(across, sides) * up[:, None]).sum(axis=2)  # of one sign: about the axis, or the centre's foot
         around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
-        found[rows] = np.where(around, 0.0, near.min(axis=1))
+        found[rows] = np.where(around, -np.inf, near.min(axis=1))
         return found
 
     def _farthest(self, k: int, surface: Swept) -> Array:
-        """Return what no point of a piece is farther than from the axis of a bore, or the centre of a socket, (n,).
+        """Return how far out pieces are at most in the space within a bore, cone or socket, (2, n).
 
-        As its face, and the faces whose edges it goes up to, are of a radius about an axis or a point; else infinite.
+        From its axis or centre, and in what its radius bounds there: as their face, and the faces whose edges they go
+        up to, are of a radius about an axis or a point; of one axis with it, as corners are; else infinite.
         """
         own, bore = self._pieces[k], surface.line is not None
-        of_face = list[float]()
+        (steep, slope), of_face, alike = surface.line or (1.0, 0.0), list[float](), list[bool]()
+        z, out = (own.corners - surface.origin) @ surface.axis, norms(_across(own.corners, surface))
+        levels, circles = np.full(len(out), np.inf), out
         for number, patch in enumerate(self._faces[k].patches):
             its, off = patch.surface, patch.surface.origin - surface.origin
+            off = off - (off @ surface.axis) * surface.axis if bore else off
+            rows, turned = own.patches == number, float(norms(cross(its.axis, surface.axis)))
+            alike.append(bore and its.line is not None and not its.flat and turned <= DEFAULT.tie)
+            if alike[-1] and its.line:
+                lean = abs(steep * its.line[1] / its.line[0] * np.sign(its.axis @ surface.axis) - slope)
+                about = norms(_across(own.corners, its)) + float(norms(off))
+                levels[rows] = (steep * about[rows] - slope * z[rows]).max(axis=1) + lean * own.errors[rows]
+                circles = np.where(own.others == number, np.maximum(circles, about), circles)
             if its.line not in (None, (1.0, 0.0)) or its.ring or (its.line and not bore):
                 of_face.append(0.0 if its.flat else np.inf)
                 continue
-            rows = own.patches == number
-            along = np.abs((own.corners[rows] - its.origin) @ its.axis).max(initial=0.0) + own.errors[rows].max(
-                initial=0.0
-            )
-            slant = float(norms(cross(its.axis, surface.axis))) * along if its.line else 0.0
-            off = off - (off @ surface.axis) * surface.axis if bore else off
-            of_face.append(float(norms(off)) + slant + its.radius)
-        radii = np.array([*of_face, 0.0])  # of no other face the last
+            along = np.abs((own.corners[rows] - its.origin) @ its.axis).max(initial=0.0)
+            along += own.errors[rows].max(initial=0.0)
+            of_face.append(float(norms(off)) + turned * along * (its.line is not None) + its.radius)
+        radii, ends = np.array([*of_face, 0.0]), np.array([*alike, True])[own.others].all(axis=1)  # of no face the last
         plane = np.array([patch.surface.flat for patch in self._faces[k].patches])[own.patches]
-        rim = np.maximum(norms(_across(own.corners, surface)).max(axis=1), radii[own.others].max(axis=1))
-        return np.where(plane, rim, radii[own.patches])
+        rows = np.flatnonzero(plane & ends & (np.ptp(z, axis=1) <= DEFAULT.tie))
+        levels[rows] = (steep * circles[rows] - slope * z[rows]).max(axis=1)  # they go out as their corners do
+        rim = np.maximum(out.max(axis=1), radii[own.others].max(axis=1))
+        return np.stack([np.where(plane, rim, radii[own.patches]), levels])
 
     def _cut(self, pairs: Ints, small: float) -> None:
         """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
@@ -319,18 +331,21 @@ def _farthest_after(
 
     Where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
     corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
-    `FacesApart._farthest` for what else bounds |a|.
+    `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal is the shift more
+    than |D| l, nor than those of the normal's parts across the axis and along it.
     """
     off, across = corners - surface.origin, np.eye(3)
     steep, slope = surface.line or (1.0, 0.0)
     if surface.line is not None:
         across = across - np.outer(surface.axis, surface.axis)
     room, aside, far = errors[:, None], off @ across, np.linalg.norm(across @ directions, 2)
-    a = np.minimum(norms(aside) + room, farthest[:, None])
+    a = np.minimum(norms(aside) + room, farthest[0][:, None])
     b = np.minimum(np.linalg.norm(aside @ directions, axis=-1) + room * far, a * far)
     most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
-    along = off @ surface.axis - np.sign(slope) * (room + length * np.linalg.norm(surface.axis @ directions))
-    return np.asarray((steep * most - slope * along).max(axis=1))
+    lift = float(np.linalg.norm(surface.axis @ directions))
+    along = off @ surface.axis - np.sign(slope) * (room + length * lift)
+    push = length * min(float(np.linalg.norm(directions, 2)), steep * far + abs(slope) * lift)
+    return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push)
 
 
 def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:

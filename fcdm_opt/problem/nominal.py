@@ -126,18 +126,21 @@ class NominalContact:
     @cached_property
     def nominal_pair(self) -> Array:
         """Nominal scales, (2,): those of the switching point where it is one, and on the curve where closed to it."""
+        asked = self._asked_pair
+        if self.goal in ("touch", "clear") and not isinstance(self.nominal, int):
+            return frozen(asked)  # these follow no contact: what touches there is looked up when it is asked for
         contact = self.nominal_contact
         if isinstance(contact, SwitchingPoint):
             return frozen(contact.rho)
-        return frozen(self._asked_pair if self.snapped is None else self.snapped.pair)
+        return frozen(asked if self.snapped is None else self.snapped.pair)
 
     @cached_property
     def _touches(self) -> bool:
         """Whether there is a contact: on the curve, or one that all sizes have, with both seeds in its plane."""
-        if self.nominal_contact is not None:
-            return True
         slack = self.contact_slack
-        return self.goal != "beyond" and abs(self.curve.near_gap(self.nominal_pair, slack)) <= slack
+        if self.goal != "beyond" and abs(self.curve.near_gap(self.nominal_pair, slack)) <= slack:
+            return True
+        return self.nominal_contact is not None
 
     @cached_property
     def nominal_seats(self) -> tuple[Flush, ...]:

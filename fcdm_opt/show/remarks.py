@@ -22,7 +22,7 @@ from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, off_drawn, proved_least
 from fcdm_opt.show.verdict import name_of
@@ -103,8 +103,16 @@ def _contacts(solution: Solution) -> list[str]:
     """Return what became of the contacts of the nominal position, where there are several."""
     problem, unit, gaps = solution.problem, solution.problem.unit, solution.contact_gaps
     if not problem.contacts:
-        opened = [gaps[label] for label in solution.open_contacts]
-        if problem.goal != "touch" or not opened or solution.status.name == "OUTSIDE_FIT":
+        if problem.goal != "touch" or solution.status is Status.OUTSIDE_FIT or not solution.open_contacts:
+            return []
+        round_ones = {  # each facet of a round face is a contact for itself, and opens as the parts roll on one another
+            own.feature.label
+            for own in problem.nominal_joints
+            if " of radius " in own.feature.in_words(*problem.active)
+        }
+        gaps = {label: gap for label, gap in gaps.items() if label not in round_ones}
+        opened = [gaps[label] for label in solution.open_contacts if label in gaps]
+        if not opened:
             return []
         most = measured(f"{max(opened):.4g}", unit)
         if len(gaps) == 1:

@@ -214,12 +214,13 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
-@pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller"])
+@pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller", "taper", "key"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
     """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.
 
     Of a pin in the middle, which is as near all round, a thirtieth was shown, after 20 s.
     """
+    nearest_to_corner = 10.0 - math.hypot(6, 4)
     movable, static, motion, amount = {
         "pin in the middle": (fo.Cylinder(9.95, 30, base=(0, 0, -5)), plate(10.0), X >> Y, 0.05),
         "pin": (fo.Cylinder(9.9, 30, base=(0.03, 0.01, -5)), plate(10.0), X >> Y, 0.1 - math.hypot(0.03, 0.01)),
@@ -234,6 +235,18 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
             fo.Box((10, 10, 10), centre=(-5, -5, -5)),
             X >> Z,
             math.hypot(1.5, 1.3) - 1.0,
+        ),
+        "taper": (  # line contact all along: pieces of the cone were cut without end
+            fo.Cone(7.88, 9.18, 26, base=(0.03, 0, -2)),
+            fo.cut(fo.Box((40, 40, 20), centre=(0, 0, 10)), fo.Cone(7.945 + 0.2, 8.955 + 0.2, 20.2, base=(0, 0, -0.1))),
+            X >> Y >> Z,
+            (8.15 - 7.98 - 0.03) / math.hypot(1.0, 0.05),
+        ),
+        "key": (  # its face ends in straight lines, the bore in circles
+            fo.Box((12, 8, 30), centre=(0, 0, 10)),
+            plate(10.0),
+            X >> Y,
+            nearest_to_corner,
         ),
     }[case]
     faces, problem = [true_faces(movable), true_faces(static)], asked(movable, static, motion)
