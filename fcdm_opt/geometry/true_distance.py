@@ -338,13 +338,13 @@ def _farthest_after(
     steep, slope = surface.line or (1.0, 0.0)
     if surface.line is not None:
         across = across - np.outer(surface.axis, surface.axis)
-    room, aside, far = errors[:, None], off @ across, np.linalg.norm(across @ directions, 2)
+    room, aside, far = errors[:, None], off @ across, float(np.linalg.norm(across @ directions, 2))
     a = np.minimum(norms(aside) + room, farthest[0][:, None])
     b = np.minimum(np.linalg.norm(aside @ directions, axis=-1) + room * far, a * far)
     most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
     lift = float(np.linalg.norm(surface.axis @ directions))
     along = off @ surface.axis - np.sign(slope) * (room + length * lift)
-    push = length * min(float(np.linalg.norm(directions, 2)), steep * far + abs(slope) * lift)
+    push = length * float(min(np.linalg.norm(directions, 2), steep * far + abs(slope) * lift))
     return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push)
 
 
