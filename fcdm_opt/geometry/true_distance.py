@@ -344,7 +344,7 @@ def _farthest_after(
     most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
     lift = float(np.linalg.norm(surface.axis @ directions))
     along = off @ surface.axis - np.sign(slope) * (room + length * lift)
-    push = length * float(min(np.linalg.norm(directions, 2), steep * far + abs(slope) * lift))
+    push = length * min(float(np.linalg.norm(directions, 2)), float(steep * far + abs(slope) * lift))
     return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push)
 
 
