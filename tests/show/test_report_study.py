@@ -55,7 +55,7 @@ def test_every_point_is_there_as_it_was_found() -> None:
     assert data["usable"] == [True] * 7 + [False]
     assert data["varied"] == ["case", "tolerance"]
     text = " ".join(reader.text)
-    assert "7 solved, 1 infeasible" in text
+    assert "7 solved, 1 impossible" in text
     assert "5" * 64 in text
     assert len(reader.ids) == len(set(reader.ids))
 

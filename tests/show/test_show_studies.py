@@ -87,9 +87,9 @@ def test_a_line_a_case_with_its_gaps() -> None:
     assert one.get_color() != two.get_color()
     assert one.get_linestyle() != two.get_linestyle()  # also told apart in grey
     assert gaps.get_color() == two.get_color()
-    told = {"tolerance  (relative; 0.01 = 1 %)", "amount (length units)", "case A", "case B", "infeasible", "a study"}
+    told = {"tolerance  (relative; 0.01 = 1 %)", "amount (length units)", "case A", "case B", "impossible", "a study"}
     assert told <= set(texts(figure))
-    assert "6 points: 5 solved, 1 infeasible" in texts(figure)
+    assert "6 points: 5 solved, 1 impossible" in texts(figure)
     assert axes.get_ylim()[0] == 0.0
     assert axes.get_xscale() == "linear"
 
@@ -125,7 +125,7 @@ def test_two_numeric_axes_make_a_field(turned: bool) -> None:
     np.testing.assert_allclose(gap.get_xydata(), [[1.0, 0.95 + 2 / 70]])
     assert (axes.get_xlabel(), axes.get_ylabel()) == tuple(f"target[{k}]  (scale; 1 = as drawn)" for k in (1, 2))
     assert bar.get_ylabel() == "amount (length units)"
-    assert "infeasible" in texts(figure)
+    assert "impossible" in texts(figure)
 
 
 def test_draws_make_a_distribution_with_the_budget() -> None:
@@ -140,7 +140,7 @@ def test_draws_make_a_distribution_with_the_budget() -> None:
     assert study.assembly_yield is not None
     (budget,) = [label for label in lines_of(axes) if label.startswith("budget")]
     assert budget.startswith(f"budget 0.25: {study.assembly_yield.share:.1%} within (")
-    assert "40 points: 30 solved, 10 not found" in texts(figure)
+    assert "40 points: 30 solved, 10 no motion found" in texts(figure)
 
 
 def test_what_is_no_number_makes_a_distribution_too() -> None:
