@@ -97,6 +97,7 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
 
     In steps where it turns.
     """
+    problem = problem.of_facets  # the pieces that are exact at points are no solids
     q = np.array(parameters)
     size, turned = problem.size, float(np.abs(q[problem.motion.turning]).sum())
     steps = min(1 + int(turned / TURN), MOST_STEPS)

@@ -15,6 +15,7 @@ from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.true_distance import FacesApart
+from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.model import apart_until
 
@@ -114,6 +115,9 @@ def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
     tools = fo.Cylinder(3.3, 10, base=(0, 0, -8)), fo.Cone(2.6, 6.6, 4, base=(0, 0, -3))
     sunk = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, -3)), *tools, name="plate")
     assert usable(asked(screw, sunk, Z), effort="quick").amount == pytest.approx(0.4, **NEAR)
+    larger = usable(asked(screw, sunk, Z, target=(1.02, 1.02)), effort="quick")
+    # pieces that are exact at points, above the plate, were passed
+    assert not goes_through(larger.problem, tuple(larger.parameters.values()))
 
 
 @pytest.mark.parametrize("half", [30.0, 60.0])
