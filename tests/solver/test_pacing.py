@@ -317,9 +317,10 @@ def test_a_bar_stands_below_what_is_printed_and_leaves_nothing(monkeypatch: pyte
     monkeypatch.setattr(sys, "stderr", err)
     monkeypatch.setenv("TERM", "xterm")
     sign = showing._Sign()
-    sign._next = 0.0
+    sign.tick()
+    assert err.getvalue().endswith("loading libraries")  # at once, as text
     sign.told("cutting the lid", 3, 7)
-    sign._written = -1.0
+    sign._start -= showing.PATIENCE
     sign.tick()
     assert "cutting the lid" in err.getvalue()
     assert sign._bar.tasks[0].completed == 3
