@@ -57,7 +57,7 @@ class Cause(NamedTuple):
     what: str
 
 
-Made = tuple[Array | None, list[tuple[Conditions, Cause]]]
+LineAndConditions = tuple[Array | None, list[tuple[Conditions, Cause]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +75,21 @@ class Rest:
 
     parts: Parts
     corners: tuple[Array, Array]
-    make: Callable[[], Made]
+    make: Callable[[], LineAndConditions]
 
     @cached_property
-    def _made(self) -> Made:
+    def _line_and_conditions(self) -> LineAndConditions:
         return self.make()
 
     @property
     def line(self) -> Array | None:
         """(13,), see `TrackedPair`; None of a contact that gives none of the lines of the scale pair."""
-        return self._made[0]
+        return self._line_and_conditions[0]
 
     @property
     def groups(self) -> list[tuple[Conditions, Cause]]:
         """Conditions of which in each group one must hold."""
-        return self._made[1]
+        return self._line_and_conditions[1]
 
 
 class Followed(NamedTuple):
@@ -234,10 +234,10 @@ def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: 
     own = one.loops[i] if kind == F1V2 else one.edges[i, :2] if kind == E1E2 else [i]
     other = two.loops[j] if kind == V1F2 else two.edges[j, :2] if kind == E1E2 else [j]
     corners = one.vertices[list(own)] - one.seed, two.vertices[list(other)] - two.seed
-    return Rest(parts, corners, partial(_real, one, two, site, normal, k))
+    return Rest(parts, corners, partial(_point_conditions, one, two, site, normal, k))
 
 
-def _real(one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int) -> Made:
+def _point_conditions(one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int) -> LineAndConditions:
     """Return the line of a corner or of crossing edges, and that they meet within their elements."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     line, made = _supported(one, two, site, normal, k)
@@ -308,10 +308,10 @@ def _flush_rest(
     """Return a part pair whose elements lie in one plane."""
     one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
     corners = one.vertices[list(own)] - one.seed, two.vertices[list(other)] - two.seed
-    return Rest(parts, corners, partial(_really_flush, one, two, flush, own, other, parallel, k))
+    return Rest(parts, corners, partial(_flush_conditions, one, two, flush, own, other, parallel, k))
 
 
-def _really_flush(
+def _flush_conditions(
     one: ConvexPart,
     two: ConvexPart,
     flush: Flush,
@@ -319,7 +319,7 @@ def _really_flush(
     other: tuple[int, ...],
     parallel: bool,
     k: int,
-) -> Made:
+) -> LineAndConditions:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     n = flush.normal

@@ -603,9 +603,7 @@ class _Tolerances:
         middle = self.at(next(predicted, (low.tau + high.tau) / 2))
         if not middle.good:
             return self._crossing(low, middle, finest)
-        if low.leads_straight(
-            middle, high, self.limit
-        ):  # of two motions that are as small, now one is found and now the other
+        if low.leads_straight(middle, high, self.limit):  # of two motions as small, now one is found, now the other
             return None
         return self._crossing(low, middle, finest) or self._crossing(middle, high, finest)
 
