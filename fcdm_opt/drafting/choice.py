@@ -98,7 +98,7 @@ def chosen(situation: Situation) -> Choice:
     is solved: a case in which the parts do not fit is an answer, one for which no time was left is none. Translations
     along one axis come before those along three wherever they are as small, and rotations after both.
     """
-    together = len(situation.contacts) > 1 and not situation.large
+    together = len(situation.places) > 1 and not situation.large
     for goal in ("seat", "at") if together else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
@@ -116,7 +116,7 @@ def chosen(situation: Situation) -> Choice:
         if situation.large:  # a motion across many faces is soon told along an axis
             along = Translation(XYZ[int(np.abs(situation.normal).argmax())])
         # what is flush stays so by a shift along its normal, if by any; turning large meshes takes long
-        flush = goal == "seat" or (situation.state == "touching" and situation.on_round_face)
+        flush = goal == "seat" or situation.on_round_face
         shifts = (along, ANY_SHIFT) if flush else (ANY_SHIFT, along)
         for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
@@ -170,7 +170,8 @@ def named(axis: Array) -> AxisWord | tuple[float, float, float]:
     others = math.hypot(*np.delete(axis, k).tolist())
     shares = axis / np.abs(axis[k])
     few = np.round(shares, FEW)
-    x, y, z = (few if np.abs(few - shares).max() <= NOISE else np.round(shares, ENOUGH)).tolist()
+    shares = few if np.abs(few - shares).max() <= NOISE else np.round(shares, ENOUGH)
+    x, y, z = np.where(np.abs(shares) <= DEFAULT.nominal, 0.0, shares).tolist()
     return XYZ[k] if others <= DEFAULT.nominal else (x + 0.0, y + 0.0, z + 0.0)
 
 

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -24,15 +24,15 @@ from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, told_solids
-from fcdm_opt.geometry.facet_errors import known_to, may_be_rounded, round_surfaces
+from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_element
+from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit
 from fcdm_opt.model.mesh_error import with_mesh_error
-from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Translation
 from fcdm_opt.problem.fit import FAR, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
@@ -40,6 +40,7 @@ from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT: Unit = "mm"
+CUT = ", exactly the solid"  # what a note on a body says of its parts, and nothing else
 OWN_UNIT = (".glb", *STEP)  # files that say themselves what their lengths are
 LARGE = 0.1  # share of the size from which a motion is no correction any more
 TIE = "another motion is as small"
@@ -48,11 +49,14 @@ TILTED = (
     "fcdm_opt takes the corners as the file has them"
 )
 MOST_CONTACTS = 4  # contacts that are listed
-MOST_POINTS = 8  # switching points that are listed
-LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
+MOST_POINTS = 2  # switching points that are listed
+MOST_SIZES = 3  # that are listed of a part
+LONGEST = 60  # signs of a contact's label: that of a round face names hundreds of vertices
 UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: of parts that do not touch, of all
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
+DRAWN_TO = 1e-9  # of a part's size: what files of coordinates in single precision, or integrals over them, leave of 0
+MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
@@ -131,7 +135,9 @@ def draft(
 
     def read(number: int) -> Body:
         pacing.at(f"reading {shown(str(paths[number]))} and cutting it into convex parts")
-        return Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
+        body = Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
+        known = body.rounded() if may_be_rounded(body) else body
+        return known if all_recognised(known) else body
 
     bodies = process_pool.both(read, (0, 1), paths)
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
@@ -141,19 +147,19 @@ def draft(
     warned, state = remarks(situation, lengths), state_text(situation, lengths)
     nominal, goals = _nominal(situation), _goals(situation)
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
-    opposite = {role: widths(body) for role, body in zip(("movable", "static"), bodies, strict=True)}
     choice = chosen(situation)  # in the time that is left
     asked_of = {letter: own and with_mesh_error(own, None) for letter, own in choice.solutions.items()}
     choice = replace(choice, solutions=asked_of)
-    if not all(own and own.exact_of_mesh for own in asked_of.values()):
+    of_faces = choice.goal in ("touch", "clear") and all(map(all_recognised, (one, two)))
+    if not (of_faces or (choice.usable and all(own.exact_of_mesh for own in choice.usable.values()))):
         warned += known_to(one, [two], lengths)
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
         "limits": partial(_limits, situation, choice),
         "steps": partial(parameter_table, length=steps, angle="0.1"),
-        "moved": _moved,
-        "round_ones": _round_ones,
+        "moved": partial(_moved, unit=lengths),
+        "why_not": _why_not,
     }
     text = _template(filters).render(
         title=f"{called(paths[0])} and {called(paths[1])}",
@@ -163,7 +169,8 @@ def draft(
         asked=unit is not None,
         deviation=deviation,
         parts=list(zip(("movable", "static"), bodies, places, map(_bottom, bodies), strict=True)),
-        opposite=opposite,
+        round_ones=[*map(_round_ones, bodies)],
+        offered=_offered(bodies, named(situation.normal)),
         situation=situation,
         state=state,
         tilt=tilted,
@@ -176,7 +183,7 @@ def draft(
         words=WORDS,
         tie=TIE,
     )
-    contacts = f", {own if isinstance(own, str) else len(own)} contacts" if (own := choice.contacts) else ""
+    contacts = f", of {_contacts(choice.contacts)}" if choice.contacts else ""
     asked = f'goal "{choice.goal}"{contacts}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
@@ -186,7 +193,7 @@ def draft(
         f"proposed: {asked}: {_because(situation, choice)}",
         f"{len(choice.usable)} of {len(SIGNS)} cases solved and verified",
         *(
-            f"{letter}: {answer.advice}"
+            f"{letter}: {_why_not(answer)}"
             for letter, answer in choice.solutions.items()
             if answer is not None and not answer.usable
         ),
@@ -207,6 +214,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
     made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
+    made.tests["about_parts"] = lambda note: note.startswith("one part: ") or CUT in note
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {
         "saying_its_unit": lambda place: chosen_solid(place)[0].suffix.lower() in OWN_UNIT,
@@ -249,13 +257,11 @@ def state_text(situation: Situation, unit: str) -> str:
     }
     text = words[situation.state]
     if situation.state == "touching":
-        one, two = situation.movable, situation.static
-        pairs = [(told_element(one, each.one), told_element(two, each.two)) for each in situation.contacts]
-        told = list(dict.fromkeys(f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs))
-        more = [f"{len(told) - MOST_CONTACTS} more"] if len(told) > MOST_CONTACTS else []
-        listed = " and ".join([*told[:MOST_CONTACTS], *more])
-        at = f", at {_places(len(told))}" if len(told) > 1 else ""
-        return f"{text}{at}: {listed}" if told else text
+        places = situation.places
+        more = [f"{len(places) - MOST_CONTACTS} more"] if len(places) > MOST_CONTACTS else []
+        listed = " and ".join([*places[:MOST_CONTACTS], *more])
+        at = f", at {_places(len(places))}" if len(places) > 1 else ""
+        return f"{text}{at}: {listed}" if places else text
     if situation.large:
         return text  # what else would touch before is not looked at
     if math.isfinite(situation.growth):
@@ -271,18 +277,29 @@ def _places(count: int) -> str:
     return f"{count} place{'s' * (count != 1)}"
 
 
+def _contacts(asked: str | tuple[str, ...]) -> str:
+    """Return how many contacts are asked for: "all contacts", "1 contact"."""
+    return "all contacts" if isinstance(asked, str) else f"{len(asked)} contact{'s' * (len(asked) != 1)}"
+
+
 def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
-        return TOGETHER.format(_places(len(situation.contacts)))
+        return TOGETHER.format(_places(len(situation.places)))
     why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
-    if choice.contacts and len(situation.contacts) > 1:
+    if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
-        why = ONE_WAY.format(_places(len(situation.contacts)), kept)
+        why = ONE_WAY.format(_places(len(situation.places)), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
     return why
+
+
+def _why_not(solution: Solution) -> str:
+    """Return why a case has no motion to use: by which widths the parts do not fit, else what to do."""
+    widths = verdict(solution.problem)
+    return f"{widths[:1].upper()}{widths[1:]}." if widths else solution.advice
 
 
 def _remedy(situation: Situation, unit: Any) -> str:
@@ -346,18 +363,12 @@ def _motions(situation: Situation, choice: Choice) -> list[tuple[Motion, str]]:
     """Return other motions than the one chosen, and what they are."""
     k = int(np.abs(situation.normal).argmax())
     along, across = XYZ[k], XYZ[(k + 1) % 3]  # a turn about the normal itself would often change nothing
-    offset = situation.static.seed - situation.movable.seed
-    distance = float(np.linalg.norm(offset))
     others: list[tuple[Motion, str]] = [
         (Translation(named(situation.normal)), "along the contact normal"),
         (ANY_SHIFT, "any shift"),
         (Translation(along) >> Rotation(across, centre="seed"), "a shift, then a turn about the seed"),
-        (Rotation(across, centre=(0.0, 0.0, 0.0)), 'a turn about a point, "seed" or "origin"'),
+        (Free(), "any shift and any turn about the seed"),
     ]
-    if distance > DEFAULT.seeds * situation.size:
-        others.append((Translation(named(offset / distance)), "along the line of the seeds"))
-        others.append((Screw("seeds", pitch=math.degrees(0.01)), "a screw along the line of the seeds"))
-    others.append((Free(), "all six: any shift and any turn about the seed"))
     written = {motion_entry(motion): (motion, why) for motion, why in others}
     written.pop(motion_entry(choice.motion), None)
     return list(written.values())
@@ -379,12 +390,33 @@ def _bottom(body: Body) -> Array:
     return np.array([*(low + high)[:2] / 2.0, low[2]])
 
 
-def _moved(solution: Solution) -> str:
-    """Return the motion found in words, rounding left out."""
+def _offered(bodies: Sequence[Body], along: Any) -> list[tuple[str, tuple[str, ...], str, str, float]]:
+    """Return the first sizes of both parts with these: those first that the other part has nearly, then those along.
+
+    As the diameters of a pin and its bore, and not those of what stands free; else what the contact moves by.
+    """
+    found = [widths(body) for body in bodies]
+    values = [[(own[3], float(own[2].split(" of ")[0].split()[-1])) for own in sizes] for sizes in found]
+
+    def off(side: int, k: int) -> tuple[float, bool]:
+        each, value = values[side][k]
+        near = (abs(value - other) / max(value, other) for sign, other in values[1 - side] if sign * each < 0.0)
+        share = min(near, default=math.inf)
+        return share if share < MATING else math.inf, not found[side][k][2].startswith((f"+{along} ", f"-{along} "))
+
+    first = [sorted(range(len(sizes)), key=partial(off, side))[:MOST_SIZES] for side, sizes in enumerate(found)]
+    return [(role, *found[side][k]) for side, role in enumerate(("movable", "static")) for k in first[side]]
+
+
+def _moved(solution: Solution, unit: str) -> str:
+    """Return the motion found in words, and its amount, rounding left out."""
     problem = solution.problem
+    if solution.amount <= DRAWN_TO * problem.size:
+        return "no motion needed"
     units = [problem.size if kind == "translation" else 1.0 for _, kind in problem.motion.parameters]
     found = zip(solution.parameters.values(), units, strict=True)
-    return problem.motion.describe([0.0 if abs(x) <= NOISE * one else x for x, one in found])
+    motion = problem.motion.describe([0.0 if abs(x) <= DRAWN_TO * one else x for x, one in found])
+    return f"found as written: {motion} (amount {solution.amount:.5g} {unit})"
 
 
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:
@@ -454,11 +486,8 @@ def _extent(body: Body, unit: str) -> str:
 
 
 def _round_ones(body: Body, most: int = 4) -> str:
-    """Return which round faces a body is told to have, or could be, see `rounded`."""
-    known = body.rounded() if may_be_rounded(body) else body
-    names = (
-        [*dict.fromkeys(name for name in names_of_rows(known) if " radius " in name)] if round_surfaces(known) else []
-    )
+    """Return which round faces a body is told to have, see `rounded`."""
+    names = [*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own)] if round_surfaces(body) else []
     return ", ".join(names[:most]) + (f" and {more} more" if (more := len(names) - most) > 0 else "")
 
 
@@ -497,9 +526,9 @@ def toml(value: Any) -> str:
     return f"[{', '.join(map(toml, value))}]" if isinstance(value, list | tuple) else repr(value)
 
 
-def point(point: Array, digits: int = 9) -> str:
-    """Return a point, or a scale pair, as TOML has it, in so many digits."""
-    noise = NOISE * float(np.abs(point).max())
+def point(point: Array, digits: int = 9, size: float = 0.0) -> str:
+    """Return a point of a part of this size, or a scale pair, as TOML has it, in so many digits; rounding is 0."""
+    noise = max(NOISE * float(np.abs(point).max()), DRAWN_TO * size)
     return toml([0.0 if abs(x) <= noise else float(f"{x:.{digits}g}") for x in point.tolist()])
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import contains
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,9 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, is_plane_there
+from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, gaps_off, is_plane_there
 from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.patches import NearestPoints, patches_of_element, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.model.true_faces import where_nearest
@@ -28,6 +30,7 @@ DRAWN = (1.0, 1.0)
 MARGIN = 0.1  # of the box about the sizes drawn, five times a draft's tolerance; half of it about contacts
 UNMEANT = 1e-5  # radians: single precision tilts faces of 100 by 1e-7, and no one draws so small an angle
 ONE_SIDE = 0.1  # length of the mean of unit normals, above which contacts are on one side
+STRAIGHT = 1e-3  # of facets a mean of normals is off the axis of their face by less
 WIDE: Box = ((0.02, 50.0), (0.02, 50.0))
 """Scales at which a contact is looked for where the usual box has none."""
 
@@ -91,9 +94,13 @@ class Situation:
 
     @cached_property
     def _on_true_faces(self) -> list[NearestPoints]:
-        """Where true faces are nearest as drawn, the nearest first, if all are known; none of parts that are far."""
+        """Where true faces are nearest as drawn, the nearest first, if all are known.
+
+        None of parts that are far, or that overlap by more than facets can be off: there faces cross.
+        """
         both = self.movable, self.static
-        if not all(map(all_recognised, both)):
+        surely = float(self._usual.gap(DRAWN)) + gaps_off(self.movable, [self.static])[0]
+        if not all(map(all_recognised, both)) or surely < -DEFAULT.snap * self.size:
             return []
         return where_nearest(*both, DRAWN, np.eye(4), DEFAULT.snap * self.size)
 
@@ -101,6 +108,15 @@ class Situation:
     def contacts(self) -> tuple[Feature, ...]:
         """Everything that touches as drawn, each once; empty where nothing does."""
         return tuple(joint.feature for joint in self._joints)
+
+    @cached_property
+    def places(self) -> list[str]:
+        """Where the parts touch as drawn, in words, each once: of two round faces facets and edges are one place."""
+        one, two = self.movable, self.static
+        pairs = dict.fromkeys((told_element(one, each.one), told_element(two, each.two)) for each in self.contacts)
+        faces = [pair for pair in pairs if is_round(pair[0]) and not any(own.startswith("edge") for own in pair)]
+        edges = {pair for pair in pairs for face in faces if face != pair and all(map(contains, pair, face))}
+        return [f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs if (mine, its) not in edges]
 
     @cached_property
     def sides(self) -> tuple[tuple[Array, tuple[Feature, ...]], ...]:
@@ -146,6 +162,8 @@ class Situation:
     @cached_property
     def growth(self) -> float:
         """Common scale of both parts, that nearest to 1, at which they touch (growth distance); nan without one."""
+        if self.state == "touching":
+            return 1.0
         for curve in (self._usual, self._wide):
             found = [scale for segment in curve.segments for scale in _on_diagonal(segment)]
             if found:
@@ -189,22 +207,24 @@ class Situation:
     def normal(self) -> Array:
         """Unit direction in which the parts meet, from the movable part to the static one.
 
-        Where one lies in a round face of the other, as in a bore, it is where that faces on the average, and along x,
-        y or z where it faces all ways.
+        Where one lies in a round face of the other, as in a bore or on a taper, it is where that faces on the average:
+        along its axis, or, where that is nowhere, across it, along x, y or z where these are.
         """
         for near in (self.nearest, self.grown):
             if near is not None:
                 piece = _pieces(near.contact)[0]
-                round_ones = self.state == "touching" and self.on_round_face and self._on_true_faces
-                return self._normal_at_concave_face(piece.feature) if round_ones else np.array(piece.normal)
+                if self.on_round_face and (direction := self._of_concave_face(piece.feature)) is not None:
+                    return direction
+                true = self.state == "touching" and self.on_round_face and self._on_true_faces
+                return self._on_true_faces[0].normal if true else np.array(piece.normal)
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
 
-    def _normal_at_concave_face(self, feature: Feature) -> Array:
-        """Return where a concave face of a contact faces on the average; without one the normal of true faces."""
-        normal = self._on_true_faces[0].normal
-        for body, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
+    def _of_concave_face(self, feature: Feature) -> Array | None:
+        """Return where a concave round face of a contact faces on the average; None without such a face."""
+        for drawn, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
+            body = drawn.rounded()  # the direction is that of the face, also where the facets are taken as they are
             faces = true_faces(body)
             for k in patches_of_element(body, element):
                 if not faces.patches[k].concave:
@@ -213,10 +233,18 @@ class Situation:
                 alike = np.unique(faces.owners[on.reshape(-1, 3).all(axis=1)])
                 a, b, c = np.moveaxis(faces.corners[np.isin(faces.owners, alike)], 1, 0)
                 areas = cross(b - a, c - a)
+                axis = faces.patches[k].surface.axis
+                axis = np.where(np.abs(axis) <= UNMEANT, 0.0, axis) / float(norms(axis))
                 mean = sign * areas.sum(axis=0) / norms(areas).sum()
-                length, largest = float(norms(mean)), int(np.abs(normal).argmax())
-                return mean / length if length > ONE_SIDE else np.eye(3)[largest] * np.sign(normal[largest])
-        return normal
+                along = float(mean @ axis)
+                across = mean - along * axis
+                if float(norms(across)) > ONE_SIDE:
+                    return mean / float(norms(mean))
+                if abs(along) > STRAIGHT:
+                    return axis * np.sign(along)
+                free = np.eye(3)[np.abs(axis).argmin()]  # of x, y and z that first which is nearest to across
+                return (free - (free @ axis) * axis) / float(norms(free - (free @ axis) * axis))
+        return None
 
     def switching_points(self, most: int) -> list[SwitchingPoint]:
         """Return the switching points in `box` that are nearest to the parts as drawn, by number."""

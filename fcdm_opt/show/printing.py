@@ -71,7 +71,7 @@ def print_rows(
         for (_, head), *rest in (row.items() for row in kept):
             out.print(head, style="bold")
             for column, cell in rest:
-                name = column.replace("-\n", "").replace("\n", " ")
+                name = column.replace("\n", " ")
                 out.print(f"  {name}: {' '.join(cell.split())}")
     print_lines(notes)
 

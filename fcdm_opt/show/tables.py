@@ -126,7 +126,9 @@ UNPROVED = "the bound is proved by the solver alone, without evidence that the j
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
     for row in rows:
-        print_text(f"{row.solution.problem.name}: {verdict_text(row.solution)}", indent="   ")
+        sentence, of_mesh = verdict_text(row.solution), row.solution.left_by_mesh
+        sentence = sentence.replace(of_mesh, of_mesh.partition(": ")[0])
+        print_text(f"{row.solution.problem.name}: {sentence}", indent="   ")
     alike: dict[tuple[Any, ...], Problem] = {}
     for problem in (row.solution.problem for row in rows):  # of cases with the same parts, one that is exact on them
         parts = (*problem.of_facets.bodies[:2], str(problem.tolerance), *problem.nominal_pair)
@@ -144,6 +146,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             notes = [f"{advised(row)}{failed_text(solution)}", *notes]
+        if cause := solution.left_by_mesh.partition(": ")[2]:  # the same of many cases
+            notes.append(f"what true parts need is left open: {cause}")
         for text in notes:
             said.setdefault(text, []).append(solution.problem.name)
     for text, names in said.items():
@@ -169,7 +173,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     motion = motion_text(solution, unit=False)  # said once above the table
     return {
         "case": wrapped(problem.name, CELL_WIDTH),
-        "require-\nment": wrapped(asked_text(problem), CELL_WIDTH),
+        "asked": wrapped(asked_text(problem), CELL_WIDTH),
         "goal": problem.goal,
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),

@@ -235,9 +235,10 @@ def outcome_text(solution: Bounded) -> str:
 def advised(case: SolvedCase) -> str:
     """Return a case's advice, and up to which tolerance the parts fit where that is known.
 
-    Without how they do not fit, which the verdict says.
+    Without how they do not fit, and what their facets leave open, which the verdict says.
     """
-    told, fits = case.solution.advice, case.fits_up_to
+    told, fits, of_mesh = case.solution.advice, case.fits_up_to, case.solution.left_by_mesh
+    told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
     if fits is None:

@@ -253,5 +253,5 @@ def test_advice_began_in_the_midst_of_a_name_with_a_number() -> None:
     advice = (
         "Does not fit: lid 93.3 mm in base 89.7 mm, across the cylinder of radius 4 no. 3 of base. Choose other sizes."
     )
-    case: Any = SimpleNamespace(solution=SimpleNamespace(advice=advice), fits_up_to=None)
+    case: Any = SimpleNamespace(solution=SimpleNamespace(advice=advice, left_by_mesh=""), fits_up_to=None)
     assert advised(case) == "Choose other sizes."
