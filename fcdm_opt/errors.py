@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
@@ -104,6 +104,13 @@ def closest(key: str, allowed: Iterable[str]) -> str:
     meant = _OTHER_WORDS.get(asked, "")
     found = meant if meant in words else words[near[0]] if near else ""
     return f", did you mean '{found}'?" if found else ""
+
+
+def similar_name(path: Path) -> str:
+    """Return a hint at what is named most alike in the folder of a path, "" where nothing is."""
+    with suppress(OSError, ValueError):
+        return "" if path.exists() else closest(path.name, (own.name for own in path.parent.iterdir()))
+    return ""
 
 
 def known_arguments(function: Called) -> Called:

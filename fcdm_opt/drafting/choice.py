@@ -214,7 +214,7 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
                 tight = len(motion.names) > 1 and misfit(problem) is not None
                 # what does not fit is found far away, if at all
-                limit = SHORT if tight or (situation.large and motion == ANY_SHIFT) else math.inf
+                limit = SHORT if tight or (situation.large and motion == ANY_SHIFT) else SECONDS
                 answer = solutions[letter] = solve(problem, effort="quick", time=limit)
             if contacts == "all" and not answer.usable:
                 break  # all four cases are to be solved

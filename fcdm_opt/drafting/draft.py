@@ -135,11 +135,12 @@ def draft(
 
     def read(number: int) -> Body:
         pacing.at(f"reading {shown(str(paths[number]))} and cutting it into convex parts")
-        body = Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
-        known = body.rounded() if may_be_rounded(body) else body
-        return known if all_recognised(known) else body
+        return Body.from_file(paths[number], unit=lengths, deviation=bounds[number])
 
     bodies = process_pool.both(read, (0, 1), paths)
+    if max(sides := [body.size for body in bodies]) <= UNLIKELY * min(sides):  # else they may be in two units
+        one, two = (body.rounded() if may_be_rounded(body) else body for body in bodies)
+        bodies = one if all_recognised(one) else bodies[0], two if all_recognised(two) else bodies[1]
     pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     pacing.check()
     one, two = matched(bodies)

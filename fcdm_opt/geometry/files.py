@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, checked_path
+from fcdm_opt.errors import InputError, checked_path, similar_name
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
@@ -180,6 +180,7 @@ def drawn_mesh(
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
         what = getattr(reason, "strerror", None) or str(reason)
+        what += similar_name(path)
         raise InputError(f"cannot be read: {what}", file=repr(str(path)) if "\0" in str(path) else path) from reason
     data = data.removeprefix(b"\xef\xbb\xbf")  # some editors begin a text with a mark
     if not data.strip():

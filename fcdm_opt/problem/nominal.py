@@ -271,10 +271,12 @@ class NominalContact:
         if self.nominal_contact is None and not self.contacts:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)
+            gap = self.curve.gap(asked)
             near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"
             what = (
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
-                f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
+                f"{self.curve.movable.name or 'the movable part'} and {self.curve.static.name or 'the static part'} "
+                f"{'overlap' if gap < 0.0 else 'are apart'}, the gap there is {gap:.6g} (< 0: overlapping), and one of "
                 f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
                 f"{self.snap:.3g} (snap) of what was asked"
             )

@@ -30,7 +30,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest
+from fcdm_opt.errors import InputError, checked_path, closest, similar_name
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import mistake, parsed
@@ -237,7 +237,7 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
     except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
         raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
     except OSError as reason:
-        allowed = f"a readable {kind} (TOML)"
+        allowed = f"a readable {kind} (TOML){similar_name(Path(file))}"
         raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
     if not data:
         raise InputError("the file is empty", file=file, allowed=needed)

@@ -10,8 +10,12 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facet_errors import gaps_off
+from fcdm_opt.geometry.solids import depth_as_drawn
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import beyond_tolerances
@@ -53,7 +57,20 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
             print_text(f"{name}: {told}", indent="   ")
         if solution.doubt and not solution.usable:
             print_text(f"{name}: {solution.doubt}", indent="   ")
+    for text in _overlaps(rows[0].solution.assembly):
+        print_text(text, indent="   ")
     print_text()
+
+
+def _overlaps(assembly: Assembly) -> list[str]:
+    """Return which parts overlap as drawn by more than their facets can be off, and by how much."""
+    found = []
+    for (one, two), problem in assembly.relations.items():
+        bodies = problem.movable, problem.static
+        least = gaps_off(bodies[0], bodies[1:])[0] + problem.contact_slack
+        if problem.curve.gap((1.0, 1.0)) < -least and (depth := depth_as_drawn(*bodies, (1.0, 1.0))) > least:
+            found.append(f"as drawn, {one} and {two} overlap by {measured(f'{depth:.4g}', assembly.unit)}")
+    return found
 
 
 def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str]]:

@@ -179,7 +179,6 @@ def _large(solution: Solution) -> list[str]:
     open_way = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
     if moved <= max(LARGE * side, GROWTH * float(change), open_way) and not through:
         return []
-    way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
     limited = zip(problem.motion.names, problem.limits, strict=True)
     free = [name for name, limits in limited if not np.isfinite(limits).all()]
     cure = f"; limits keep it near, for instance of {', '.join(free)}" if free else ""
@@ -187,7 +186,7 @@ def _large(solution: Solution) -> list[str]:
         what = f"straight there it goes through {listed(through)}, and no other way is looked for"
     else:
         what = "it may end on another side of the other part; the way there is not looked at"
-    return [f"a large motion: a corner moves by {way}, the thinner part measures {long}; {what}{cure}"]
+    return [f"a large motion: {what}{cure}"]
 
 
 def left_out(solution: Solution) -> list[str]:

@@ -541,7 +541,8 @@ def _name_old(axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, 
     """Name the old place at an end of its dashes, clear of these and of the arrow, by where corners came from."""
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
     ahead = np.array([[0.02], [0.1]]) * float(np.ptp(axes.get_xlim())) * away / np.linalg.norm(away)
-    ends = sorted((end for line in pieces for end in line if raster.free(end + ahead)), key=lambda end: -(end @ away))
+    ends = sorted((end for line in pieces for end in line), key=lambda end: -(end @ away))
+    ends = [end for end in ends if raster.free(end + ahead)] or ends  # a small part before a large one is all upon it
     dashes = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in pieces] or [np.empty((0, 2, 2))])
     names = Names(axes, dashes)
     for point in arrow:

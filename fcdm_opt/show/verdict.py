@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Solution
 
 CONTACTS, NAME = 3, 72
-"""Contacts that are told one by one, and letters of a body's name."""
+"""Contacts that are told one by one where there are no more, and letters of a body's name."""
 
 EXACT = 1e-3
 """Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
@@ -225,10 +225,11 @@ def contact_text(problem: Problem, features: Sequence[Feature], *, named: bool =
     if not told:
         return ""
     pairs = [(step, two) for step, others in told.items() for two in others]
-    few = [(step, [with_article(two) for own, two in pairs[:CONTACTS] if own == step]) for step in told]
+    most = CONTACTS if len(pairs) <= CONTACTS else 1  # as of a shaft in its bore, of facets: one says what they are
+    few = [(step, [with_article(two) for own, two in pairs[:most] if own == step]) for step in told]
     shown = [f"{step} {' and '.join(others)}" for step, others in few]
-    words = " and ".join(shown[: len({step for step, _ in pairs[:CONTACTS]})])
-    more = f", and {counted(len(pairs) - CONTACTS, 'more contact')}" if len(pairs) > CONTACTS else ""
+    words = " and ".join(shown[: len({step for step, _ in pairs[:most]})])
+    more = f", and {counted(len(pairs) - most, 'more contact')}" if len(pairs) > most else ""
     return f"{words} of {name_of(problem, 1)}{more}"
 
 
