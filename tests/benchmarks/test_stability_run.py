@@ -122,9 +122,12 @@ def test_answers_and_errors_are_kept(results):
 
 
 def test_what_the_time_does_not_suffice_for_is_said(short):
+    """Ours are asked all the same: on a slow machine what they are wrong at would be missed."""
     results = stability(True, 0, jobs=1, limit=1.0, budget=0.0, modules=HERE)
     assert len(results) == 2 * len(planted.METHODS)
-    assert {(own.outcome, own.reason) for own in results} == {("not run", "the time in all, 0 s, was used up")}
+    assert {own.outcome for own in results if own.ours} == {"right", "flagged"}
+    others = {(own.outcome, own.reason) for own in results if not own.ours}
+    assert others == {("not run", "the time in all, 0 s, was used up")}
     assert "| doubling | right | 2 | the time in all, 0 s, was used up |" in table.not_run(results)
     assert "not run 1/1" in table.grid_table(picture.grids(results)[0])
 

@@ -9,8 +9,8 @@ A module of cases exports
     judged(case, answer)    its `Grade`
 
 A method that hangs is ended and a new process gets the next case; so it is where one dies. Loading libraries does not
-count: a process is first asked what the method is known to answer. The method that has used the
-least time goes next, ours before all others, and cases of a family at which a method hung come last: what the budget
+count: a process is first asked what the method is known to answer. Ours go first and are asked all; of the others the
+method that has used the least time goes next, and cases of a family at which a method hung come last: what the budget
 does not suffice for is what most time was already given to, and it is listed as not run.
 """
 
@@ -36,11 +36,11 @@ MODULES = tuple(f"{__package__}.{name}" for name in ("contacts", "bodies", "prog
 LIMITS = {True: 20.0, False: 60.0}
 """Seconds a case, quick or not."""
 
-BUDGETS = {True: 45.0, False: 1500.0}
-"""Seconds in all, quick or not, after which no case is begun."""
+BUDGETS = {True: 35.0, False: 1500.0}
+"""Seconds in all, quick or not, after which no case is begun of a method that is not ours."""
 
 SHARE, SHORTEST = 1.0, 4.0
-"""A method lets those go on that have used less after so much of an equal part of the budget, or these seconds."""
+"""A rival lets those go on that have used less after so much of an equal part of the budget, or these seconds."""
 
 NOT_RUN = "not run"
 
@@ -215,11 +215,11 @@ class _Lanes:
         self._queues, self._limit, self._progress = queues, limit, progress
         self._lock = Lock()
         self._total = sum(len(queue.pending) for queue in queues)
-        self._end = self._turn = math.inf
+        self._ends, self._turn = {True: math.inf, False: math.inf}, math.inf  # of ours, and of the others
 
     def run(self, jobs: int, budget: float, start: float) -> None:
         """Work until nothing is left, or the budget, which counts from a time on, is used up."""
-        self._end = start + budget
+        self._ends[False] = start + budget
         self._turn = max(SHORTEST, SHARE * jobs * budget / max(1, len(self._queues)))
         with ThreadPoolExecutor(jobs) as pool:
             lanes = [pool.submit(self._lane) for _ in range(jobs)]
@@ -227,7 +227,7 @@ class _Lanes:
                 for lane in lanes:
                     lane.result()
             finally:
-                self._end = -math.inf  # an error, or Ctrl-C: the lanes stop
+                self._ends = {True: -math.inf, False: -math.inf}  # an error, or Ctrl-C: the lanes stop
         for queue in self._queues:
             for case in queue.pending:
                 queue.done(case, None, skipped=f"the time in all, {budget:g} s, was used up")
@@ -244,8 +244,8 @@ class _Lanes:
 
     def _next(self) -> _Queue | None:
         with self._lock:
-            left = [queue for queue in self._queues if queue.pending]
-            if not left or monotonic() >= self._end:
+            left = [queue for queue in self._queues if queue.pending and monotonic() < self._ends[queue.ours]]
+            if not left:
                 return None
             queue = min(left, key=lambda own: (not own.ours, own.lanes, own.used))
             queue.lanes += 1
@@ -264,9 +264,9 @@ class _Lanes:
                 queue.done(case, None, skipped=f"does not start: {reason}")
             self._tell()
             return
-        end = min(self._end, monotonic() + self._turn)
+        turn = math.inf if queue.ours else monotonic() + self._turn
         with process:
-            while monotonic() < end and (case := self._case(queue)) is not None:
+            while monotonic() < min(self._ends[queue.ours], turn) and (case := self._case(queue)) is not None:
                 start, alone = monotonic(), not process.warm
                 try:
                     reply = process.ask(case.data)
