@@ -167,7 +167,8 @@ def budget(asked: Asked) -> None:
         corner = "high" if scene.sizes else scales
         least = (lambda x: scene.amount(*[x] * len(scene.sizes))) if scene.sizes else scene.least
         found = fo.budget(asked.question, least(2.0 * OFF), requirements=corner, accuracy=1e-4)[corner]
-    largest = max(x for x in np.linspace(OFF, 3.0 * OFF, 60_001) if least(x) <= least(2.0 * OFF) + 1e-12)
+    most = least(2.0 * OFF) + 1e-12
+    largest = next(x for x in np.linspace(3.0 * OFF, OFF, 15_001) if least(x) <= most)
     assert found.tolerance == pytest.approx(largest, rel=2e-4)
     assert found.points < 60
 

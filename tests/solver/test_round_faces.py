@@ -60,8 +60,7 @@ def test_the_seed_of_a_round_body_was_that_of_its_facets() -> None:
     np.testing.assert_allclose(seed, np.array([-5.0, -1.0, 0.0]) * hole / (block - hole), atol=1e-8)
 
 
-@pytest.mark.parametrize(("play", "facets"), [(0.1, 32), (0.01, 28)])
-@pytest.mark.parametrize("angle", [0.1, 2.3])
+@pytest.mark.parametrize(("play", "facets", "angle"), [(0.1, 32, 2.3), (0.01, 28, 0.1)])
 def test_a_pin_meets_its_bore_after_its_play_along_any_direction(play: float, facets: int, angle: float) -> None:
     """Facets of .05 stand out and fall short of the cylinders: the amount was 8 % off, or the pin did not fit."""
     way = fo.Translation((math.cos(angle), math.sin(angle), 0.0))
@@ -120,8 +119,7 @@ def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
     assert not goes_through(larger.problem, tuple(larger.parameters.values()))
 
 
-@pytest.mark.parametrize("half", [30.0, 60.0])
-@pytest.mark.parametrize("off", [-0.05, 0.1])
+@pytest.mark.parametrize(("half", "off"), [(30.0, -0.05), (60.0, 0.1)])
 def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> None:
     """Of radius r its axis is r / sin(half the angle) above the corner."""
     a, tall, r = math.radians(half), 30.0, 8.0
