@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 
@@ -13,7 +13,6 @@ from fcdm_opt import pacing
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.motion.motions import XYZ, AxisWord, Free, Motion, Translation
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -182,19 +181,8 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
     if len(choice.motion.steps) == 1 or (axis is None and moves):
         return choice
     motion = Translation(named(situation.normal if axis is None else axis))
-    if axis is not None and any(map(round_surfaces, (situation.movable, situation.static))):
-        return replace(choice, motion=motion, solutions={k: _along(own, motion) for k, own in choice.solutions.items()})
     less = _tried(situation, choice.goal, motion)
     return less if less is not None and len(less.usable) == len(choice.usable) else choice
-
-
-def _along(solution: Solution | None, motion: Translation) -> Solution | None:
-    """Return the solution of the question for a shift along one axis, where three found that: none along it is less."""
-    if solution is None or not solution.usable or solution.transform is None:
-        return solution
-    problem = solution.problem.changed(motion=motion)
-    (name,), axis = motion.names, motion.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3]
-    return solution.changed(problem=problem, parameters={name: float(solution.transform[:3, 3] @ axis)})
 
 
 def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts = None) -> Choice | None:
