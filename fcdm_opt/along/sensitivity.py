@@ -464,9 +464,10 @@ def _shifts(body: Body, moves: Array) -> Array:
 
 def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Rate, ...]:
     """Return the rates of both nominal scales; none where they are numbers that stay as given."""
-    contact, tracked = problem.nominal_contact, _nominal_features(problem, task)
+    tracked = _nominal_features(problem, task)
     if not tracked:
         return ()
+    contact = problem.nominal_contact
     assert isinstance(contact, SwitchingPoint)
     flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
     free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), untracked=())
@@ -478,9 +479,9 @@ def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Ra
 
 def _nominal_features(problem: Problem, task: Task) -> tuple[FeaturePoints, ...]:
     """Return the features of the nominal switching point; none where it is a pair of numbers, which stays as given."""
-    contact = problem.nominal_contact
     followed = isinstance(problem.nominal, int) or task.goal in TRACKING
-    if task.joints or not followed or not isinstance(contact, SwitchingPoint):
+    contact = problem.nominal_contact if followed and not task.joints else None
+    if not isinstance(contact, SwitchingPoint):
         return ()
     return tuple(
         feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))

@@ -24,7 +24,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import distances
-from fcdm_opt.geometry.tessellation import Swept, inverse_of, onto, surfaces_of_triangles
+from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -43,21 +43,30 @@ class Patch(NamedTuple):
     ----------
     surface : Swept
         In the body's frame as drawn.
-    side : float
+    side : float, or (n,) array of several
         1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore.
     """
 
     surface: Swept
-    side: float
+    side: Number
+
+    @classmethod
+    def stacked(cls, patches: Sequence[Patch]) -> Patch:
+        """Return patches as one, with a surface and a side for each point that is asked about: see `Swept.stacked`."""
+        return cls(Swept.stacked([own.surface for own in patches]), np.array([own.side for own in patches]))
+
+    def at_rows(self, rows: Ints) -> Patch:
+        """Return some of several patches."""
+        return Patch(self.surface.at_rows(rows), self.side[rows])
 
     def gaps(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (n, 3) are off the face, outside positive, and the outward normals there."""
         off, normals = self.surface.misses(points)
-        return self.side * off, self.side * normals
+        return self.side * off, np.asarray(self.side)[..., None] * normals
 
     def bends(self, points: Array) -> Array:
         """Return the second derivatives of the gaps, (n, 3, 3)."""
-        return self.side * self.surface.bends(points)
+        return np.asarray(self.side)[..., None, None] * self.surface.bends(points)
 
     @property
     def concave(self) -> bool:
@@ -376,14 +385,42 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
         (own.tips[:, None], np.empty((len(own.tips), 0), np.int64)),
     )
     for points, of in features:
-        if len(points):
-            near = _near(points, of, own, other, band, both=both)
-            keys = np.column_stack([of[near[:, 0]], near[:, 1]])
-            for *on, against in np.unique(keys, axis=0).tolist():
-                rows = near[(keys == (*on, against)).all(axis=1), 0]
-                found = _nearest_of_two(points[rows], own, on, other, against, band)
-                if len(found[0]):
-                    yield found
+        if not len(points):
+            continue
+        near = _near(points, of, own, other, band, both=both)
+        keys, which = np.unique(np.column_stack([of[near[:, 0]], near[:, 1]]), axis=0, return_inverse=True)
+        pieces = [points[near[which.reshape(-1) == k, 0]] for k in range(len(keys))]
+        starts = [_starts(each, other.patches[key[-1]]) for each, key in zip(pieces, keys.tolist(), strict=True)]
+        patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
+        extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
+        for (*on, against), x in zip(keys.tolist(), _all_lowest(starts, patches, extents), strict=True):
+            found = _kept(x, own, on, other, against, band)
+            if len(found[0]):
+                yield found
+
+
+def _starts(pieces: Array, patch: Patch) -> Array:
+    """Return places on pieces of a feature from which its nearest points to a patch are looked for."""
+    start = pieces.mean(axis=1)
+    if len(start) > STARTS:  # the nearest, and some everywhere
+        order = np.argsort(patch.gaps(start)[0], kind="stable")
+        spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
+        start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
+    return start
+
+
+def _all_lowest(starts: list[Array], patches: list[list[Patch]], extents: list[float]) -> list[Array]:
+    """Return `lowest` points of features, each from its places and with the patches it is of, and the one it is to."""
+    found, kinds = list(starts), [tuple(own.surface.line is None for own in each) for each in patches]
+    for kind in dict.fromkeys(kinds):
+        rows = [k for k, own in enumerate(kinds) if own == kind]
+        ends = np.cumsum([len(starts[k]) for k in rows])
+        of_each = np.repeat(rows, np.diff(ends, prepend=0)).tolist()
+        *on, against = (Patch.stacked([patches[k][place] for k in of_each]) for place in range(len(kind)))
+        points = lowest(np.concatenate([starts[k] for k in rows]), on, against, np.array(extents)[of_each])
+        for k, own in zip(rows, np.split(points, ends[:-1]), strict=True):
+            found[k] = own
+    return found
 
 
 def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *, both: bool) -> Ints:
@@ -404,16 +441,11 @@ def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *,
     return near[round_]
 
 
-def _nearest_of_two(
-    pieces: Array, own: _Placed, on: list[int], other: _Placed, against: int, band: float
+def _kept(
+    x: Array, own: _Placed, on: list[int], other: _Placed, against: int, band: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Return where a feature on some patches is nearest to a patch: gaps, its normals, and the points of both."""
-    start, patch = pieces.mean(axis=1), other.patches[against]
-    if len(start) > STARTS:  # the nearest, and some everywhere
-        order = np.argsort(patch.gaps(start)[0], kind="stable")
-        spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
-        start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
-    x = lowest(start, [own.patches[k] for k in on], patch, float(norms(np.ptp(pieces, axis=(0, 1)))))
+    """Return those of the lowest points of a feature that are on both bodies: gaps, normals, and the points of both."""
+    patch = other.patches[against]
     if on:
         x = x[own.covers(on[0], x) if len(on) == 1 else own.crossed(np.array(on), x)]
     gap, normal = patch.gaps(x)
@@ -430,40 +462,50 @@ def _nearest_of_two(
     return gap[chosen], normal[chosen], x[chosen], foot[chosen]
 
 
-def lowest(points: Array, on: list[Patch], against: Patch, extent: float) -> Array:
+def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Array:
     """Return points of a patch, or of the curve between two, where the gap to another is least, from some start.
 
     Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    on : list of Patch
+        Up to two, each of a row for each point; none of corners, which stay.
+    against : Patch
+        Alike.
+    extents : (n,) array
+        Of the feature: so far, times a few, points may move.
     """
     if not on:
-        return points  # corners
-    surfaces = [own.surface for own in on]
-    points = onto(points, surfaces)
+        return points
+    points = onto(points, [own.surface for own in on])
     gap, normal = against.gaps(points)
     start, moving = points.copy(), np.arange(len(points))
     for _ in range(STEPS):
         here, pulled = points[moving], normal[moving]
-        own = np.stack([each.gaps(here)[1] for each in on], axis=1)
+        own = np.stack([each.at_rows(moving).gaps(here)[1] for each in on], axis=1)
         tangents = np.linalg.svd(own)[2][:, len(on) :]
         slope = (tangents @ pulled[:, :, None])[..., 0]
-        going = (np.abs(slope).max(axis=1) > LEVEL) & (norms(here - start[moving]) <= STRAYED * extent)
+        going = (np.abs(slope).max(axis=1) > LEVEL) & (norms(here - start[moving]) <= STRAYED * extents[moving])
         moving, here, own, tangents, slope, pulled = (x[going] for x in (moving, here, own, tangents, slope, pulled))
         if not len(moving):
             break
         pull = inverse_of(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
-        bends = against.bends(here) - sum(pull[:, k, :, None] * each.bends(here) for k, each in enumerate(on))
+        bends = against.at_rows(moving).bends(here)
+        bends -= sum(pull[:, k, :, None] * each.at_rows(moving).bends(here) for k, each in enumerate(on))
         values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
-        share = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0]
-        share /= np.maximum(np.abs(values), LEAST_BEND / extent)
+        share, extent = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0], extents[moving]
+        share /= np.maximum(np.abs(values), LEAST_BEND / extent[:, None])
         share *= np.minimum(1.0, 0.5 * extent / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
         move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
-            trial = onto(here[trying] + 0.5**halved * move[trying], surfaces)
-            its_gap, its_normal = against.gaps(trial)
-            less = its_gap < gap[moving[trying]]
-            rows = moving[trying[less]]
-            points[rows], gap[rows], normal[rows] = trial[less], its_gap[less], its_normal[less]
+            rows = moving[trying]
+            trial = onto(here[trying] + 0.5**halved * move[trying], [each.at_rows(rows).surface for each in on])
+            its_gap, its_normal = against.at_rows(rows).gaps(trial)
+            less = its_gap < gap[rows]
+            points[rows[less]], gap[rows[less]], normal[rows[less]] = trial[less], its_gap[less], its_normal[less]
             lower[trying[less]] = True
             trying = trying[~less]
             if not len(trying):

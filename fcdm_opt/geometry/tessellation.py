@@ -24,8 +24,14 @@ TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge a
 _TINY = float(np.finfo(float).tiny)
 
 
+Number = Any
+"""A number, or an array with one for each of several surfaces."""
+
+
 class Swept(NamedTuple):
     """A surface of revolution, as the zeros of its signed distance; length units of the file's reader.
+
+    Or several of one kind, line or circle, one for each point that is asked about: see `stacked`.
 
     Attributes
     ----------
@@ -40,9 +46,9 @@ class Swept(NamedTuple):
 
     origin: Array
     axis: Array
-    line: tuple[float, float] | None
-    ring: float
-    radius: float
+    line: tuple[Number, Number] | None
+    ring: Number
+    radius: Number
 
     @property
     def flat(self) -> bool:
@@ -68,13 +74,26 @@ class Swept(NamedTuple):
             given.get("minor_radius", given.get("radius", 0.0)),
         )
 
+    @classmethod
+    def stacked(cls, surfaces: Sequence[Self]) -> Self:
+        """Return surfaces, all swept by lines or all by circles, as one whose attributes have a row for each."""
+        origin, axis, line, ring, radius = (np.array(own) for own in zip(*surfaces, strict=True))
+        return cls(origin, axis, None if surfaces[0].line is None else (line[:, 0], line[:, 1]), ring, radius)
+
+    def at_rows(self, rows: Ints) -> Self:
+        """Return some of several surfaces."""
+        line = None if self.line is None else (self.line[0][rows], self.line[1][rows])
+        return self._replace(
+            origin=self.origin[rows], axis=self.axis[rows], line=line, ring=self.ring[rows], radius=self.radius[rows]
+        )
+
     def misses(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (n, 3) are off the surface, away from axis or tube positive, and unit normals there."""
         along, across, far = self.about(points)
         outward = across / np.maximum(far, _TINY)[:, None]
         if self.line is not None:
-            c, s = self.line
-            return c * far - s * along - self.radius, c * outward - s * self.axis
+            c, s = (np.asarray(own)[..., None] for own in self.line)
+            return c[..., 0] * far - s[..., 0] * along - self.radius, c * outward - s * self.axis
         tube = far - self.ring
         long = np.hypot(tube, along)
         ways = tube[:, None] * outward + along[:, None] * self.axis
@@ -110,7 +129,7 @@ class Swept(NamedTuple):
     def about(self, points: Array) -> tuple[Array, Array, Array]:
         """Return how far points are along the axis, where across it, and how far across."""
         local = points - self.origin
-        along = local @ self.axis
+        along = (local * self.axis).sum(axis=-1)
         across = local - along[:, None] * self.axis
         return along, across, norms(across)
 
@@ -292,7 +311,7 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
     for end, own in ((np.minimum, least), (np.maximum, most)):
         end.at(own, side, owners[:, None])
     on_sides = np.stack([least, most], axis=1)[side]  # the surfaces on both sides of each
-    table = list[Array]()
+    table, flat = list[Array](), np.array([own.flat for own in surfaces])
     for n in SPLITS:
         shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)])
         points = np.einsum("pc,tcx->tpx", shares / n, corners)
@@ -302,12 +321,14 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
             on = np.flatnonzero((shares[:, (k + 2) % 3] == 0) & (shares[:, k] > 0) & (shares[:, (k + 1) % 3] > 0))
             where.append((on, on_sides[:, k]))
         for rows, pairs in where:
-            for pair in np.unique(pairs, axis=0).tolist() if len(rows) else ():
-                found = np.flatnonzero((pairs == pair).all(axis=1))
-                both = [surfaces[k] for k in dict.fromkeys(pair)]
-                if not all(own.flat for own in both):
-                    moved = onto(points[found[:, None], rows].reshape(-1, 3), both)
-                    points[found[:, None], rows] = moved.reshape(len(found), len(rows), 3)
+            one, two = pairs.T
+            within, between = (one == two) & ~flat[one], (one != two) & ~(flat[one] & flat[two])
+            for moved, of in ((within, pairs[:, :1]), (between, pairs)):
+                found = np.flatnonzero(moved)[:, None]
+                if moved.any() and len(rows):
+                    onto_them = np.repeat(of[moved], len(rows), axis=0)
+                    there = onto_each(points[found, rows].reshape(-1, 3), surfaces, onto_them)
+                    points[found, rows] = there.reshape(-1, len(rows), 3)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
             [number[i + a, j + b, n - i - j - a - b] for a, b in steps]
@@ -390,6 +411,19 @@ def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
         if np.abs(gap).max(initial=0.0) < 1e-14 * np.abs(points).max(initial=0.0):
             break
     return points
+
+
+def onto_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> Array:
+    """Return points (n, 3) moved the nearest way onto one or two surfaces each, by their numbers, (n, 1) or (n, 2)."""
+    found, circle = points.copy(), np.array([own.line is None for own in surfaces])
+    place = np.where(circle, np.cumsum(circle), np.cumsum(~circle)) - 1
+    kinds = {kind: [own for own in surfaces if (own.line is None) == kind] for kind in (False, True)}
+    stacked = {kind: Swept.stacked(own) for kind, own in kinds.items() if own}
+    for kind in np.unique(circle[which], axis=0):
+        rows = np.flatnonzero((circle[which] == kind).all(axis=1))
+        own = [stacked[bool(each)].at_rows(place[which[rows, k]]) for k, each in enumerate(kind)]
+        found[rows] = onto(points[rows], own)
+    return found
 
 
 def inverse_of(products: Array) -> Array:

@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
 from fcdm_opt.geometry.patches import Patch, TrueFaces
-from fcdm_opt.geometry.tessellation import Swept, onto
+from fcdm_opt.geometry.tessellation import Swept, onto, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
@@ -75,9 +75,8 @@ class FacePieces(NamedTuple):
             own = self.patches == k
             errors[own] = patches[k].surface.left_by_each(self.corners[own]).max(axis=1)
         middles, on = self.middles(patches), (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
-        for k in np.unique(self.patches).tolist():
-            own = self.patches == k
-            on[own] = onto(on[own].reshape(-1, 3), [patches[k].surface]).reshape(-1, 3, 3)
+        of_each = np.repeat(self.patches, 3)[:, None]
+        on = onto_each(on.reshape(-1, 3), [own.surface for own in patches], of_each).reshape(-1, 3, 3)
         trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
         return self._replace(errors=errors + TRIM * trimmed)
 
@@ -99,13 +98,15 @@ class FacePieces(NamedTuple):
 
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
-        found = (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
-        pairs = np.column_stack([np.repeat(self.patches, 3), self.others.ravel()])
-        flat = found.reshape(-1, 3)
-        for one, two in np.unique(pairs, axis=0).tolist():
-            own = (pairs == (one, two)).all(axis=1)
-            flat[own] = onto(flat[own], [patches[k].surface for k in (one, two) if k >= 0])
-        return flat.reshape(-1, 3, 3)
+        found = ((self.corners + np.roll(self.corners, -1, axis=1)) / 2.0).reshape(-1, 3)
+        pairs, surfaces = (
+            np.column_stack([np.repeat(self.patches, 3), self.others.ravel()]),
+            [p.surface for p in patches],
+        )
+        edge = pairs[:, 1] >= 0
+        found[edge] = onto_each(found[edge], surfaces, pairs[edge])
+        found[~edge] = onto_each(found[~edge], surfaces, pairs[~edge, :1])
+        return found.reshape(-1, 3, 3)
 
     def cut(self, rows: Flags, faces: TrueFaces, small: float) -> tuple[FacePieces, Ints]:
         """Return pieces of which some are cut in two at the side that leaves its surface most, and what each is of.
@@ -181,7 +182,7 @@ class FacesApart:
                 return max(low, 0.0)
             pairs = self._nearest[near]
             self._nearest = self._nearest[near | (lows <= upper)]
-            self._cut(pairs, small)
+            self._cut(pairs, small, np.zeros((2, len(pairs)), bool))
         return 0.0
 
     def least_shift(self, directions: Array, most: float, goal: float) -> float:
@@ -206,7 +207,7 @@ class FacesApart:
             (i, j), errors = self._nearest.T, [own.errors for own in self._pieces]
             one, two = self._pieces[0].corners[i], self._pieces[1].corners[j]
             self.remaining -= len(i)
-            kept = self._stay_within(self._nearest, directions, goal)
+            kept, may = self._stay_within(self._nearest, directions, goal)
             lows = np.where(kept.any(axis=0), goal, _separations(one, two, errors[0][i] + errors[1][j], directions))
             near = lows < goal
             if not near.any():
@@ -214,13 +215,16 @@ class FacesApart:
             if self.remaining < 0:
                 break
             self._nearest = self._nearest[near]
-            self._cut(self._nearest, (most - goal) * far)
+            self._cut(self._nearest, (most - goal) * far, may[:, near])
             pacing.check()
         return max(float(lows.min()), 0.0)
 
-    def _stay_within(self, pairs: Ints, directions: Array, length: float) -> Flags:
-        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such shifts."""
-        found = np.zeros((2, len(pairs)), bool)
+    def _stay_within(self, pairs: Ints, directions: Array, length: float) -> tuple[Flags, Flags]:
+        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such shifts.
+
+        And of which a smaller piece may, as its corners are in it now.
+        """
+        found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
@@ -229,7 +233,8 @@ class FacesApart:
                 its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
                 far = _farthest_after(own.corners[its], own.errors[its], most, surface, directions, length)
                 found[k, rows] |= far < room[rows]
-        return found
+                may[k, rows] |= _out(own.corners[its], surface).max(axis=1) < room[rows]
+        return found, may
 
     def _nearest_to(self, k: int, number: int) -> Array:
         """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,).
@@ -290,14 +295,16 @@ class FacesApart:
         rim = np.maximum(out.max(axis=1), radii[own.others].max(axis=1))
         return np.stack([np.where(plane, rim, radii[own.patches]), levels])
 
-    def _cut(self, pairs: Ints, small: float) -> None:
-        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
+    def _cut(self, pairs: Ints, small: float, rather: Flags) -> None:
+        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little.
+
+        Or the one that is `rather` to be cut, (2, m).
+        """
         i, j = pairs.T
         errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
         wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
         first = np.where(wide, sizes[0][i] >= sizes[1][j], errors[0][i] >= errors[1][j])
-        one, two = (self._concave[k][self._pieces[k].patches[rows]] for k, rows in enumerate((i, j)))
-        first = np.where(one == two, first, two)
+        first = np.where(rather[0] == rather[1], first, rather[0])
         for k, chosen in enumerate((i[first], j[~first])):
             rows = np.zeros(len(self._pieces[k].corners), bool)
             rows[chosen] = True
@@ -322,6 +329,12 @@ def _across(corners: Array, surface: Swept) -> Array:
     """Return where corners are from the axis of a bore, across it, or from the centre of a socket."""
     off = corners - surface.origin
     return off if surface.line is None else off - (off @ surface.axis)[..., None] * surface.axis
+
+
+def _out(corners: Array, surface: Swept) -> Array:
+    """Return how far out corners are in the space within a bore, cone or socket, in what its radius bounds there."""
+    steep, slope = surface.line or (1.0, 0.0)
+    return np.asarray(steep * norms(_across(corners, surface)) - slope * ((corners - surface.origin) @ surface.axis))
 
 
 def _farthest_after(

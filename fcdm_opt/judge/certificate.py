@@ -907,7 +907,7 @@ class _Judge:
         A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
         """
         leading = self.claims
-        if len(leading) > 2 or self.problem.goal == "seat":
+        if len(leading) > (1 if self.problem.goal == "seat" else 2):
             own = {_named(feature) for feature in self.problem.nominal_features}
             leading = [claim for claim in self.claims if _named(claim.feature) in own] or self.claims
         lines = [claim.lines(poses) for claim in leading[:2]]

@@ -9,6 +9,7 @@ more.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,6 +62,58 @@ def gap_of_true_faces(
     return -max(_deepest(one, two, band, without), _deepest(two, one, band, turned))
 
 
+class _Surfaces(NamedTuple):
+    """Surfaces of revolution, see `Swept`: of all faces of a body, or one for each point.
+
+    Attributes
+    ----------
+    origin, axis : (..., 3) array
+    line : (..., 2) array
+        nan where it is swept by a circle.
+    ring, radius : (...) array
+    """
+
+    origin: Array
+    axis: Array
+    line: Array
+    ring: Array
+    radius: Array
+
+    @classmethod
+    def of(cls, swept: Sequence[Swept]) -> _Surfaces:
+        """Return them as arrays."""
+        made = [own._replace(line=own.line or (np.nan, np.nan)) for own in swept]
+        return cls(*(np.array(each, float) for each in zip(*made, strict=True)))
+
+    def of_each(self, which: Ints | int) -> _Surfaces:
+        """Return those of some numbers."""
+        return _Surfaces(*(each[which] for each in self))
+
+    def about(self, points: Array) -> tuple[Array, Array]:
+        """Return how far points are along the axis of a surface, and where across it."""
+        local = points - self.origin
+        z = np.einsum("...i,...i->...", local, self.axis)
+        return z, local - z[..., None] * self.axis
+
+    def height(self, points: Array) -> tuple[Array, Array]:
+        """Return how far points are off a surface, and the directions there: from the nearest point of its profile."""
+        z, radial = self.about(points)
+        r = np.sqrt(np.einsum("...i,...i->...", radial, radial))
+        out = radial / np.where(r > 0.0, r, 1.0)[..., None]
+        a, b = self.line[..., 0], self.line[..., 1]  # the line a r - b z = radius, a and b of length 1
+        height, directions = a * r - b * z - self.radius, a[..., None] * out - b[..., None] * self.axis
+        bowed = np.isnan(a)
+        if bowed.any():  # a circle of this radius about (ring, 0) in the half-plane of r and z
+            extent = np.sqrt((r - self.ring) ** 2 + z**2)
+            safe = np.where(extent > 0.0, extent, 1.0)
+            direction = ((r - self.ring) / safe)[..., None] * out + (z / safe)[..., None] * self.axis
+            height, directions = (
+                np.where(bowed, extent - self.radius, height),
+                np.where(bowed[..., None], direction, directions),
+            )
+        return height, directions
+
+
 class _There:
     """A body's triangles and surfaces where they are."""
 
@@ -73,45 +126,39 @@ class _There:
 
         self.corners = there(faces.corners)
         self.neighbours = _neighbours(faces.corners, faces.owners)
-        self._known = dict[int, list[tuple[int, Array, Array, Array, Array]]]()
-        self.patches = [
-            (
-                own.surface._replace(
-                    origin=there(own.surface.origin),
-                    axis=pose[:3, :3] @ own.surface.axis,
-                    ring=scale * own.surface.ring,
-                    radius=scale * own.surface.radius,
-                ),
-                own.side,
-            )
-            for own in faces.patches
-        ]
+        self._known = dict[int, tuple[Ints, Array, Array, Array, Array]]()
+        drawn = _Surfaces.of([own.surface for own in faces.patches])
+        self.surfaces = drawn._replace(
+            origin=there(drawn.origin),
+            axis=drawn.axis @ pose[:3, :3].T,
+            ring=scale * drawn.ring,
+            radius=scale * drawn.radius,
+        )
+        self.sides = np.array([own.side for own in faces.patches])
 
     def points(self, k: int, which: Ints, shares: Array) -> Array:
         """Return points of a face by triangles of it and shares of their corners: those of sides are on its edges."""
         corners = self.corners[which]
         points = np.einsum("nk,nki->ni", shares, corners)
         on_edges, edges = np.zeros(len(points), bool), points.copy()
-        for s in range(3):
-            there, next_, others = s, (s + 1) % 3, self.neighbours[which, s]
-            whole = shares[:, there] + shares[:, next_]
-            for m in self.bent_neighbours(k, others):
-                rows = np.flatnonzero((others == m) & (whole > 0.0))
-                start, end = corners[rows, there], corners[rows, next_]
-                along = (shares[rows, next_] / whole[rows])[:, None]
-                curve = _on_edge(self.patches[k][0], self.patches[m][0], start, end, along)
-                points[rows] += whole[rows, None] * (curve - start - along * (end - start))
-                ends = shares[rows, (s + 2) % 3] == 0.0
-                on_edges[rows[ends]], edges[rows[ends]] = True, curve[ends]
+        next_ = np.roll(np.arange(3), -1)
+        whole, others = shares + shares[:, next_], self.neighbours[which]
+        rows, s = np.nonzero((whole > 0.0) & self.may_bend(k, others))
+        start, end = corners[rows, s], corners[rows, next_[s]]
+        along = (shares[rows, next_[s]] / whole[rows, s])[:, None]
+        curve = _on_edge(self.surfaces.of_each(k), self.surfaces.of_each(others[rows, s]), start, end, along)
+        np.add.at(points, rows, whole[rows, s, None] * (curve - start - along * (end - start)))
+        ends = shares[rows, next_[next_[s]]] == 0.0
+        on_edges[rows[ends]], edges[rows[ends]] = True, curve[ends]
         if self.is_round[k]:
             for _ in range(3):
-                height, directions = _height(self.patches[k][0], points)
+                height, directions = self.surfaces.of_each(k).height(points)
                 points = points - height[:, None] * directions
         return np.where(on_edges[:, None], edges, points)
 
-    def bent_neighbours(self, k: int, others: Ints) -> list[int]:
-        """Return which of its neighbours it may have bent edges with."""
-        return [m for m in np.unique(others).tolist() if m != k and (self.is_round[k] or self.is_round[m])]
+    def may_bend(self, k: int, others: Ints) -> Flags:
+        """Tell with which faces it may have bent edges."""
+        return np.asarray((others != k) & (self.is_round[k] | self.is_round[others]))
 
     def has(self, k: int, feet: Array, slack: float, *, over: bool = False) -> Flags:
         """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord.
@@ -120,52 +167,50 @@ class _There:
         """
         if not len(feet):
             return np.zeros(0, bool)
-        surface, side = self.patches[k]
-        normals = side * _height(surface, feet)[1]
+        surface = self.surfaces.of_each(k)
+        normals = self.sides[k] * surface.height(feet)[1]
         found = np.ones(len(feet), bool) if over else _over(feet, normals, self.corners[self.owners == k])
-        beyond = np.zeros(len(feet), bool)
-        for m, start, end, low, high in self._bent_edges(k):
-            i, e = overlapping_between(feet, feet, low - slack, high + slack).T
-            along = end[e] - start[e]
-            length = np.linalg.norm(along, axis=1)
-            share = np.einsum("ni,ni->n", feet[i] - start[e], along) / length**2
-            between = (share >= 0.0) & (share <= 1.0)
-            i, e, along, length, share = (each[between] for each in (i, e, along, length, share))
-            chord = start[e] + share[:, None] * along
-            out = np.cross(along, normals[i]) / length[:, None]
-            curve = _on_edge(surface, self.patches[m][0], start[e], end[e], share[:, None])
-            off, bow = (np.einsum("ni,ni->n", each - chord, out) for each in (feet[i], curve))
-            found[i[(off >= 0.0) & (off <= bow + slack)]] = True
-            beyond[i[(off <= 0.0) & (off > bow + slack)]] = True
-        return found & ~beyond
+        m, start, end, low, high = self._bent_edges(k)
+        i, e = overlapping_between(feet, feet, low - slack, high + slack).T
+        along = end[e] - start[e]
+        length = np.linalg.norm(along, axis=1)
+        share = np.einsum("ni,ni->n", feet[i] - start[e], along) / length**2
+        between = (share >= 0.0) & (share <= 1.0)
+        i, e, along, length, share = (each[between] for each in (i, e, along, length, share))
+        chord = start[e] + share[:, None] * along
+        out = np.cross(along, normals[i]) / length[:, None]
+        curve = _on_edge(surface, self.surfaces.of_each(m[e]), start[e], end[e], share[:, None])
+        off, bow = (np.einsum("ni,ni->n", each - chord, out) for each in (feet[i], curve))
+        found[i[(off >= 0.0) & (off <= bow + slack)]] = True
+        found[i[(off <= 0.0) & (off > bow + slack)]] = False
+        return found
 
-    def _bent_edges(self, k: int) -> list[tuple[int, Array, Array, Array, Array]]:
-        """Return the edges of a face that leave their chords, by the face beyond: ends of these, and of their boxes."""
+    def _bent_edges(self, k: int) -> tuple[Ints, Array, Array, Array, Array]:
+        """Return the edges of a face that leave their chords: the face beyond, their ends, and those of their boxes."""
         if k not in self._known:
-            self._known[k] = found = []
-            which, s = np.nonzero((self.owners == k)[:, None] & (self.neighbours != k))
-            for m in self.bent_neighbours(k, self.neighbours[which, s]):
-                rows = self.neighbours[which, s] == m
-                start, end = (self.corners[which[rows], own] for own in (s[rows], (s[rows] + 1) % 3))
-                one, two, bow = self.patches[k][0], self.patches[m][0], np.zeros(len(start))
-                for share in (0.25, 0.5, 0.75):
-                    curve = _on_edge(one, two, start, end, np.full((len(start), 1), share))
-                    bow = np.maximum(bow, np.linalg.norm(curve - start - share * (end - start), axis=1))
-                bent = bow > BENT * np.linalg.norm(end - start, axis=1)
-                start, end, room = start[bent], end[bent], BOWED * bow[bent, None]
-                if len(start):
-                    found.append((m, start, end, np.minimum(start, end) - room, np.maximum(start, end) + room))
+            which, s = np.nonzero((self.owners == k)[:, None] & self.may_bend(k, self.neighbours))
+            others = self.neighbours[which, s]
+            start, end = (self.corners[which, own] for own in (s, (s + 1) % 3))
+            bow = np.zeros(len(start))
+            for share in (0.25, 0.5, 0.75):
+                shares = np.full((len(start), 1), share)
+                curve = _on_edge(self.surfaces.of_each(k), self.surfaces.of_each(others), start, end, shares)
+                bow = np.maximum(bow, np.linalg.norm(curve - start - share * (end - start), axis=1))
+            bent = bow > BENT * np.linalg.norm(end - start, axis=1)
+            start, end, room = start[bent], end[bent], BOWED * bow[bent, None]
+            self._known[k] = others[bent], start, end, np.minimum(start, end) - room, np.maximum(start, end) + room
         return self._known[k]
 
     def nearer(self, points: Array, k: int, depth: Array, slack: float) -> Flags:
         """Tell which points are less deep behind another face than behind this one, or as little before one."""
         found = np.zeros(len(points), bool)
-        for m, (surface, side) in enumerate(self.patches):
-            if m != k:
-                height, directions = _height(surface, points)
-                off = side * height
-                rows = np.flatnonzero((off > slack - depth) & (off <= depth) & ~found)
-                found[rows] = self.has(m, points[rows] - height[rows, None] * directions[rows], slack)
+        height, directions = self.surfaces.height(points[:, None])
+        off = self.sides * height
+        near = (off > slack - depth[:, None]) & (off <= depth[:, None])
+        near[:, k] = False
+        for m in np.flatnonzero(near.any(axis=0)).tolist():
+            rows = np.flatnonzero(near[:, m] & ~found)
+            found[rows] = self.has(m, points[rows] - height[rows, m, None] * directions[rows, m], slack)
         return found
 
 
@@ -182,27 +227,31 @@ def _neighbours(corners: Array, owners: Ints) -> Ints:
     return found.reshape(-1, 3)
 
 
-def _on_edge(one: Swept, two: Swept, start: Array, end: Array, share: Array) -> Array:
-    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord."""
+def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Array) -> Array:
+    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord.
+
+    The surfaces are those of all, or one for each chord.
+    """
     along = end - start
     points = start + share * along
+    if not len(points):
+        return points
     length = np.linalg.norm(along, axis=1)
     middle, half = 0.5 * (start + end), (share - 0.5) * along
+    flat = (0.0, -1.0)
     for surface in (one, two):  # about an axis of which they are round: where they go on in each other no more is told
-        if surface.flat:
-            continue
-        z, far = zip(*(_about(surface, own) for own in (start, middle, end)), strict=True)
+        z, far = zip(*(surface.about(own) for own in (start, middle, end)), strict=True)
         r = [np.linalg.norm(own, axis=1) for own in far]
         alike = np.maximum(np.abs(z[0] - z[2]), np.abs(r[0] - r[2])) <= ROUND * length
         square = r[0] ** 2 - np.einsum("ni,ni->n", half, half)
-        rows = np.flatnonzero(alike & (square > 0.0) & (r[1] > ROUND * r[0]))
-        bowed = middle[rows] + half[rows] + (np.sqrt(square[rows]) / r[1][rows] - 1.0)[:, None] * far[1][rows]
-        off = [np.maximum(*(np.abs(_height(own, at)[0]) for own in (one, two))) for at in (bowed, points[rows])]
-        nearer = off[0] < off[1]
-        points[rows[nearer]] = bowed[nearer]
+        alike &= (square > 0.0) & (r[1] > ROUND * r[0]) & (surface.line != flat).any(axis=-1)
+        stretch = np.sqrt(np.where(alike, square, 0.0)) / np.where(alike, r[1], 1.0)
+        bowed = middle + half + (stretch - 1.0)[:, None] * far[1]
+        off = [np.maximum(*(np.abs(own.height(at)[0]) for own in (one, two))) for at in (bowed, points)]
+        points = np.where((alike & (off[0] < off[1]))[:, None], bowed, points)
     along = along / np.maximum(length, np.finfo(float).tiny)[:, None]
     for _ in range(TIMES_ONTO):
-        found = (_height(surface, points) for surface in (one, two))
+        found = (surface.height(points) for surface in (one, two))
         height, directions = (np.stack(own, axis=1) for own in zip(*found, strict=True))
         if np.abs(height).max(initial=0.0) <= ROUNDING * length.max(initial=0.0):
             break
@@ -215,26 +264,6 @@ def _on_edge(one: Swept, two: Swept, start: Array, end: Array, share: Array) -> 
         inverse = np.where(smooth, np.array([[a, b], [b, c]]) / whole**2, inverse)
         points = points - np.einsum("nki,kln,nl->ni", across, inverse, height)
     return points
-
-
-def _about(surface: Swept, points: Array) -> tuple[Array, Array]:
-    """Return how far points are along the axis of a surface, and where across it."""
-    local = points - surface.origin
-    z = local @ surface.axis
-    return z, local - np.outer(z, surface.axis)
-
-
-def _height(surface: Swept, points: Array) -> tuple[Array, Array]:
-    """Return how far points are off a surface, and the ways there: from the nearest point of its profile."""
-    z, radial = _about(surface, points)
-    r = np.sqrt(np.einsum("ni,ni->n", radial, radial))
-    out = radial / np.where(r > 0.0, r, 1.0)[:, None]
-    if surface.line is None:  # a circle of this radius about (ring, 0) in the half-plane of r and z
-        extent = np.sqrt((r - surface.ring) ** 2 + z**2)
-        safe = np.where(extent > 0.0, extent, 1.0)
-        return extent - surface.radius, ((r - surface.ring) / safe)[:, None] * out + np.outer(z / safe, surface.axis)
-    a, b = surface.line  # the line a r - b z = radius, a and b of length 1
-    return a * r - b * z - surface.radius, a * out - b * surface.axis
 
 
 def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[int, int]]) -> float:
@@ -259,14 +288,14 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
     shares[shares < 1e-9] = 0.0
-    surface, side = other.patches[k]
+    surface, side = other.surfaces.of_each(k), other.sides[k]
     which, shares = np.repeat(triangles, len(shares)), np.tile(shares, (len(triangles), 1))
     deepest, width, slack = -np.inf, 1.0, SLACK * band
     sides = own.corners[triangles] - np.roll(own.corners[triangles], 1, axis=1)
     longest = float(np.linalg.norm(sides, axis=2).max())
     for turn in range(TIMES):
         points = own.points(j, which, shares)
-        height, directions = _height(surface, points)
+        height, directions = surface.height(points)
         depth = -side * height
         inside = np.abs(height) <= band
         apart = longest * width * (0.5 if turn else 1.0 / (grid - 1))

@@ -96,7 +96,7 @@ class NominalContact:
 
         A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
         """
-        if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int):
+        if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int) or self._meets_as_asked:
             return None
         located = self._located
         if isinstance(located, SwitchingPoint) or (isinstance(located, Segment) and self.goal != "beyond"):
@@ -114,6 +114,14 @@ class NominalContact:
         contact = self.curve.locate(nearest, DEFAULT.nominal)
         return None if contact is None else (contact, Snapped(asked, nearest, gap))
 
+    @cached_property
+    def _meets_as_asked(self) -> bool:
+        """Whether contacts are named, and the bodies touch at the pair asked for: the curve need not be listed."""
+        if not self.contacts or isinstance(self.nominal, int):
+            return False
+        near = DEFAULT.nominal * self.size
+        return bool(abs(self.curve.near_gap(np.array(self._asked_pair), near)) <= near)
+
     def _within_snap(self, pair: Array, asked: Array) -> bool:
         """Tell whether neither scale differs from the one asked for by more than `snap`; never for nan."""
         return bool(np.abs(pair / asked - 1.0).max() <= self.snap)
@@ -127,8 +135,9 @@ class NominalContact:
     def nominal_pair(self) -> Array:
         """Nominal scales, (2,): those of the switching point where it is one, and on the curve where closed to it."""
         asked = self._asked_pair
-        if self.goal in ("touch", "clear") and not isinstance(self.nominal, int):
-            return frozen(asked)  # these follow no contact: what touches there is looked up when it is asked for
+        follows_none = self.goal in ("touch", "clear") and not isinstance(self.nominal, int)
+        if follows_none or self._meets_as_asked:  # what touches there is looked up when it is asked for
+            return frozen(asked)
         contact = self.nominal_contact
         if isinstance(contact, SwitchingPoint):
             return frozen(contact.rho)
@@ -268,7 +277,7 @@ class NominalContact:
     def check_goal(self, target: Array, signs: Array) -> None:
         """Refuse a goal that tracks this contact but cannot; `signs` of the target pair as `Problem.signs`."""
         goal = self.goal
-        if self.nominal_contact is None and not self.contacts:
+        if not self.contacts and self.nominal_contact is None:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)
             gap = self.curve.gap(asked)

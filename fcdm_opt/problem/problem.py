@@ -65,7 +65,7 @@ SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C":
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
-_NOMINAL = ("nominal_contact", "nominal_pair", "_closed")  # what the nominal contact is: found on the curve
+_NOMINAL = ("nominal_pair", "_meets_as_asked", "nominal_contact", "_closed")  # the last two need the curve
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -540,7 +540,8 @@ def _resolved(
         parts |= contacts
     parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
-        names_known = (*_NOMINAL, *(["nominal_seats"] if before.goal in TRACKING else []))
+        names_known = list(_NOMINAL[: 2 if before._meets_as_asked else None])
+        names_known += ["nominal_seats"] if before.goal in TRACKING else []
         parts |= {name: getattr(before, name) for name in names_known if points is None or name in vars(before)}
         if "nominal_seats" in parts:
             parts["nominal_seats"] = tuple(own.carried_by(*parts["active"]) for own in before.nominal_seats)
@@ -558,8 +559,9 @@ def _resolved(
     steps = asked.resolution
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
-    everywhere = contact.goal in ("at", "seat") and contact.nominal_contact is None  # at all sizes, if at all
-    several = contact.chosen_contacts("all" if everywhere and asked.contacts is None else asked.contacts)
+    several = contact.chosen_contacts(asked.contacts)
+    if asked.contacts is None and contact.goal in ("at", "seat") and contact.nominal_contact is None:
+        several = contact.chosen_contacts("all")  # at all sizes, if at all
     if contact.goal == "seat" and contact.partial and not _no_room(asked):
         several = several or contact.flush_contacts
     if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):

@@ -154,12 +154,25 @@ def test_on_a_busy_machine_sliders_had_fewer_frames(monkeypatch):
 
 
 def test_a_search_for_a_frame_without_end_is_given_up_after_so_many_looks(monkeypatch):
-    monkeypatch.setattr("fcdm_opt.show.report.families.LOOKS", 10)
-    monkeypatch.setattr("fcdm_opt.show.report.families.LEAST_LOOKS", 10)
+    monkeypatch.setattr("fcdm_opt.show.report.families.LOOKS", 12)
+    monkeypatch.setattr("fcdm_opt.show.report.families.LEAST_LOOKS", 12)
     (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
     family = case["families"]["tolerance"]
     assert family["values"] == [0.0, 1.0]
     assert family["note"].startswith("from +4 %, +8 % on left out")
+
+
+def test_a_search_for_a_frame_went_on_without_end_while_the_report_was_drawn(monkeypatch):
+    """What is told is not ended by the time, and so the searches in it were not: for 300 s, of a taper."""
+
+    def endless(problem, **_):
+        for _ in range(100_000):
+            pacing.check()
+        pytest.fail("the search was not ended")
+
+    monkeypatch.setattr("fcdm_opt.show.report.families.solve", endless)
+    (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
+    assert case["families"]["tolerance"]["values"] == [1.0]
 
 
 def test_tolerance_family_of_boxes_is_the_closed_form():
@@ -493,9 +506,7 @@ def test_requirements_that_a_file_leaves_out_are_solved_and_marked():
 def test_two_cases_of_one_requirement_have_two_tables():
     (problem,) = opened("boxes", "both made larger").problems
     other = problem.changed(motion=fo.Translation("y") >> fo.Translation("x"), published=None)
-    first, second = gather([Opened(Path("own.toml"), problems=(problem, other))], certify=False, frames=0.0)[
-        "matrices"
-    ]
+    first, second = gather([Opened(Path("own.toml"), problems=(problem, other))], certify=False, frames=0.0)["matrices"]
     assert (first["cells"]["A"]["case"], second["cells"]["A"]["case"]) == (0, 1)
     assert second["cells"]["D"]["motion"] == "TX 0.035"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -63,9 +64,11 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, share
             changes = {"target": tuple(target_at(problem, factor).tolist())}
         try:
             with pacing.looking(max(LEAST_LOOKS, int(LOOKS * frames_of(problem, 1)))):
-                answer = solve(problem.changed(**changes), effort="quick")
+                answer = pacing.in_time(partial(solve, effort="quick"), problem.changed(**changes), late=None)
         except InputError:
             return None
+        if answer is None:
+            raise pacing.TimeOverError
         return frames.solved(answer)
 
     def shown(factor: float) -> str:
