@@ -29,6 +29,7 @@ ROUNDS = 30  # of making parts exact where they overlap
 PATIENCE = 6  # rounds in which the deepest overlap becomes less than half of what it was, or it is given up
 SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
+JUMP = 1e4  # times what counts as touching: by more the next motion is another one, as line to line nothing else fits
 FAR = 0.05  # of the size: nearer points of a time are one
 STEPS = 30  # of a search for a smaller motion after which true faces touch
 SLOW = 0.9  # of an overlap that a round leaves: where it is more, where the next ones lead to is not foreseen
@@ -106,15 +107,35 @@ class Exchange:
 
     def add(self, found: Sequence[NearestPoints]) -> None:
         """Make the parts exact at these points."""
-        for own in found:
-            for role, point in zip(self.points, own.points.tolist(), strict=False):
-                self.points[role].append(point)
+        self.points.update(self.with_points(found))
 
-    def met(self, own: NearestPoints, transform: Array) -> NearestPoints:
-        """Return points that overlap after a motion, by rounding, each half as far within: line to line, parts fit."""
+    def with_points(self, found: Sequence[NearestPoints]) -> Points:
+        """Return the points of each part with these."""
+        new = ([own.points[k].tolist() for own in found if k < len(own.points)] for k in range(len(self.points)))
+        return {role: [*known, *own] for (role, known), own in zip(self.points.items(), new, strict=True)}
+
+    def met(self, transform: Array) -> list[NearestPoints]:
+        """Return the points that a motion moves towards each other most of those where parts touch after it, or none.
+
+        Each half as far within as they overlap, by rounding: line to line, parts fit. Points that only slide on each
+        other, as beside a pin that is moved in its bore, would be as near before and after.
+        """
+        facets, scale = self.facets, float(self.facets.target[0])
+        seed = facets.movable.seed
+
+        def moved(own: NearestPoints) -> float:
+            point = seed + scale * (own.points[0] - seed)
+            return abs(float((transform[:3, :3] @ point + transform[:3, 3] - point) @ own.normal))
+
+        near = self._sorted(transform, self._slack)
+        least = min((own.gap for own in near), default=0.0)
+        found = [own for own in near if own.gap <= max(TIGHT * self._slack, -SEVERAL * least)]
+        own = max(found, key=moved, default=None)
+        if own is None or self.has(own):
+            return []
         half, (one, two) = max(-own.gap, 0.0) / 2.0 * own.normal, self.facets.target.tolist()
         within = np.array([-half @ transform[:3, :3] / one, half / two])
-        return own._replace(points=own.points + within[: len(own.points)])
+        return [own._replace(points=own.points + within[: len(own.points)])]
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
         """Return where true faces meet after the least motion near one after which the parts touch.
@@ -233,8 +254,11 @@ def points_of_true_faces(
     apart = problem.goal == "touch" and len(problem.weights) > 1
     apart = apart and all(own.gap > slack for own in asked.nearest(np.eye(4), slack))
     deepest, least, before = np.inf, np.inf, list[NearestPoints]()
+    touching: tuple[float, Points] | None = None  # the amount after which they first do, to within what counts as that
     for count in range(ROUNDS):
         current = solve(asked.problem)
+        if touching and not (current.transform is not None and current.amount <= touching[0] + JUMP * slack):
+            return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
         if refused(current) and problem.goal == "clear":
@@ -243,7 +267,10 @@ def points_of_true_faces(
         worst = [own for own in new if own.gap < -TIGHT * slack]
         if worst and all(map(asked.has, worst)):  # no piece of the true solid is known there
             break
-        asked.add(worst or [asked.met(own, current.transform) for own in new[:1]])  # their gap is told there
+        met = asked.met(current.transform)  # their gap is told there
+        if worst and worst[0].gap >= -slack and touching is None:
+            touching = current.amount, asked.with_points(met)
+        asked.add(worst or met)
         if not worst:
             less = current.amount < least * (1.0 - DEFAULT.nominal)
             if apart and less and (near := asked.nearer(current)):

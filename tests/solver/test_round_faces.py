@@ -283,6 +283,14 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
 
 
+def test_a_shaft_line_to_line_was_let_out_of_its_hub_where_their_axes_miss_each_other_by_rounding() -> None:
+    """The motion brings the axes together but for what lies across it, which no motion along y mends."""
+    hub = plate(15.0, wide=60.0).with_seed(np.array([0.0, -0.376, 10.0]))
+    shaft = fo.Cylinder(15.0, 40, base=(0, 0, -10), facets=30).with_seed(np.array([2e-8, -0.187, 10.0]))
+    solution = usable(asked(hub, shaft, fo.Translation("y"), target=(1.02, 1.02)), effort="quick")
+    assert solution.parameters["TY"] == pytest.approx(-0.02 * 0.189, abs=1e-10)
+
+
 def test_two_pins_in_two_holes_share_what_their_distances_differ_by() -> None:
     holes = [fo.Cylinder(5.1, 20, base=(x, 0, -10), facets=16) for x in (-30, 30)]
     base = fo.cut(fo.Box((80, 40, 10)), *holes)
