@@ -393,8 +393,8 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
         starts = [_starts(each, other.patches[key[-1]]) for each, key in zip(pieces, keys.tolist(), strict=True)]
         patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
         extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
-        for (*on, against), x in zip(keys.tolist(), _all_lowest(starts, patches, extents), strict=True):
-            found = _kept(x, own, on, other, against, band)
+        for (*on, against), x in zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True):
+            found = _on_both_bodies(x, own, on, other, against, band)
             if len(found[0]):
                 yield found
 
@@ -409,7 +409,7 @@ def _starts(pieces: Array, patch: Patch) -> Array:
     return start
 
 
-def _all_lowest(starts: list[Array], patches: list[list[Patch]], extents: list[float]) -> list[Array]:
+def _lowest_of_each(starts: list[Array], patches: list[list[Patch]], extents: list[float]) -> list[Array]:
     """Return `lowest` points of features, each from its places and with the patches it is of, and the one it is to."""
     found, kinds = list(starts), [tuple(own.surface.line is None for own in each) for each in patches]
     for kind in dict.fromkeys(kinds):
@@ -441,7 +441,7 @@ def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *,
     return near[round_]
 
 
-def _kept(
+def _on_both_bodies(
     x: Array, own: _Placed, on: list[int], other: _Placed, against: int, band: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return those of the lowest points of a feature that are on both bodies: gaps, normals, and the points of both."""
