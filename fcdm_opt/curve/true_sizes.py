@@ -125,6 +125,8 @@ class TrueSizes:
         The same, exact at the points.
     permanent : set of (int, int)
         Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
+    deepest : list
+        Of the sizes last asked of `refined` the gap of the true faces and its direction, where it is less than claimed.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sequence[Size]) -> None:
@@ -133,6 +135,7 @@ class TrueSizes:
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
         self.permanent = set[tuple[int, int]]()
+        self.deepest = list[tuple[float, Array] | None]()
         self.bodies = self._exact()
 
     @classmethod
@@ -222,8 +225,11 @@ class TrueSizes:
     def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
+        self.deepest = []
         for place, gap in claimed:
-            nearest = [own for own in self._nearest(pose, place, gap) if own.gap < gap - slack]
+            found = self._nearest(pose, place, gap)
+            self.deepest.append((found[0].gap, found[0].normal) if found else None)
+            nearest = [own for own in found if own.gap < gap - slack]
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
                 both = self._drawn(0, own), self._drawn(1, own)
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):

@@ -91,16 +91,29 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
         _, frame = np.linalg.eigh(patches[0].bends(point[None])[0])
         one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
         directions = [one, -one, two, -two]
-    else:  # along the edge, and from it along either face
+    elif len(patches) == 2:  # along the edge, and from it along either face
         along = units(cross(normals[0], normals[1]))
-        on_faces = (cross(normal, along) for normal in normals[:2])
-        away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[1::-1], strict=True))
+        on_faces = (cross(normal, along) for normal in normals)
+        away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[::-1], strict=True))
         directions = [along, -along, *away]
+    else:
+        directions = _from_corner(normals)
+        if len(directions) < 3:
+            return None
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
     ring = [_within(patches, point + width * direction - lower) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
     return corners, tuple(faces.row_at(k, point) for k in near), normals, hull
+
+
+def _from_corner(normals: Array) -> list[Array]:
+    """Return the directions from a corner along the edges of the cone below the planes with these normals."""
+    one, two = np.triu_indices(len(normals), 1)
+    along = cross(normals[one], normals[two])
+    along = along[norms(along) > DEFAULT.sharp]
+    both = units(np.concatenate([along, -along]))
+    return [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:

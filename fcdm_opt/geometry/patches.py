@@ -176,9 +176,8 @@ class TrueFaces:
         return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
 
     def room(self, near: Sequence[int], point: Array) -> float:
-        """Return how far edges are from a point of some patches, other than that between the first two."""
-        own = np.sort(near)[:2] if len(near) > 1 else [-1, -1]
-        others = (np.sort(self.every_pair_of_patches, axis=1) != own).any(axis=1)
+        """Return how far edges are from a point of some patches, other than those between two of these."""
+        others = ~np.isin(self.every_pair_of_patches, near).all(axis=1)
         return float(distances(point[None], self.every_edge[others]).min(initial=np.inf))
 
     def along(self, start: Array, end: Array) -> Array | None:
@@ -272,13 +271,18 @@ class _Placed:
         return np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
-        """Tell which points are behind a patch, and nearer another one, before or behind it, which tells their gap."""
+        """Tell which points are behind a patch, and nearer another one or an edge, which tells their gap."""
         found = np.zeros(len(points), bool)
         for j, own in enumerate(self.patches):
             before, _ = own.gaps(points)
             rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
+        off = self.scale * max(deviation_of(self.faces.body))  # of chords of edges
+        rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
+        if len(rows):
+            near = distances(points[rows], self.there(self.faces.every_edge)).min(axis=0, initial=np.inf)
+            found[rows] = near < -gaps[rows] - off
         return found
 
     def crossed(self, pair: Array, points: Array) -> Flags:

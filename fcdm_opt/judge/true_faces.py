@@ -15,7 +15,9 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.patches import TrueFaces
+from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
 
 GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
@@ -126,6 +128,9 @@ class _There:
 
         self.corners = there(faces.corners)
         self.neighbours = _neighbours(faces.corners, faces.owners)
+        ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
+        self.edges = ends[self.neighbours != self.owners[:, None]]  # chords, each off its edge by no more than a facet
+        self.off = scale * max(deviation_of(faces.body))
         self._known = dict[int, tuple[Ints, Array, Array, Array, Array]]()
         drawn = _Surfaces.of([own.surface for own in faces.patches])
         self.surfaces = drawn._replace(
@@ -202,7 +207,7 @@ class _There:
         return self._known[k]
 
     def nearer(self, points: Array, k: int, depth: Array, slack: float) -> Flags:
-        """Tell which points are less deep behind another face than behind this one, or as little before one."""
+        """Tell which points are less deep behind another face or an edge than behind this one, or before a face."""
         found = np.zeros(len(points), bool)
         height, directions = self.surfaces.height(points[:, None])
         off = self.sides * height
@@ -211,6 +216,8 @@ class _There:
         for m in np.flatnonzero(near.any(axis=0)).tolist():
             rows = np.flatnonzero(near[:, m] & ~found)
             found[rows] = self.has(m, points[rows] - height[rows, m, None] * directions[rows, m], slack)
+        rows = np.flatnonzero(~found & (depth > 2.0 * self.off + slack))  # where faces end at a concave edge
+        found[rows] = distances(points[rows], self.edges).min(axis=0, initial=np.inf) < depth[rows] - self.off - slack
         return found
 
 

@@ -129,11 +129,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         sentence, of_mesh = verdict_text(row.solution), row.solution.left_by_mesh
         sentence = sentence.replace(of_mesh, of_mesh.partition(": ")[0])
         print_text(f"{row.solution.problem.name}: {sentence}", indent="   ")
-    alike: dict[tuple[Any, ...], Problem] = {}
-    for problem in (row.solution.problem for row in rows):  # of cases with the same parts, one that is exact on them
-        parts = (*problem.of_facets.bodies[:2], str(problem.tolerance), *problem.nominal_pair)
-        alike[parts] = problem if problem.exact_at is not None else alike.get(parts, problem)
-    fits = dict.fromkeys(f"{told}." for problem in alike.values() if (told := fit_text(problem)))
+    fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
     if any(row.solution.problem.requirement for row in rows):
         fits |= {f"requirements: {WORDS['requirement'].partition(': ')[2]}.": None}
     print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import (
@@ -34,6 +35,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.features import Feature
+    from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Solution
@@ -252,24 +254,28 @@ def fit_text(problem: Problem) -> str:
 
     None of large bodies, of which only some parts are looked at.
     """
-    from fcdm_opt.design.fixed_pose.scene import Scales
-    from fcdm_opt.design.sizes import Sizes
-
     if problem.tolerance is None or problem.partial:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
-    scene = Scales(problem.movable, problem.static, Sizes(ends))
-    here = scene.pose(np.eye(4))
-    scene.leave_out([here])
-    extremes = scene.extremes(scene.rows(here))  # of several parts the largest gap may be within
-    low, high = extremes.least.gap, extremes.most.gap
+    low, high, of_facets = _drawn_gaps(*problem.of_facets.bodies[:2], tuple(ends.ravel().tolist()))
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
     told = [
         f"{length_text(problem, abs(gap))} {'apart' if gap > slack else 'overlapping' if gap < -slack else 'touching'}"
         for gap in (low, high)
     ]
-    return f"unmoved, over the whole tolerance: {kind} fit, from {told[0]} to {told[1]}"
+    between = " (between facets)" if of_facets else ""
+    return f"unmoved, over the whole tolerance: {kind} fit, from {told[0]} to {told[1]}{between}"
+
+
+@lru_cache(maxsize=4)  # the cases of a file have the same parts
+def _drawn_gaps(movable: Body, static: Body, box: tuple[float, ...]) -> tuple[float, float, bool]:
+    """Return the least and the largest gap as drawn over scales, and whether facets stand for round faces there."""
+    from fcdm_opt.design.fixed_pose.clearances import ScaleGaps
+
+    found = ScaleGaps.of(movable, static, np.eye(4), np.reshape(box, (2, 2)))
+    least, most = found.extremes[:2]  # of several parts the largest gap may be within
+    return least.gap, most.gap, found.true is None and gaps_off(movable, [static]) != (0.0, 0.0)
 
 
 def name_of(problem: Problem, body: int) -> str:

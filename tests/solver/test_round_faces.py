@@ -13,11 +13,12 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
-from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
 from fcdm_opt.geometry.true_distance import FacesApart
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.model import apart_until
+from fcdm_opt.show.verdict import fit_text
 
 X, Y, Z = (fo.Translation(axis) for axis in np.eye(3))
 NEAR = {"rel": 1e-9, "abs": 1e-12}
@@ -289,6 +290,37 @@ def test_a_shaft_line_to_line_was_let_out_of_its_hub_where_their_axes_miss_each_
     shaft = fo.Cylinder(15.0, 40, base=(0, 0, -10), facets=30).with_seed(np.array([2e-8, -0.187, 10.0]))
     solution = usable(asked(hub, shaft, fo.Translation("y"), target=(1.02, 1.02)), effort="quick")
     assert solution.parameters["TY"] == pytest.approx(-0.02 * 0.189, abs=1e-10)
+
+
+@cache
+def keyed() -> tuple[fo.Body, fo.Body]:
+    """A hub with a keyway 8 wide on its shaft of radius 15, their axes off the middle of their volumes."""
+    bore, keyway = fo.Cylinder(15.0, 22, base=(0, 0, -1)), fo.Box((8, 20, 22), centre=(0, 10, 10))
+    hub = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), bore, keyway, name="hub")
+    shaft = fo.Cylinder(15.0, 40, base=(0, 0, -10), facets=30, name="shaft")
+    return hub.with_seed(np.array([0.0, -0.376, 10.0])), shaft.with_seed(np.array([0.0, -0.187, 10.0]))
+
+
+def test_the_fit_of_the_parts_unmoved_was_that_of_facets() -> None:
+    """Smallest hub, largest shaft: corners of the keyway lie deepest, the axes .02 times .376 + .187 apart."""
+    problem = asked(*keyed(), X, target=None, tolerance=0.02, requirement="A", goal="clear", unit="mm")
+    off = 0.02 * (0.376 + 0.187)
+    least = math.hypot(0.98 * 4.0, 0.98 * math.sqrt(15.0**2 - 4.0**2) - off) - 1.02 * 15.0
+    told = fo.clearances(problem, count=10)
+    assert told.range == pytest.approx((least, 0.04 * 15.0 - off), **NEAR)
+    assert fo.verify(told).passed
+    ends = f"{-least:.4g} mm overlapping to {0.6 - off:.4g} mm apart"
+    assert fit_text(problem) == f"unmoved, over the whole tolerance: transition fit, from {ends}"
+
+
+def test_points_by_a_concave_edge_were_told_to_lie_behind_the_far_side() -> None:
+    """The rim of a bore .5 within a boss and .01 within its base: not the 3.01 up to the top of the boss."""
+    base = fo.joined(fo.Box((60, 60, 10), centre=(0, 0, 5)), fo.Cylinder(20.0, 3.5, base=(0, 0, 9.5)))
+    faces = [true_faces(plate(19.5, wide=60.0)), true_faces(base)]
+    lifted = np.eye(4)
+    lifted[2, 3] = 9.99
+    assert gap_of_true_faces(faces, np.ones(2), lifted, 4.0) == pytest.approx(-0.5, abs=1e-3)
+    assert nearest_on_faces(faces, (1.0, 1.0), lifted, 4.0)[0].gap == pytest.approx(-0.5, abs=1e-3)
 
 
 def test_two_pins_in_two_holes_share_what_their_distances_differ_by() -> None:

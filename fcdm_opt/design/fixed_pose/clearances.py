@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.true_sizes import ROUNDS, touching_true_faces
-from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
-from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, Scales, is_exact, true_sizes
+from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes, touching_true_faces
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, by_contacts
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, Scales, on_true_faces, true_scales
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -26,7 +26,7 @@ from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.design.stack.stack_up import StackUp
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import rigid_transform
+from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
@@ -296,21 +296,49 @@ def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> 
     return _Found(transform, least, most, pairs, source, gaps, stack.claims(), stack.standing, on_true_faces=exact)
 
 
+class ScaleGaps(NamedTuple):
+    """Two bodies at a pose, and the extremes of their gap over a box of scales.
+
+    Attributes
+    ----------
+    scene : Scales
+        The bodies, made exact at points of round faces.
+    rows : GapRows
+        At the pose.
+    extremes : Extremes
+    true : TrueSizes or None
+        Their true faces, whose gaps these are; None where all faces are flat, or gaps are those of facets.
+    """
+
+    scene: Scales
+    rows: GapRows
+    extremes: Extremes
+    true: TrueSizes | None
+
+    @classmethod
+    def of(cls, movable: Body, static: Body, transform: Array, box: Array) -> ScaleGaps:
+        """Return it for bodies of facets, the movable one at a pose (4, 4), over scales between the ends of `box`."""
+        sizes = Sizes(box)
+        true = true_scales(movable, static, sizes)
+        for turn in range(ROUNDS + 1):
+            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+            scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
+            pose = scene.pose(transform)
+            scene.leave_out([pose])
+            rows = scene.rows(pose)
+            extremes = scene.extremes(rows)
+            exact = extremes if true is None else on_true_faces(true, transform, extremes, own=False)
+            if exact is not None:
+                break
+        return cls(scene, rows, exact or extremes, true)
+
+
 def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
     """Return the gaps of all scales of two bodies."""
     transform, whole = transform_of(problem, pose), box_of(problem, sizes, box)
-    (pairs, source), true = drawn(whole), true_sizes(problem, Sizes(whole))
-    for turn in range(ROUNDS + 1):
-        true = true if turn < ROUNDS else None  # it comes to no end: then of facets
-        one, two = (problem.movable, problem.static) if true is None else true.bodies
-        scene = Scales(one, two, Sizes(whole))
-        here = scene.pose(transform)
-        scene.leave_out([here])
-        at = scene.rows(here)
-        extremes = scene.extremes(at)
-        if true is None or is_exact(true, transform, extremes, own=False):
-            break
-    wider = Scales(one, two, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
+    pairs, source = drawn(whole)
+    scene, at, extremes, true = ScaleGaps.of(*problem.of_facets.bodies[:2], transform, whole)
+    wider = Scales(scene.movable, scene.static, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
     wider.permanent = scene.permanent
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
     claimed = GapClaims(
@@ -323,7 +351,7 @@ def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) ->
         permanent=tuple(scene.permanent),
         permanent_faces=None if true is None else frozenset(true.permanent),
     )
-    gaps, permanent = wider.rows(here).gaps(pairs), scene.permanent_in_words
+    gaps, permanent = wider.rows(at.pose).gaps(pairs), scene.permanent_in_words
     return _Found(transform, least, most, pairs, source, gaps, claimed, permanent, extremes.doubt, true is not None)
 
 

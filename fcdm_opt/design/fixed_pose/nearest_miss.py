@@ -73,7 +73,7 @@ def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
         at = scene.rows(own.pose(q))
         gaps = at.of_pairs(sizes[None])[:, 0]
         for k in np.argsort(gaps)[: 1 if own.high == 0.0 < gaps.min() else None].tolist():
-            gap, one = float(gaps[k]), at.alone(k)
+            gap, one = float(gaps[k]), at.only(np.array([k]))
             between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
             asked = f", {measured(f'{own.low:.4g}', unit)} asked" if own.low > 0.0 else ""
             yield max(own.low - gap, gap - own.high), f"{between} {_state(gap, slack, unit)}{asked}"

@@ -68,10 +68,11 @@ class GapRows:
         found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
         return found
 
-    def alone(self, k: int) -> GapRows:
-        """Return the rows of one part pair."""
-        rows = self.rows[self.first[k] : self.first[k + 1]]
-        return replace(self, rows=rows, first=np.array([0, len(rows)]), pairs=self.pairs[k : k + 1])
+    def only(self, which: Ints) -> GapRows:
+        """Return the rows of some part pairs."""
+        rows = [self.rows[self.first[k] : self.first[k + 1]] for k in which.tolist()]
+        first = np.cumsum([0, *map(len, rows)])
+        return replace(self, rows=np.concatenate(rows), first=first, pairs=self.pairs[which])
 
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""
@@ -221,21 +222,25 @@ class Scales(SizedBodies):
         if len(values) == 1:
             return at.at(rho), 0.0
         near, numbers = DEFAULT.tie * self.size, count()
-        heap = [(-_no_more(values), next(numbers), self.sizes.box)]
+        heap = [(-_no_more(values), next(numbers), self.sizes.box, at)]
         for _ in range(PIECES):
             if not heap or -heap[0][0] <= found + near:
                 break
-            top, _, box = heappop(heap)
+            top, _, box, near_it = heappop(heap)
             axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.far))
             for side in (0, 1):
                 piece = box.copy()
                 piece[axis, 1 - side] = box[axis].mean()
                 ends = np.array([(x, y) for x in piece[0] for y in piece[1]])
-                own = at.of_pairs(ends)
+                own = near_it.of_pairs(ends)
                 least = own.min(axis=0)
                 if least.max() > found:
                     found, rho = float(least.max()), ends[least.argmax()]
-                heappush(heap, (-min(_no_more(own), -top), next(numbers), piece))
+                most = min(_no_more(own), -top)
+                beyond = (
+                    most + self.far @ (piece[:, 1] - piece[:, 0]) / 2.0 + near
+                )  # no scale in it changes a gap by more
+                heappush(heap, (-most, next(numbers), piece, near_it.only(np.flatnonzero(own.min(axis=1) <= beyond))))
         return at.at(rho), max(-heap[0][0] - found, 0.0) if heap else 0.0
 
     def _least(self, at: GapRows, corners: Array, values: Array) -> Extreme:
@@ -243,7 +248,7 @@ class Scales(SizedBodies):
         best = at.at(corners[int(values.min(axis=0).argmin())])
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
-            one = at.alone(p)
+            one = at.only(np.array([p]))
             planes = one.rows[:, 3:]
             if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
@@ -374,13 +379,24 @@ def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
     """
     if sizes is None:
         return TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
-    plain, ends = problem.of_facets, (sizes.box - 1.0).tolist()
-    both = zip(SCALES, ROLES, ends, strict=True)
+    return true_scales(*problem.of_facets.bodies[:2], sizes)
+
+
+def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
+    """Return bodies made exact at points of their round faces, for scales; None where no round face is known."""
+    both = zip(SCALES, ROLES, (sizes.box - 1.0).tolist(), strict=True)
     scales = [Size(name, role, scale="xyz", tolerance=(low, high)) for name, role, (low, high) in both]
-    return TrueSizes.of(plain.movable, plain.static, scales)
+    return TrueSizes.of(movable, static, scales)
 
 
-def is_exact(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> bool:
-    """Tell whether the true faces have the extreme gaps at a pose; else the bodies are made exact there."""
-    ends = extremes.least, extremes.most
-    return not true.refined(transform, [(end.rho - (0.0 if own else 1.0), end.gap) for end in ends])
+def on_true_faces(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> Extremes | None:
+    """Return the extreme gaps at a pose as the true faces have them; None where the bodies were made exact there anew.
+
+    Small pieces of a round solid lie less deep in another one than the whole of it.
+    """
+    ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
+    if true.refined(transform, ends):
+        return None
+    found = zip(extremes[:2], true.deepest, strict=True)
+    least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
+    return Extremes(least, most, extremes.doubt)
