@@ -257,7 +257,8 @@ def fit_text(problem: Problem) -> str:
     if problem.tolerance is None or problem.partial:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
-    low, high, of_facets = _drawn_gaps(*problem.of_facets.bodies[:2], tuple(ends.ravel().tolist()))
+    facets = problem.of_facets
+    low, high, of_facets = _drawn_gaps(facets.movable, facets.static, tuple(ends.ravel().tolist()))
     slack = problem.contact_slack
     kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
     told = [

@@ -337,7 +337,8 @@ def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) ->
     """Return the gaps of all scales of two bodies."""
     transform, whole = transform_of(problem, pose), box_of(problem, sizes, box)
     pairs, source = drawn(whole)
-    scene, at, extremes, true = ScaleGaps.of(*problem.of_facets.bodies[:2], transform, whole)
+    facets = problem.of_facets
+    scene, at, extremes, true = ScaleGaps.of(facets.movable, facets.static, transform, whole)
     wider = Scales(scene.movable, scene.static, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
     wider.permanent = scene.permanent
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])

@@ -379,7 +379,8 @@ def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
     """
     if sizes is None:
         return TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
-    return true_scales(*problem.of_facets.bodies[:2], sizes)
+    facets = problem.of_facets
+    return true_scales(facets.movable, facets.static, sizes)
 
 
 def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
