@@ -174,6 +174,7 @@ def test_a_wall_ends_the_way_before_the_border():
 # --------------------------------------------------------------------------------------------------------- the examples
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("number", "name"), [(n, name) for n in (1, 2) for name in "ABCD"])
 def test_published_motions_lie_in_the_coherent_range_and_the_features_end_with_it(number, name):
     asked = problems(f"example{number}")[name]
@@ -274,6 +275,7 @@ def test_random_rays_agree_with_sampling(unions, count, seed):
     assert ends > count
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_a_common_rigid_motion_a_common_scale_and_the_way_round_change_nothing(seed):
     rng = np.random.default_rng(seed)

@@ -210,6 +210,7 @@ def differs(problem: Problem, *more: str) -> Solution:
     return solution
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["example1", "example2"])
 @pytest.mark.parametrize("case", range(4))
 def test_the_papers_cases_change_as_differences_say(name, case):

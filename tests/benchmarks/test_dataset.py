@@ -75,6 +75,7 @@ def test_meshes_of_others_carry_their_open_licence_and_come_from_the_files_besid
         assert held == pytest.approx(trimesh.load_mesh(folder / name).convex_hull.volume * unit**3, rel=1e-5), name
 
 
+@pytest.mark.sampled(30)
 @pytest.mark.parametrize("own", MOVED, ids=lambda own: own["name"])
 def test_answers_do_what_is_asked_and_cost_what_is_said(score: Any, own: Any) -> None:
     truth = own["answer"]

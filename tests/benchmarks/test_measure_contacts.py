@@ -98,6 +98,7 @@ def asked(method: Method, label: str, pair: Pair, questions: tuple[ContactQuesti
     return answers
 
 
+@pytest.mark.sampled(12)
 def test_every_setting_is_bounded_or_a_number_of_steps() -> None:
     assert BOUNDS.keys() == BY_NAME.keys()
     for name, bounds in BOUNDS.items():

@@ -206,6 +206,7 @@ def verdicts(case: HardCase, answers: Mapping[str, Any]) -> dict[str, str]:
     return {name: judge(case, answer).outcome for name, answer in answers.items()}
 
 
+@pytest.mark.sampled(19)
 @named("program")
 def test_planted_answers_to_programs_are_seen_through(case):
     best = case.truth.get("x")

@@ -295,13 +295,13 @@ def test_parallel_flush_and_odd_seeds(case):
     check(case)
 
 
-@pytest.mark.sampled(54)
+@pytest.mark.sampled(29)
 @each([*SIZE_RATIOS, *ASPECTS, *FAR_AWAY, *UNITS])
 def test_sizes_and_places(case):
     check(case)
 
 
-@pytest.mark.sampled(52)
+@pytest.mark.sampled(29)
 @each([*MANY_POINTS, *SIDED, *TILTED, *MANY_MEET, *SMALL_NUMBERS])
 def test_points_and_features(case):
     check(case)
@@ -312,6 +312,7 @@ def is_named(case: Case) -> bool:
     return angle_of(case) > BAND[1] or (angle_of(case) < BAND[0] and not case.name.startswith("edge"))
 
 
+@pytest.mark.sampled(29)
 @each([case for case in NEARLY if is_named(case)])
 def test_nearly_parallel(case):
     check(case)

@@ -128,7 +128,7 @@ def test_contact_lines_equal_the_exact_line_of_the_pose(motion):
         np.testing.assert_allclose(row, expected / length, rtol=0, atol=1e-12 * size)
 
 
-@pytest.mark.sampled(31)
+@pytest.mark.sampled(13)
 @EVERY_MOTION
 @pytest.mark.parametrize("kinds", KIND_PAIRS, ids=str)
 def test_switching_points_equal_the_exact_meeting_of_two_lines(motion, kinds):
@@ -256,6 +256,7 @@ def test_derivatives_of_contact_lines_equal_differences_of_the_kernels(motion, k
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * max(1.0, np.abs(expected).max()))
 
 
+@pytest.mark.sampled(40)
 @EVERY_MOTION
 @pytest.mark.parametrize("kinds", list(combinations_with_replacement(KINDS, 2)), ids=str)
 def test_derivatives_of_switching_points_equal_differences_of_the_kernels(motion, kinds):
@@ -366,6 +367,7 @@ def test_contact_lines_are_the_appendix_equations_i_and_ii(motion):
             assert (c - a * rho1) / b == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.sampled(50)
 @EVERY_MOTION
 @pytest.mark.parametrize("kinds", KIND_PAIRS, ids=str)
 def test_switching_points_are_the_appendix_equations_iii_to_v(motion, kinds):

@@ -198,6 +198,7 @@ def test_parts_that_touch_at_one_scale_ratio_only():
 # ----------------------------------------------------------------------------------------------- against enumeration
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seeds", SEED_PAIRS, ids="-".join)
 @settings(max_examples=4)
 @given(rng=generators, reach=st.sampled_from([1, 2, 3, 1000]))

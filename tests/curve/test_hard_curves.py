@@ -60,6 +60,7 @@ def test_cubes_turned_by_less_than_rounding_lost_parts_of_the_curve(
     assert len(curve.branches) == 1
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("angle", [1e-10, 1e-9, 1e-8, 3e-8, 1e-7, 1e-6])
 @pytest.mark.parametrize("ratio", [0, 0.7, -1.3])
 def test_nearly_parallel_cubes_had_a_branch_in_pieces(angle: float, ratio: float) -> None:
@@ -178,6 +179,7 @@ def nicked(rng: np.random.Generator) -> np.ndarray:
     return points @ random_rotation(rng).T
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seed", range(16))
 def test_tiny_edges_and_nearly_coplanar_faces_turned_signs(seed: int) -> None:
     """Gaps, and signs to within 1e-13 of the curve, of bodies whose edges and folds are of 1e-3 to 1e-15."""

@@ -83,7 +83,7 @@ def test_solid_in_a_cavity_is_apart_until_it_fills_it():
         assert meshes.verdict(np.array(rho)).overlap != apart
 
 
-@pytest.mark.sampled(7)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_parts_of_a_random_solid_fill_its_surface(family, turned):

@@ -119,6 +119,7 @@ def test_the_shape_of_a_tolerance_is_kept() -> None:
     assert_closed(one(half, 0.03, "B", largest=0.02, scale=False), 0.03 / 19.75)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("name", "case", "limit", "letter"),
     [

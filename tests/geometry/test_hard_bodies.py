@@ -51,6 +51,7 @@ def rotations(number: int) -> list[np.ndarray]:
 # ---------------------------------------------------------------------------------------------- prisms and pyramids
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("sides", "size"), [*zip(SIDES, itertools.cycle([1e-8, 1.0, 1e8]), strict=False)])
 def test_regular_prisms_and_pyramids_of_any_size(sides, size):
     for R in rotations(sides):

@@ -61,6 +61,7 @@ def asked(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]
 # ------------------------------------------------------------------------------------------------------ whole bodies
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("turned", [True, False])
 def test_the_least_separation_is_that_of_every_vertex_on_every_direction(number: int, turned: bool) -> None:

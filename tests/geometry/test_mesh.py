@@ -175,6 +175,7 @@ def test_random_star_shaped_outlines(rng):
     np.testing.assert_allclose(mesh.volume, area / 2, rtol=1e-11)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("turned", [False, True])
 def test_random_solids_are_accepted_as_they_are(family, turned):

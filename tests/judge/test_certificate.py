@@ -183,6 +183,7 @@ PLANTED: dict[str, tuple[Callable[[Solution], Solution], set[str], bool]] = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(131)
 @pytest.mark.parametrize("error", PLANTED)
 @pytest.mark.parametrize(("file", "case"), CASES)
 def test_planted_errors_fail_the_check_that_is_meant_for_them(file: str, case: str, error: str) -> None:

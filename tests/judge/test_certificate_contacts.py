@@ -242,6 +242,7 @@ def test_a_side_of_a_wall_that_another_wall_covers_is_no_face_of_the_solid() -> 
     assert looked == 4
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("requirement", "AD")
 @pytest.mark.parametrize("motion", [Translation("z"), Translation("z") >> Rotation("x"), Free()])
 def test_a_frame_on_its_copy_touches_with_one_face(motion: Motion, requirement: str) -> None:

@@ -65,7 +65,7 @@ def test_what_is_not_defined_is_not_bounded():
     assert not any(np.isfinite(expanded(function, 0.5, 2.0)).all() for function in undefined)
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("tracked", range(3))
 def test_conditions_are_the_same_numbers_in_floats_and_in_balls(name, tracked):

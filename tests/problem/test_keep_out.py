@@ -305,6 +305,7 @@ def least_shift(ones: Any, twos: Any, others: Any, axes: list[int], goal: str) -
     return min(np.linalg.norm(shifts[good], axis=1).tolist(), default=None)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("goal", ["touch", "clear"])
 @pytest.mark.parametrize("axes", ["x", "xy", "xyz"])
 def test_among_boxes_the_shift_is_the_least_there_is(axes, goal):

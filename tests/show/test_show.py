@@ -130,6 +130,7 @@ def test_drawing_leaves_the_global_plotting_state_alone() -> None:
     assert done.stdout.split() == ["False", "True"]
 
 
+@pytest.mark.sampled(9)
 @KINDS
 @pytest.mark.parametrize(("example", "name"), [(1, "A"), (1, "B"), (1, "C"), (1, "D"), (2, "A"), (2, "B")])
 def test_no_text_runs_off_the_page_or_into_another(kind: str, example: int, name: str) -> None:

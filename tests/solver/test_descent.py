@@ -73,7 +73,7 @@ def both(goal: str, count: int, number: int) -> tuple[float, float] | None:
     return amounts[0], amounts[1]
 
 
-@pytest.mark.sampled(23)
+@pytest.mark.sampled(11)
 @pytest.mark.parametrize(("goal", "count", "number"), CASES)
 def test_the_descent_finds_no_more_than_the_program(goal, count, number):
     found = both(goal, count, number)

@@ -357,6 +357,7 @@ def mirrored(body: Body, axis: int) -> Body:
     return Body.from_parts([part.vertices * flip for part in body.parts], seed=body.seed * flip)
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("goal", ["touch", "clear", "at"])
 @pytest.mark.parametrize("axis", "xyz")
 @pytest.mark.parametrize("step", [Translation, Rotation])
@@ -402,6 +403,7 @@ def levers(motion: Motion, **limits: tuple[float, float]) -> Problem:
     return problem(*wedge(), motion=motion, limits=limits, length=1.0)
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("model", ["auto", "nlp", "branch and bound"])
 @pytest.mark.parametrize("limits", [{}, {"RZ": (-40, 40)}, {"RZ": (0, 40)}], ids=str)
 @pytest.mark.parametrize("motion", [RZ, OWN_TURN], ids=["rotation", "own"])
@@ -453,6 +455,7 @@ def tooth() -> tuple[Body, Body]:
     return tip.body(), box((1.4, 0, 0), (0.5, 2, 2))
 
 
+@pytest.mark.sampled(17)
 @pytest.mark.parametrize(
     ("pair", "goal", "motion", "model"),
     [(*asked, motion, model)

@@ -78,7 +78,7 @@ def grown(number: int) -> set[tuple[int, ...]]:
     return cubes
 
 
-@pytest.mark.sampled(7)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [*SOLIDS, *range(4)])
 def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: str | int) -> None:
     vertices, faces = surface_of(grown(name) if isinstance(name, int) else VOXELS[name][0])
@@ -439,6 +439,7 @@ def turned_diagonals(corners: np.ndarray, faces: list[list[int]], number: int) -
     return triangles
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("above", "below", "shift", "ranged"),
     [("L", "L", (0.0, 0.0), True), ("T", "cross", (-0.25, 0.0), True), ("L", "T", (0.5, 0.25), False)],

@@ -72,6 +72,7 @@ ALL = Translation("x") >> Translation("y") >> Translation("z")
 ALONE = {"TX": (0.0, 0.0), "TY": (0.0, 0.0), "TZ": (0.0, 0.0)}
 
 
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("looks", LOOKS)
 @pytest.mark.parametrize("motion", [ALL, Free()], ids=["shifts", "free"])
 def test_what_time_leaves_is_a_motion_that_is_judged_and_a_bound_that_holds(

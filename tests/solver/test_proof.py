@@ -136,6 +136,7 @@ def test_a_casadi_function_is_enclosed_as_it_is_evaluated():
         assert (exact <= value.high).all()
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("goal", ["touch", "clear", "beyond", "at"])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_motion_of_an_excluded_cell_does(goal, seed):
@@ -214,6 +215,7 @@ def test_nothing_reaches_is_proved():
         assert solution.lower_bound == math.inf
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 6, 7, 9])
 def test_branch_and_bound_alone_finds_the_same_least_motion(seed):
     rng = np.random.default_rng(seed)

@@ -97,7 +97,7 @@ def test_a_fit_without_play_drawn_never_becomes_other_sizes(
     assert solution.amount == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.sampled(11)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seeds", OTHERS)
 @pytest.mark.parametrize("head", [True, False])
 @pytest.mark.parametrize("goal", ["at", "seat", "touch"])

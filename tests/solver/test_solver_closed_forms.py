@@ -463,6 +463,7 @@ def least_shift(ones: Any, twos: Any, axes: list[int], goal: str) -> float | Non
     return min(float(np.linalg.norm(place)) for place in product(*places) if not overlaps(np.array(place)))
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("axes", ["x", "xy", "yz", "xyz"])
 @pytest.mark.parametrize("counts", [(1, 1), (1, 2), (2, 1), (2, 2)], ids=str)
 def test_unions_of_boxes_are_parted_and_brought_together_by_the_least_shift(counts, axes):

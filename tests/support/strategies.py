@@ -156,5 +156,9 @@ reaches = st.sampled_from([2, 3, 1000])
 
 
 def runs(examples: int) -> settings:
-    """That many examples; a few where the kernels are not compiled and everything takes a hundred times as long."""
-    return settings(max_examples=max(2, examples // 50) if PLAIN else examples)
+    """That many examples with `--slow`, a third without.
+
+    A few where the kernels are not compiled and everything takes a hundred times as long.
+    """
+    share = 50 if PLAIN else 1 if settings.get_current_profile_name() == "slow" else 3
+    return settings(max_examples=max(2, examples // share))
