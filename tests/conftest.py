@@ -43,17 +43,19 @@ PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 FAST = {
     "test_batch", "test_bodies", "test_certificate", "test_contact",
     "test_contact_rows", "test_conversion", "test_descent", "test_distributions", "test_documents_complete",
-    "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init", "test_judging",
+    "test_expansions", "test_features", "test_hard_input", "test_hard_problems", "test_judging",
     "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples", "test_problem",
-    "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution", "test_solver_closed_forms",
+    "test_rationals", "test_registry", "test_remarks", "test_report_page", "test_schema", "test_solution",
+    "test_solver_closed_forms",
     "test_study_files", "test_study_tables", "test_table", "test_turns", "test_typing_mistakes", "test_working",
 }  # fmt: skip
 
 
 # files of few tests that take long: workers begin with them, or one would still be at them when all others are done
 LONG = {
-    "test_compensation_map", "test_curve_of_unions", "test_large_meshes", "test_mesh_error", "test_nonconvex",
-    "test_notebooks", "test_round_faces", "test_slow_inputs", "test_study_run", "test_tour",
+    "test_assembly", "test_compensation_map", "test_curve_of_unions", "test_documents", "test_init",
+    "test_large_meshes", "test_mesh_error", "test_nonconvex", "test_notebooks", "test_report_browser",
+    "test_report_data", "test_round_faces", "test_several_contacts", "test_slow_inputs", "test_study_run",
 }  # fmt: skip
 
 

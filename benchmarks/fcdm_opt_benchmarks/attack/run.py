@@ -27,7 +27,7 @@ from fcdm_opt_benchmarks.record import table
 from fcdm_opt_benchmarks.scripts import chunks, in_pieces
 
 CHUNK = 6
-ROUNDS, QUICK = 60, 5
+ROUNDS, QUICK = 60, 3
 RAW = 3  # raw scenes of each family a round of a full run
 QUICK_RAW = 2  # of each family in a quick one
 
