@@ -217,7 +217,7 @@ def test_the_peg_takes_the_middle_of_its_range(sizes):
     assert found.gap <= ACCURACY * found.value
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("window", "status", "value"),
     [
