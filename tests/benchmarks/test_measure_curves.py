@@ -80,7 +80,7 @@ def error_of_polyline(points: np.ndarray, rho: np.ndarray) -> float:
     return min(errors)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("method", EVERY)
 @pytest.mark.parametrize("reach", [3, 1000])
 def test_method_traces_the_exact_curve(method: Method, reach: int) -> None:
