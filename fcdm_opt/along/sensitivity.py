@@ -429,7 +429,8 @@ def by_moves(
         "vertices" or "faces".
     """
     change = _summed([vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)], moves)
-    shifts = _shifts(body, moves) if np.isnan(change) else None
+    of_faces = np.isnan(change) and body.exact is None  # pieces at points of round faces are of no face of the body
+    shifts = _shifts(body, moves) if of_faces else None
     if shifts is not None and np.isfinite(shifts).all():
         labels = [key + ",".join(f"V{label}" for label in face) for face in body.faces]
         return _summed([faces[label] for label in labels], shifts), "faces"

@@ -20,7 +20,8 @@ FRACTIONS = np.array([1e-3, 0.25, 0.5, 0.75, 1 - 1e-3])  # of the way along an e
 def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str) -> Surface:
     """Return the faces and edges of a union of parts."""
     walls = _Walls(points, hulls)
-    exposed = [walls.exposed(k) for k in range(len(walls.loops))]
+    every = [map(walls.without_short_sides, walls.exposed(k)) for k in range(len(walls.loops))]
+    exposed = [[piece for piece in pieces if len(piece) > 2] for pieces in every]
     shown = [k for k, pieces in enumerate(exposed) if pieces]
     groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
     first, place = distinct_rows(points)
@@ -37,8 +38,8 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         for k in own:
             pieces = [walls.loops[k]] if outline is None else []
             if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
-                pieces = [_added(corners, piece, walls.slack) for piece in exposed[k]]
-            made = [fans([piece]) for piece in pieces if len(piece) > 2]
+                pieces = [_added(corners, piece) for piece in exposed[k]]
+            made = [fans([piece]) for piece in pieces]
             triangles += made
             normals += [walls.normals[k]] * sum(map(len, made))
             owners += [face] * sum(map(len, made))
@@ -56,13 +57,10 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
 
 
-def _added(corners: list[Array], piece: Array, slack: float) -> tuple[int, ...]:
-    """Add the corners of a convex polygon; return their rows, none of a sliver's."""
-    apart = norms(piece - np.roll(piece, 1, axis=0)) > slack
-    if apart.sum() < 3:
-        return ()
-    corners += list(piece[apart])
-    return tuple(range(len(corners) - int(apart.sum()), len(corners)))
+def _added(corners: list[Array], piece: Array) -> tuple[int, ...]:
+    """Add the corners of a convex polygon; return their rows."""
+    corners += list(piece)
+    return tuple(range(len(corners) - len(piece), len(corners)))
 
 
 class _Walls:
@@ -86,6 +84,10 @@ class _Walls:
         self._part = np.repeat(np.arange(len(hulls)), [len(hull.loops) for hull in hulls])
         self._starts = np.searchsorted(self._part, np.arange(len(hulls) + 1))
         self._lows, self._highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
+
+    def without_short_sides(self, piece: Array) -> Array:
+        """Return the corners, (m, 3), of a polygon that are apart from the one before; fewer than three of a sliver."""
+        return piece[norms(piece - np.roll(piece, 1, axis=0)) > self.slack]
 
     def exposed(self, k: int) -> list[Array]:
         """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one.

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from oracles import hull
 from strategies import generators, random_rotation
 
+import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
@@ -224,3 +225,15 @@ def test_a_union_of_two_large_parts_hides_their_seam():
     assert len(body.vertices) == 1200
     assert sorted(map(len, body.faces)) == sorted([6] * 400 + [400] * 2)
     np.testing.assert_allclose(body.seed, [0, 0, 1], atol=1e-13)
+
+
+def test_slivers_that_other_parts_leave_of_a_face_are_no_faces():
+    """A shaft in its hub, of digits as a STEP file has them: numpy could not tell the box about a face of none."""
+    bore, keyway = fo.Cylinder(15.0, 22, base=(0, 0, -1), facets=16), fo.Box((8, 20, 22), centre=(0, 10, 10))
+    hub = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), bore, keyway)
+    seat = fo.Box((8, 8, 20), centre=(1e-9, 15, 10))
+    shaft = fo.cut(fo.Cylinder(15.0, 40, base=(0, 0, -10), facets=16), seat)
+    rows = [np.round(part.vertices, 9) for body in (shaft, hub) for part in body.parts]
+    body = fo.Body.from_parts(rows, seed="box")
+    assert len(body.parts) == len(rows)
+    assert all(len(face) > 2 for face in body.faces)

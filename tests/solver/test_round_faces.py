@@ -345,6 +345,19 @@ def test_diameters_are_sizes_of_round_faces(made: dict[str, float], truth: float
     assert usable(problem, effort="quick").amount == pytest.approx(truth, **NEAR)
 
 
+def test_no_derivative_by_the_diameter_of_a_pin_was_told_as_0() -> None:
+    """Of a pin in the middle of its bore the amount is half of what the diameters differ by."""
+    sizes = [
+        fo.Size("pin", body="movable", faces="cylinder radius 10", each=0.5, tolerance=0.3),
+        fo.Size("bore", body="static", faces="bore radius 10", each=-0.5, tolerance=0.1),
+    ]
+    solution = usable(asked(pin(10.0), plate(10.0), X, sizes=sizes, made={"pin": -0.02, "bore": 0.021}), effort="quick")
+    assert solution.sensitivity.sizes == pytest.approx({"pin": -0.5, "bore": 0.5})
+    two = usable(solution.problem.of_facets.changed(motion=X >> Y), effort="quick")
+    both = zip(two.sensitivity.sizes.values(), (-0.5, 0.5), strict=True)
+    assert all(math.isnan(x) or x == pytest.approx(truth) for x, truth in both)  # or told not to be known
+
+
 def test_what_does_not_fit_by_a_hundredth_is_proved_not_to() -> None:
     """Interference of .02, far below what facets leave of the cylinders."""
     problem = asked(pin(10.02), plate(10.0), X >> Y, goal="clear", limits={"T": (-1, 1), "T_2": (-1, 1)})
