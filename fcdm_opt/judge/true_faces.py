@@ -130,7 +130,7 @@ class _There:
         self.neighbours = _neighbours(faces.corners, faces.owners)
         ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
         self.edges = ends[self.neighbours != self.owners[:, None]]  # chords, each off its edge by no more than a facet
-        self.off = scale * max(deviation_of(faces.body))
+        self.bow = scale * max(deviation_of(faces.body))
         self._known = dict[int, tuple[Ints, Array, Array, Array, Array]]()
         drawn = _Surfaces.of([own.surface for own in faces.patches])
         self.surfaces = drawn._replace(
@@ -216,8 +216,8 @@ class _There:
         for m in np.flatnonzero(near.any(axis=0)).tolist():
             rows = np.flatnonzero(near[:, m] & ~found)
             found[rows] = self.has(m, points[rows] - height[rows, m, None] * directions[rows, m], slack)
-        rows = np.flatnonzero(~found & (depth > 2.0 * self.off + slack))  # where faces end at a concave edge
-        found[rows] = distances(points[rows], self.edges).min(axis=0, initial=np.inf) < depth[rows] - self.off - slack
+        rows = np.flatnonzero(~found & (depth > 2.0 * self.bow + slack))  # where faces end at a concave edge
+        found[rows] = distances(points[rows], self.edges).min(axis=0, initial=np.inf) < depth[rows] - self.bow - slack
         return found
 
 

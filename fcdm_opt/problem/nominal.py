@@ -96,7 +96,7 @@ class NominalContact:
 
         A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
         """
-        if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int) or self._asked_pair_touches:
+        if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int) or self._nominal_pair_touches:
             return None
         located = self._located
         if isinstance(located, SwitchingPoint) or (isinstance(located, Segment) and self.goal != "beyond"):
@@ -115,7 +115,7 @@ class NominalContact:
         return None if contact is None else (contact, Snapped(asked, nearest, gap))
 
     @cached_property
-    def _asked_pair_touches(self) -> bool:
+    def _nominal_pair_touches(self) -> bool:
         """Whether contacts are named, and the bodies touch at the pair asked for: the curve need not be listed."""
         if not self.contacts or isinstance(self.nominal, int):
             return False
@@ -136,7 +136,7 @@ class NominalContact:
         """Nominal scales, (2,): those of the switching point where it is one, and on the curve where closed to it."""
         asked = self._asked_pair
         follows_none = self.goal in ("touch", "clear") and not isinstance(self.nominal, int)
-        if follows_none or self._asked_pair_touches:  # what touches there is looked up when it is asked for
+        if follows_none or self._nominal_pair_touches:  # what touches there is looked up when it is asked for
             return frozen(asked)
         contact = self.nominal_contact
         if isinstance(contact, SwitchingPoint):

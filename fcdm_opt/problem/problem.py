@@ -65,7 +65,7 @@ SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C":
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
-_NOMINAL = ("nominal_pair", "_asked_pair_touches")  # of the nominal contact, besides where it is on the curve
+_NOMINAL = ("nominal_pair", "_nominal_pair_touches")  # of the nominal contact, besides where it is on the curve
 _ON_CURVE = ("nominal_contact", "_closed")
 
 
@@ -541,7 +541,7 @@ def _resolved(
         parts |= contacts
     parts["active"], parts["box"] = active_bodies(*bodies, request["nominal"], request["box"], indices)
     if before is not None:
-        names_known = [*_NOMINAL, *(() if before._asked_pair_touches else _ON_CURVE)]
+        names_known = [*_NOMINAL, *(() if before._nominal_pair_touches else _ON_CURVE)]
         names_known += ["nominal_seats"] if before.goal in TRACKING else []
         parts |= {name: getattr(before, name) for name in names_known if points is None or name in vars(before)}
         if "nominal_seats" in parts:

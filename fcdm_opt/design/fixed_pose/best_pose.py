@@ -17,7 +17,7 @@ from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import on_true_faces, true_sizes
+from fcdm_opt.design.fixed_pose.scene import true_extremes, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -389,7 +389,7 @@ def _of_gap(
         q, extremes = found.found.q, found.found.off.extremes
         if scales is None and turn < ROUNDS and worst.opened(q):
             opened.append(q)
-        elif true is None or on_true_faces(true, transforms_of(problem, q)[""], extremes, own=scales is None):
+        elif true is None or true_extremes(true, transforms_of(problem, q)[""], extremes, own=scales is None):
             break
     return found if true is None or (proves and most) else found._replace(bound=min(found.value, 0.0), done=False), true
 

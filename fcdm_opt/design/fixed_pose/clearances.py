@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes, touching_true_faces
 from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, by_contacts
-from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, Scales, on_true_faces, true_scales
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, Scales, true_extremes, true_scales
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -327,7 +327,7 @@ class ScaleGaps(NamedTuple):
             scene.leave_out([pose])
             rows = scene.rows(pose)
             extremes = scene.extremes(rows)
-            exact = extremes if true is None else on_true_faces(true, transform, extremes, own=False)
+            exact = extremes if true is None else true_extremes(true, transform, extremes, own=False)
             if exact is not None:
                 break
         return cls(scene, rows, exact or extremes, true)

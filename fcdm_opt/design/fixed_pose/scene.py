@@ -226,21 +226,20 @@ class Scales(SizedBodies):
         for _ in range(PIECES):
             if not heap or -heap[0][0] <= found + near:
                 break
-            top, _, box, near_it = heappop(heap)
+            top, _, box, rows = heappop(heap)
             axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.far))
             for side in (0, 1):
                 piece = box.copy()
                 piece[axis, 1 - side] = box[axis].mean()
                 ends = np.array([(x, y) for x in piece[0] for y in piece[1]])
-                own = near_it.of_pairs(ends)
+                own = rows.of_pairs(ends)
                 least = own.min(axis=0)
                 if least.max() > found:
                     found, rho = float(least.max()), ends[least.argmax()]
                 most = min(_no_more(own), -top)
-                beyond = (
-                    most + self.far @ (piece[:, 1] - piece[:, 0]) / 2.0 + near
-                )  # no scale in it changes a gap by more
-                heappush(heap, (-most, next(numbers), piece, near_it.only(np.flatnonzero(own.min(axis=1) <= beyond))))
+                # from its nearest corner no gap changes by more within the piece
+                limit = most + self.far @ (piece[:, 1] - piece[:, 0]) / 2.0 + near
+                heappush(heap, (-most, next(numbers), piece, rows.only(np.flatnonzero(own.min(axis=1) <= limit))))
         return at.at(rho), max(-heap[0][0] - found, 0.0) if heap else 0.0
 
     def _least(self, at: GapRows, corners: Array, values: Array) -> Extreme:
@@ -390,7 +389,7 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
     return TrueSizes.of(movable, static, scales)
 
 
-def on_true_faces(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> Extremes | None:
+def true_extremes(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> Extremes | None:
     """Return the extreme gaps at a pose as the true faces have them; None where the bodies were made exact there anew.
 
     Small pieces of a round solid lie less deep in another one than the whole of it.
