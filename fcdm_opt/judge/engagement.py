@@ -10,7 +10,7 @@ far as one likes. A motion leaves the fit in one of two ways.
 - It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
   drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
   way out. Drawing a part out on an open way is no re-positioning either. Where two widths of the parts made do not go
-  together, a collar and its seat, the convex parts that have them are looked at by themselves too: the rest of a
+  together, a collar and its seat, the faces between which they are are looked at by themselves too: the rest of a
   stepped pin may still be in the bore.
 """
 
@@ -25,6 +25,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
@@ -181,14 +182,21 @@ def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: flo
 
 
 def _any_comes_off(problem: Problem, T: Array) -> bool:
-    """Tell whether body 1 comes off body 2, or convex parts of it do that do not go together with parts of that."""
+    """Tell whether body 1 comes off body 2, or its walls do from between walls that they do not go together with."""
     bodies = problem.movable, problem.static
     if _comes_off(problem, T, [body.vertices for body in bodies]):
         return True
     if (found := misfit(problem)) is None:
         return False
-    pairs = zip(bodies, found.parts, strict=True)
-    return _comes_off(problem, T, [np.concatenate([body.parts[k].vertices for k in own]) for body, own in pairs])
+    sides = zip(bodies, drawn_bodies(problem), found.faces, found.parts, strict=True)
+    return _comes_off(problem, T, [_walls(*own) for own in sides])
+
+
+def _walls(made: Body, drawn: Body, faces: Sequence[Element | None], parts: Sequence[int]) -> Array:
+    """Return the corners, as made, of faces of the body as drawn; of convex parts where only a cut made one."""
+    if len(made.vertices) != len(drawn.vertices) or None in faces:
+        return np.concatenate([made.parts[k].vertices for k in parts])
+    return made.vertices[[vertex - 1 for own in faces if own is not None for vertex in own.vertices]]
 
 
 def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:

@@ -215,6 +215,21 @@ def test_a_stem_still_in_its_hole_hid_that_its_collar_does_not_fit() -> None:
     assert fo.solve(problem.changed(made={"collar": 0.1})).usable
 
 
+def test_a_key_too_wide_for_its_keyway_was_put_into_the_bore_as_a_success() -> None:
+    """The parts beside the keyway reach down into the bore, further than its walls do: the walls tell."""
+    key = fo.Box((8.0, 7.0, 28.0), centre=(0.0, 14.5, 40.0), name="key")
+    bore = fo.Cylinder(15.0, 50.0, base=(0.0, 0.0, 15.0))
+    keyway = fo.Box((8.02, 18.3, 50.0), centre=(0.0, 9.15, 40.0))
+    hub = fo.cut(fo.Box((50.0, 50.0, 40.0), centre=(0.0, 0.0, 40.0)), bore, keyway, name="hub")
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    problem = fo.Problem(key, hub, tolerance=0.02, requirement="B", goal="touch", motion=motion, nominal=(1, 1))
+    solution = fo.solve(problem)
+    assert solution.parameters["TY"] < -3.0
+    assert solution.status is Status.OUTSIDE_FIT
+    assert verdict(problem).startswith("does not fit: key 8.16 in hub 7.86, between ")
+    assert fits_up_to(problem) == pytest.approx(0.02 / 16.02, rel=1e-3)
+
+
 # ---------------------------------------------------------------------------------------------------- what is no fit
 
 
