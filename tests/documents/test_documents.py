@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 import typer
 from documents import NOT_RUN, ROOT, Command, Document, agree, documents
+from scipy.special import ndtr
 from typer.exceptions import TyperException
 from typer.testing import CliRunner
 
@@ -274,3 +276,18 @@ def test_the_first_verdicts_are_what_the_two_commands_print(tmp_path: Path) -> N
     page = next(page for page in PAGES if page.name == "README.md")
     shown = next(block.text for block in page.blocks if block.text.startswith("A: move square_peg"))
     assert shown.strip() in printed
+
+
+def test_the_fit_of_two_step_files_is_what_stack_prints() -> None:
+    """Worst case and share by hand: halves of what the limits differ by, and a normal distribution."""
+    page = next(page for page in PAGES if page.path.name == "round-parts.md")
+    command = next(own for own in page.commands if own.words[0] == "stack")
+    printed = CliRunner().invoke(app, [word.replace("problems/", f"{ROOT}/problems/") for word in command.words])
+    assert printed.exit_code == 0
+    shown = next(block.text for block in page.blocks if "bush +0.035" in block.text)
+    assert agree("\n".join(line.rstrip() for line in printed.stdout.splitlines()), "...\n" + shown + "...\n")
+    ends, deviation = (-0.015, -0.002), math.hypot(0.0105, 0.0065) / 6.0
+    share = 100.0 * math.fsum(
+        sign * ndtr((end + 0.009) / deviation) for sign, end in zip((-1.0, 1.0), ends, strict=True)
+    )
+    assert f"{share:.4f}% by root sum square" in printed.stdout
