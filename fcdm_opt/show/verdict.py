@@ -272,7 +272,7 @@ def fit_text(problem: Problem) -> str:
 @lru_cache(maxsize=4)  # the cases of a file have the same parts
 def _drawn_gaps(movable: Body, static: Body, box: tuple[float, ...]) -> tuple[float, float, bool]:
     """Return the least and the largest gap as drawn over scales, and whether facets stand for round faces there."""
-    from fcdm_opt.design.fixed_pose.clearances import ScaleGaps
+    from fcdm_opt.design.fixed_pose.scene import ScaleGaps
 
     found = ScaleGaps.of(movable, static, np.eye(4), np.reshape(box, (2, 2)))
     least, most = found.extremes[:2]  # of several parts the largest gap may be within

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes, touching_true_faces
-from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, by_contacts
-from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, GapRows, Scales, true_extremes, true_scales
+from fcdm_opt.curve.true_sizes import touching_true_faces
+from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
+from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, ScaleGaps, Scales
 from fcdm_opt.design.sizes import (
     SCALES,
     Sizes,
@@ -26,7 +26,7 @@ from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.design.stack.stack_up import StackUp
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.bodies import Body, rigid_transform
+from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
@@ -294,43 +294,6 @@ def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> 
     least, most = end(worst.least, worst.at_least), end(worst.largest, worst.at_largest)
     gaps, exact = stack.gap(pairs), stack.on_true_faces
     return _Found(transform, least, most, pairs, source, gaps, stack.claims(), stack.standing, on_true_faces=exact)
-
-
-class ScaleGaps(NamedTuple):
-    """Two bodies at a pose, and the extremes of their gap over a box of scales.
-
-    Attributes
-    ----------
-    scene : Scales
-        The bodies, made exact at points of round faces.
-    rows : GapRows
-        At the pose.
-    extremes : Extremes
-    true : TrueSizes or None
-        Their true faces, whose gaps these are; None where all faces are flat, or gaps are those of facets.
-    """
-
-    scene: Scales
-    rows: GapRows
-    extremes: Extremes
-    true: TrueSizes | None
-
-    @classmethod
-    def of(cls, movable: Body, static: Body, transform: Array, box: Array) -> ScaleGaps:
-        """Return it for bodies of facets, the movable one at a pose (4, 4), over scales between the ends of `box`."""
-        sizes = Sizes(box)
-        true = true_scales(movable, static, sizes)
-        for turn in range(ROUNDS + 1):
-            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
-            scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
-            pose = scene.pose(transform)
-            scene.leave_out([pose])
-            rows = scene.rows(pose)
-            extremes = scene.extremes(rows)
-            exact = extremes if true is None else true_extremes(true, transform, extremes, own=False)
-            if exact is not None:
-                break
-        return cls(scene, rows, exact or extremes, true)
 
 
 def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:

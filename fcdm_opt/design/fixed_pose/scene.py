@@ -13,6 +13,7 @@ from functools import cached_property
 from heapq import heappop, heappush
 from itertools import count
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
-from fcdm_opt.curve.true_sizes import ROLES, TrueSizes
+from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
@@ -400,3 +401,40 @@ def true_extremes(true: TrueSizes, transform: Array, extremes: Extremes, *, own:
     found = zip(extremes[:2], true.deepest, strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
     return Extremes(least, most, extremes.doubt)
+
+
+class ScaleGaps(NamedTuple):
+    """Two bodies at a pose, and the extremes of their gap over a box of scales.
+
+    Attributes
+    ----------
+    scene : Scales
+        The bodies, made exact at points of round faces.
+    rows : GapRows
+        At the pose.
+    extremes : Extremes
+    true : TrueSizes or None
+        Their true faces, whose gaps these are; None where all faces are flat, or gaps are those of facets.
+    """
+
+    scene: Scales
+    rows: GapRows
+    extremes: Extremes
+    true: TrueSizes | None
+
+    @classmethod
+    def of(cls, movable: Body, static: Body, transform: Array, box: Array) -> ScaleGaps:
+        """Return it for bodies of facets, the movable one at a pose (4, 4), over scales between the ends of `box`."""
+        sizes = Sizes(box)
+        true = true_scales(movable, static, sizes)
+        for turn in range(ROUNDS + 1):
+            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+            scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
+            pose = scene.pose(transform)
+            scene.leave_out([pose])
+            rows = scene.rows(pose)
+            extremes = scene.extremes(rows)
+            exact = extremes if true is None else true_extremes(true, transform, extremes, own=False)
+            if exact is not None:
+                break
+        return cls(scene, rows, exact or extremes, true)
