@@ -238,6 +238,7 @@ def test_running_clearance_follows_its_closed_form_and_ends_where_the_hole_is_to
     assert (np.linalg.norm(at.parameters[good] - shift, axis=1) <= at.displacement_error[good]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_boundaries_of_the_running_clearance_are_where_the_walls_are():
     found = running()

@@ -216,11 +216,13 @@ def test_a_stem_still_in_its_hole_hid_that_its_collar_does_not_fit() -> None:
 
 
 def test_a_key_too_wide_for_its_keyway_was_put_into_the_bore_as_a_success() -> None:
-    """The parts beside the keyway reach down into the bore, further than its walls do: the walls tell."""
+    """The parts beside the keyway reach down along the bore, further than its walls do: the walls tell."""
     key = fo.Box((8.0, 7.0, 28.0), centre=(0.0, 14.5, 40.0), name="key")
-    bore = fo.Cylinder(15.0, 50.0, base=(0.0, 0.0, 15.0))
-    keyway = fo.Box((8.02, 18.3, 50.0), centre=(0.0, 9.15, 40.0))
-    hub = fo.cut(fo.Box((50.0, 50.0, 40.0), centre=(0.0, 0.0, 40.0)), bore, keyway, name="hub")
+    side = [(4.01, 14.45), (4.01, 18.3), (25.0, 18.3), (25.0, 0.0), (15.0, 0.0)]
+    outlines = [side, [(-x, y) for x, y in side], [(-25.0, 18.3), (25.0, 18.3), (25.0, 25.0), (-25.0, 25.0)]]
+    outlines.append([(-25.0, -25.0), (25.0, -25.0), (25.0, -15.0), (-25.0, -15.0)])
+    parts = [np.array([(x, y, z) for x, y in own for z in (20.0, 60.0)]) for own in outlines]
+    hub = fo.Body.from_parts(parts, seed=(0.0, 0.0, 40.0), name="hub")
     motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
     problem = fo.Problem(key, hub, tolerance=0.02, requirement="B", goal="touch", motion=motion, nominal=(1, 1))
     solution = fo.solve(problem)

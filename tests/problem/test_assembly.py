@@ -211,6 +211,7 @@ def test_a_loop_that_may_turn_is_bounded() -> None:
     assert solution.lower_bound >= 0.9 * solution.amount
 
 
+@pytest.mark.slow
 def test_a_loop_of_parts_that_may_all_turn_was_bounded_by_half() -> None:
     """Six parameters a part: the bound was that of the beam on one of its posts alone."""
     free = {"left": fo.Free(), "right": fo.Free()}

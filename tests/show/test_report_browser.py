@@ -548,6 +548,7 @@ def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
         opened.context.close()
 
 
+@pytest.mark.slow
 def test_twice_the_tolerance_left_the_picture(wide, payload):
     """The slider's last place: the box and all marks are inside the part of the curve that is shown."""
     last = len(payload["cases"][0]["families"]["tolerance"]["values"]) - 1

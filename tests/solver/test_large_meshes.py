@@ -103,6 +103,7 @@ def test_answers_on_small_solids_are_those_of_the_whole_exact_partition(name: st
         assert two.lower_bound == pytest.approx(one.lower_bound, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored: fo.Body) -> None:
     assert bored.is_surface
     assert f"{SIDES} reflex edges" in bored.notes[0]

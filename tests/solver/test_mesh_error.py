@@ -62,6 +62,7 @@ def taper_of_step_files(folder: Path) -> tuple[fo.Body, fo.Body]:
     return plug, socket
 
 
+@pytest.mark.slow
 def test_a_taper_from_step_files_is_proved_of_its_cones(tmp_path: Path) -> None:
     plug, socket = taper_of_step_files(tmp_path)
     solution = fo.solve(fo.Problem(plug, socket, target=(LARGER, 1.0), motion=Z, goal="clear", unit="mm"))

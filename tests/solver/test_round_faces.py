@@ -217,6 +217,7 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller", "taper", "key", "feather"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
     """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.
@@ -418,6 +419,7 @@ def fit(limits: tuple[tuple[float, float], tuple[float, float]], **more) -> fo.P
     return asked(pin(10.0, facets=28), plate(10.0), X >> Y, sizes=sizes, limits={"T": (-1, 1), "T_2": (-1, 1)})
 
 
+@pytest.mark.slow
 def test_a_stack_up_of_a_press_fit_is_that_of_its_diameters() -> None:
     """p6 in H7: radial interference of .0005 to .0175; facets said .01 more, and as much less."""
     sigma = {"normal": {"sigma": 0.003}}

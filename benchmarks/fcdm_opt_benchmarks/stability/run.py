@@ -36,7 +36,7 @@ MODULES = tuple(f"{__package__}.{name}" for name in ("contacts", "bodies", "prog
 LIMITS = {True: 20.0, False: 60.0}
 """Seconds a case, quick or not."""
 
-BUDGETS = {True: 35.0, False: 1500.0}
+BUDGETS = {True: 20.0, False: 1500.0}
 """Seconds in all, quick or not, after which no case is begun of a method that is not ours."""
 
 SHARE, SHORTEST = 1.0, 4.0
