@@ -32,6 +32,7 @@ def from_off(name: str) -> manifold3d.Manifold:
     return solid(vertices, faces)
 
 
+@pytest.mark.slow
 def test_a_thread_is_turned_to_its_first_contact() -> None:
     """One turn of nut and bolt, 576 x 129 parts: each step looked at all pairs of parts, for over 300 s."""
     nut, bolt = (Body.from_file(CASES / name, unit="mm") for name in ("thread_nut.off", "thread_bolt.off"))
