@@ -771,7 +771,7 @@ def contacts_of(
     if len(found) == 1:
         return [found[0][1]]
     words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
-    first = {told: k for k, told in reversed(words.items())}  # exact at two points, faces touch once
+    first = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     return [
         one._replace(number=first[words[number]], told=words[number]) if number in words else one
         for number, one in sorted(found, key=lambda own: own[0])
