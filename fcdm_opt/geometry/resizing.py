@@ -713,11 +713,14 @@ class _Cut(NamedTuple):
         Part, facet of it, and 1 or -1: whether it looks along the normal.
     elements : list of tuples of int
         Labels of the solid's corners and edges that the piece's corners lie on.
+    carried : list of (list of int, array)
+        Of those that carry the cut along: rows of the faces there, and factors of their normals that add up to its own.
     """
 
     normal: Array
     facets: list[tuple[int, int, float]]
     elements: list[tuple[int, ...]]
+    carried: list[tuple[list[int], Array]]
 
 
 @lru_cache(maxsize=16)
@@ -741,12 +744,14 @@ def _cuts(body: Body) -> list[_Cut]:
     found = []
     for group in map(np.ndarray.tolist, groups):
         sides = np.sign(planes[group, :3] @ planes[group[0], :3]).tolist()
-        own = {
+        its = {
             body.parts[place].elements["V"][v].vertices: None
             for place, k in (where[row] for row in group) for v in body.parts[place].loops[k]
         }  # fmt: skip
         facets = [(*where[row], side) for row, side in zip(group, sides, strict=True)]
-        found.append(_Cut(planes[group[0], :3], facets, list(own)))
+        normal, around = planes[group[0], :3], [[body.face_rows[face] for face in body.faces_with(own)] for own in its]
+        factors = ((faces, _combined(body.face_planes[0][faces], normal)) for faces in around)
+        found.append(_Cut(normal, facets, list(its), [(faces, own) for faces, own in factors if own is not None]))
     return found
 
 
@@ -766,10 +771,9 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
         found.append((faces, moved))
     for cut in _cuts(body):
         ways = []
-        for labels in cut.elements:
-            rows = [body.face_rows[face] for face in body.faces_with(labels)]
-            across, off = _combined(normals[rows], cut.normal), face_offsets[rows]
-            if across is not None and _agree(normals[rows], off) is not None:
+        for rows, across in cut.carried:
+            off = face_offsets[rows]
+            if _agree(normals[rows], off) is not None:
                 ways.append(across @ off)
         if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
             offset = ways[0]
@@ -800,6 +804,8 @@ def _combined(normals: Array, normal: Array) -> Array | None:
 
 def _agree(normals: Array, offsets: Array) -> Array | None:
     """Return how a point on faces moves as they do, (3, k); None where it does not stay one point."""
+    if not offsets.any():
+        return np.zeros((3, *offsets.shape[1:]))  # as most faces are still, and this is asked of every corner
     move = np.asarray(np.linalg.lstsq(normals, offsets)[0], dtype=np.float64)
     off = np.abs(normals @ move - offsets).max(initial=0.0)
     return move if off <= DEFAULT.planarity * max(1.0, float(np.abs(offsets).max(initial=0.0))) else None
