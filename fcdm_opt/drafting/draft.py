@@ -7,7 +7,6 @@ import math
 import os
 import shlex
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -435,11 +434,13 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     def offered(faces: tuple[str, ...], width: float, name: str, what: str) -> bool:
         each = 0.5 if width > 0.0 else -0.5
         asked = Size("width", "movable", faces=faces, each=each)
-        with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
-            Resizing.of(fit_for_sizes(body, (asked,)), [asked])
-            found.append((faces, name, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
-            return True
-        return False
+        try:
+            Resizing.of(body, [asked])
+        except InputError:  # faces along whose plane the body is cut cannot move by themselves
+            if fit_for_sizes(body, (asked,)) is body:
+                return False
+        found.append((faces, name, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
+        return True
 
     for name in round_ones[:most]:
         kind, _, radius, *number = name.split()
