@@ -143,11 +143,11 @@ def exact_reference(one: Body, two: Body) -> Reference:
     for piece in curve.pieces:
         length = root(sum(int(x) ** 2 for x in piece.exact_normal))
         a, b, c = (Fraction(int(x.p), int(x.q)) / length for x in piece.exact_line)
-        spans = [body.parts[0].vertices[list(own)] for body, own in ((one, piece.one), (two, piece.two))]
+        spans = [body.parts[0].vertices[list(own)] for body, own in zip((one, two), piece.touching, strict=True)]
         sides = np.vstack([rows[1:] - rows[0] for rows in spans])  # integers: exact, also in the products below
         only = len(sides) > 1 and bool(np.cross(sides[:, None], sides[None]).any())
         ends = [tuple(int(x) for x in end) for end in (piece.exact_start, piece.exact_end)]
-        labels = [tuple(k + 1 for k in own) for own in (piece.one, piece.two)]
+        labels = [tuple(k + 1 for k in own) for own in piece.touching]
         pieces.append(Boundary(labels[0], labels[1], (a, b, c), only, ends[0], ends[1]))
     return Reference.of(pieces, curve.side(MIDDLE) if curve.status != "full" else -1)
 

@@ -224,7 +224,8 @@ class Region:
         """Base, travel, lo and hi of all `pieces`, (k, 6)."""
         if self._walked:
             return _table(*self._walked[1:])
-        return np.array([(*p.base, *p.travel, p.lo, p.hi) for p in self.pieces]).reshape(-1, 6)
+        exact = () if self.clear else self.exact.pieces  # what touches on them is asked of few
+        return np.array([_numbers(*_row_and_ends(piece)) for piece in exact]).reshape(-1, 6)
 
     def state_in(self, limits: Array) -> int:
         """Return CONTACT, WALKED (apart) or OVERLAPPING in a box, UNDECIDED where floats cannot tell; see `kernels`."""
@@ -314,11 +315,10 @@ class Region:
             corner = None
             if k < len(chain.corners):
                 own = chain.corners[k]
-                corner = contact_between(one, two, self.pose, own.one, own.two)
+                corner = contact_between(one, two, self.pose, *own.touching)
                 if flush or rounded[(k + 1) % len(rounded)][1]:
                     corner = self._flush(corner, own.rho)
-            row = np.concatenate([exact.normal, exact.line])
-            ends = None if exact.starts_far else exact.start, None if exact.ends_far else exact.end
+            row, *ends = _row_and_ends(exact)
             piece = _piece(contact, self._site(exact, contact), row, self.parts, _numbers(row, *ends), ends, corner)
             pieces.append(piece)
         return tuple(pieces)
@@ -326,10 +326,10 @@ class Region:
     def _rounded(self, piece: ExactPiece) -> tuple[Contact, bool]:
         """Return what touches along an exact piece, and whether `planarity` makes more of it than exact numbers do."""
         one, two = self.one, self.two
-        strict = contact_between(one, two, self.pose, piece.one, piece.two)
+        strict = contact_between(one, two, self.pose, *piece.touching)
         for part, direction, tight in (
-            (one, piece.normal @ self.pose[:9].reshape(3, 3), piece.tight_one),
-            (two, -piece.normal, piece.tight_two),
+            (one, piece.normal @ self.pose[:9].reshape(3, 3), piece.tight[0]),
+            (two, -piece.normal, piece.tight[1]),
         ):
             local = part.vertices - part.seed
             heights = local @ direction
@@ -359,7 +359,7 @@ class Region:
 
     def _site(self, piece: ExactPiece, contact: Contact) -> tuple[int, int, int]:
         """Return a facet of the Minkowski difference that an exact piece lies on, from what its direction supports."""
-        one, two, tight1, tight2 = self.one, self.two, piece.tight_one, piece.tight_two
+        one, two, (tight1, tight2) = self.one, self.two, piece.tight
         # two corners of a face that is drawn not quite planar may support it along no edge of its outline
         edges = [_edge(part, tight) if len(tight) == 2 else -1 for part, tight in ((one, tight1), (two, tight2))]
         if min(edges) >= 0:
@@ -392,7 +392,7 @@ def _piece(
     row: Array,
     parts: tuple[int, int],
     numbers: Array,
-    ends: tuple[Array | None, ...],
+    ends: Sequence[Array | None],
     corner: Contact | None,
 ) -> Piece:
     """Make a piece of its row, its numbers as in `Region.table` and its ends; an end of None is at infinity."""
@@ -416,6 +416,11 @@ def _table(rows: Array, points: Array, chains: Ints) -> Array:
             span[0][0] = -math.inf * forward
         tables.append(np.column_stack([base, travel, *span[::forward]])[::forward])
     return np.concatenate(tables)
+
+
+def _row_and_ends(piece: ExactPiece) -> tuple[Array, Array | None, Array | None]:
+    ends = None if piece.starts_far else piece.start, None if piece.ends_far else piece.end
+    return np.concatenate([piece.normal, piece.line]), *ends
 
 
 def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:

@@ -42,7 +42,7 @@ def whole(vector) -> tuple[int, ...]:
 
 
 def label(found: ExactPiece | ExactCorner) -> str:
-    return feature_label(tuple(v + 1 for v in found.one), tuple(v + 1 for v in found.two))
+    return feature_label(*(tuple(v + 1 for v in own) for own in found.touching))
 
 
 def check(one: Shape, two: Shape, pose: np.ndarray | None = None) -> ExactCurve:
@@ -56,7 +56,7 @@ def check(one: Shape, two: Shape, pose: np.ndarray | None = None) -> ExactCurve:
         assert label(piece) == expected.label
         (facet,) = (facet for facet in expected.facets if facet.normal == whole(piece.exact_normal))
         assert tuple(Fraction(int(x.p), int(x.q)) * pair.unit for x in piece.exact_line) == facet.line
-        assert (piece.tight_one, piece.tight_two) == (tuple(sorted(facet.one)), tuple(sorted(facet.two)))
+        assert piece.tight == (tuple(sorted(facet.one)), tuple(sorted(facet.two)))
     ends = [{piece.start, piece.end} for piece in pair.pieces]
     assert {(whole(corner.point), label(corner)) for chain in curve.chains for corner in chain.corners} == {
         (u, feature_label(*common([facet for facet in pair.facets if facet.value(u) == 0])))
@@ -337,7 +337,7 @@ def test_prisms_cap_to_cap_touch_by_their_caps(sides):
     (piece,) = exact_curve(one, two).pieces
     assert piece.line.tolist() == [0.5, 0.5, 4]
     top, bottom = (set(np.flatnonzero(own.vertices[:, 2] == z).tolist()) for own, z in ((one, 1), (two, 4)))
-    assert (set(piece.one), set(piece.two)) == (top, bottom)
+    assert tuple(map(set, piece.touching)) == (top, bottom)
 
 
 @pytest.mark.parametrize("place", [(0, 0, 4), (4, 0, 0)], ids=["cap to cap", "side to side"])

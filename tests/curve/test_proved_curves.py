@@ -36,7 +36,8 @@ def element(part: ConvexPart, vertices: tuple[int, ...]) -> frozenset[int]:
 
 
 def label_of(region: Region, piece: ExactPiece) -> tuple[frozenset[int], frozenset[int]]:
-    return element(region.one, piece.one), element(region.two, piece.two)
+    one, two = piece.touching
+    return element(region.one, one), element(region.two, two)
 
 
 def is_seen(piece: ExactPiece) -> bool:

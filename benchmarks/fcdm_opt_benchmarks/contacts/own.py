@@ -111,8 +111,8 @@ def _exactly(pair: Pair) -> Ask:
         heights = [(piece.exact_line[2] - piece.exact_line[0] * x) / piece.exact_line[1] for piece in pieces]
         highest = max(heights)
         k = heights.index(highest)
-        found = chain.corners[k] if heights.count(highest) > 1 else pieces[k]
-        return answered(quotient(highest.p, highest.q), (tuple(sorted(found.one)), tuple(sorted(found.two))))
+        mine, its = (chain.corners[k] if heights.count(highest) > 1 else pieces[k]).touching
+        return answered(quotient(highest.p, highest.q), (tuple(sorted(mine)), tuple(sorted(its))))
 
     return one_by_one(answer)
 

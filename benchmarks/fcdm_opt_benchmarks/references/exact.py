@@ -37,7 +37,7 @@ class ExactStretch(NamedTuple):
     @property
     def touching(self) -> Touching:
         """Vertices of the smallest faces that touch."""
-        return self.piece.one, self.piece.two
+        return self.piece.touching
 
     @property
     def middle(self) -> Point:
@@ -137,7 +137,7 @@ def exact_contact(pair: Pair, question: ContactQuestion) -> ExactContact:
     touching = own.touching
     if k and rho1 == own.start[0]:
         corner = curve.chains[0].corners[k - 1]
-        touching = corner.one, corner.two
+        touching = corner.touching
     _prove(pair, question.transform, curve, [(rho1, rho2)])
     return ExactContact(rho2, touching)
 

@@ -24,15 +24,21 @@ class ExactCorner:
 
     Attributes
     ----------
-    point : (3,) tuple of fmpz
-        Homogeneous, coprime: rho = (x / w, y / w).
-    one, two : tuple of int
-        Vertices of the smallest faces of both parts that touch there.
+    edge : Edge
+        Of the shadow, the one that ends there.
     """
 
-    point: Vector
-    one: tuple[int, ...]
-    two: tuple[int, ...]
+    edge: Edge = field(repr=False)
+
+    @cached_property
+    def point(self) -> Vector:
+        """Homogeneous, coprime: rho = (x / w, y / w)."""
+        return self.edge.basis.program.homogeneous(self.edge.end.point)
+
+    @cached_property
+    def touching(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Vertices of the smallest faces of both parts that touch there."""
+        return self.edge.basis.program.vertices(touching_at_end(self.edge))
 
     @cached_property
     def rho(self) -> Array:
@@ -52,20 +58,25 @@ class ExactPiece:
         (a, b, c) of that direction, not normalised; overlap on the side of (a, b).
     exact_start, exact_end : (3,) tuples of fmpz
         Homogeneous ends (x, y, w), coprime, overlap on the left; w = 0: at infinity in the direction (x, y).
-    one, two : tuple of int
-        Vertices of the smallest faces that touch along the whole piece.
-    tight_one, tight_two : tuple of int
-        All vertices that the direction supports.
+    edge : Edge
+        Of the shadow.
     """
 
     exact_normal: Vector
     exact_line: tuple[fmpq, fmpq, fmpq]
     exact_start: Vector
     exact_end: Vector
-    one: tuple[int, ...]
-    two: tuple[int, ...]
-    tight_one: tuple[int, ...]
-    tight_two: tuple[int, ...]
+    edge: Edge = field(repr=False)
+
+    @cached_property
+    def touching(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Vertices of the smallest faces of both parts that touch along the whole piece."""
+        return self.edge.basis.program.vertices(touching_along(self.edge))
+
+    @cached_property
+    def tight(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """All vertices of both parts that the direction supports."""
+        return self.edge.basis.program.vertices(self.edge.tight)
 
     @cached_property
     def _length(self) -> fmpz:
@@ -235,7 +246,7 @@ def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
     corners = edges if closed else edges[:-1]
     return ExactChain(
         tuple([_piece(shadow.program, edge) for edge in edges]),
-        tuple([_corner(shadow.program, edge) for edge in corners]),
+        tuple(map(ExactCorner, corners)),
         closed,
     )
 
@@ -247,13 +258,8 @@ def _piece(program: Program, edge: Edge) -> ExactPiece:
         program.line(tuple([x // content for x in edge.levels])),
         program.homogeneous(edge.start.point),
         program.homogeneous(edge.end.point),
-        *program.vertices(touching_along(edge)),
-        *program.vertices(edge.tight),
+        edge,
     )
-
-
-def _corner(program: Program, edge: Edge) -> ExactCorner:
-    return ExactCorner(program.homogeneous(edge.end.point), *program.vertices(touching_at_end(edge)))
 
 
 def _rounded(point: Vector) -> Array:
