@@ -289,13 +289,16 @@ class DecisionCurve(NotebookRepr):
     def nearest(self, rho: ArrayLike) -> Array:
         """Return the scale pair on the curve nearest to a scale pair, (2,); nan where there is none.
 
-        Of the curve in the box, and in a box from half to twice the scales.
+        Of the curve in the box, and in a box from half to twice the scales unless nothing outside can be nearer.
         """
-        point = _pair(rho)
-        curves = self, self._about(point)
-        listed = [segment.nearest(point) for curve in curves for segment in curve.segments]
-        listed += [other.rho for curve in curves for other in curve.switching_points if other.alone]
-        return frozen(min(listed, key=lambda p: float(np.linalg.norm(p - point)), default=np.full(2, np.nan)))
+        point, found = _pair(rho), np.full(2, np.inf)
+        for curve in (self, self._about(point)):
+            listed = [segment.nearest(point) for segment in curve.segments]
+            listed += [other.rho for other in curve.switching_points if other.alone]
+            found = min([found, *listed], key=lambda p: float(np.linalg.norm(p - point)))
+            if np.linalg.norm(found - point) <= min(min(x - a, b - x) for x, (a, b) in zip(point, self.box, strict=True)):
+                break
+        return frozen(np.where(np.isfinite(found), found, np.nan))
 
     def _about(self, point: Array) -> DecisionCurve:
         """Return the same curve listed about a scale pair: of two convex bodies in the whole quadrant."""

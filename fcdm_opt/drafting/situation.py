@@ -84,10 +84,10 @@ class Situation:
     @cached_property
     def state(self) -> str:
         """Return "touching" where a nominal contact as drawn would be taken for one, else "apart", "overlapping"."""
-        if self._usual.locate(DRAWN) is not None:
+        if self._drawn.locate(DRAWN) is not None:
             return "touching"
         true = self.on_round_face and bool(self._on_true_faces)
-        moved = 0.0 if true else np.abs(self._usual.nearest(DRAWN) - DRAWN).max()
+        moved = 0.0 if true else np.abs(self._drawn.nearest(DRAWN) - DRAWN).max()
         if abs(self.gap) <= DEFAULT.snap * self.size and moved <= DEFAULT.snap:
             return "touching"
         return "apart" if self.gap > 0 else "overlapping"
@@ -142,8 +142,8 @@ class Situation:
     @cached_property
     def on_round_face(self) -> bool:
         """Whether the facets that meet first are of a round face: their normal is one of many."""
-        pair = self._usual.nearest(DRAWN)
-        contact = self._usual.locate(pair) if np.isfinite(pair).all() else None
+        pair = self._drawn.nearest(DRAWN)
+        contact = self._drawn.locate(pair) if np.isfinite(pair).all() else None
         pieces = () if contact is None else _pieces(contact)
         return any(self._is_round(piece.feature) for piece in pieces)
 
@@ -186,7 +186,7 @@ class Situation:
     @cached_property
     def curve(self) -> DecisionCurve:
         """The decision curve in `box`."""
-        return self._usual if self.large else replace(self._usual, box=self.box)
+        return self._drawn if self.large or self.box == self._drawn.box else replace(self._usual, box=self.box)
 
     @cached_property
     def nearest(self) -> Near | None:
@@ -253,7 +253,7 @@ class Situation:
     @property
     def beyond(self) -> SwitchingPoint | None:
         """The switching point nearest to the parts as drawn where `box` has none; None where it has one."""
-        return None if self.curve.switching_points else next(iter(_by_nearness(self._seen)), None)
+        return None if self.curve.switching_points else next(iter(_by_nearness(self._usual if self._seen is self._drawn else self._wide)), None)
 
     @cached_property
     def tilt(self) -> float | None:
@@ -281,8 +281,8 @@ class Situation:
 
     @cached_property
     def _seen(self) -> DecisionCurve:
-        """The curve that contacts are looked for on: in the usual box where one is in it."""
-        return self._usual if self.state == "touching" or self._usual.segments else self._wide
+        """The curve that contacts are looked for on: in the usual box where one is in it, or about the parts as drawn."""
+        return self._drawn if self.state == "touching" or self._drawn.segments else self._wide
 
     @cached_property
     def _active(self) -> tuple[tuple[Body, Body], Box]:
@@ -301,6 +301,12 @@ class Situation:
     @cached_property
     def _usual(self) -> DecisionCurve:
         return decision_curve(*self._bodies, box=self._active[1] if self.large else DEFAULT_BOX)
+
+    @cached_property
+    def _drawn(self) -> DecisionCurve:
+        """The same about the parts as drawn, where it passes there: far fewer of their parts matter."""
+        about = self._usual if self.large else replace(self._usual, box=self.box_about())
+        return about if about.segments else self._usual
 
     @cached_property
     def _wide(self) -> DecisionCurve:
