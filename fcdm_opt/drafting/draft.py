@@ -307,7 +307,9 @@ def _remedy(situation: Situation, unit: Any) -> str:
 
     Of large meshes that are apart how far alone: which way takes long to tell.
     """
-    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT, unit=unit)
+    bodies, small = (situation.movable, situation.static), MEANT * situation.size
+    limits = dict.fromkeys(ANY_SHIFT.names, (-small, small))  # to find, or rule out, a longer one takes long
+    problem = Problem(*bodies, target=DRAWN, goal="touch", motion=ANY_SHIFT, unit=unit, limits=limits)
     tight = verdict(problem)
     solution = None if situation.large or tight else solve(problem, effort="quick", time=math.inf)
     if situation.large and situation.gap > 0.0:
@@ -315,7 +317,7 @@ def _remedy(situation: Situation, unit: Any) -> str:
     shift = np.full(3, np.inf)
     if solution is not None and solution.usable and solution.transform is not None:
         shift = solution.transform[:3, 3]
-    if not float(np.linalg.norm(shift)) <= MEANT * situation.size:  # as of a pin that is tight all round
+    if not float(np.linalg.norm(shift)) <= small:  # as of a pin that is tight all round
         why = tight or "no small shift is known to do"
         return f"If they are meant to touch as drawn, mend the sizes in the drawing (CAD): {why}"
     by = point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
