@@ -261,7 +261,7 @@ def points_of_true_faces(
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
-        if refused(current) and problem.goal == "clear":
+        if problem.goal == "clear" and refused(current):
             return points
         new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
         worst = [own for own in new if own.gap < -TIGHT * slack]
