@@ -296,7 +296,9 @@ class DecisionCurve(NotebookRepr):
             listed = [segment.nearest(point) for segment in curve.segments]
             listed += [other.rho for other in curve.switching_points if other.alone]
             found = min([found, *listed], key=lambda p: float(np.linalg.norm(p - point)))
-            if np.linalg.norm(found - point) <= min(min(x - a, b - x) for x, (a, b) in zip(point, self.box, strict=True)):
+            if np.linalg.norm(found - point) <= min(
+                min(x - a, b - x) for x, (a, b) in zip(point, self.box, strict=True)
+            ):
                 break
         return frozen(np.where(np.isfinite(found), found, np.nan))
 

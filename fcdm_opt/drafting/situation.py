@@ -253,7 +253,8 @@ class Situation:
     @property
     def beyond(self) -> SwitchingPoint | None:
         """The switching point nearest to the parts as drawn where `box` has none; None where it has one."""
-        return None if self.curve.switching_points else next(iter(_by_nearness(self._usual if self._seen is self._drawn else self._wide)), None)
+        listed = self._usual if self._seen is self._drawn else self._wide
+        return None if self.curve.switching_points else next(iter(_by_nearness(listed)), None)
 
     @cached_property
     def tilt(self) -> float | None:
@@ -281,7 +282,7 @@ class Situation:
 
     @cached_property
     def _seen(self) -> DecisionCurve:
-        """The curve that contacts are looked for on: in the usual box where one is in it, or about the parts as drawn."""
+        """The curve that contacts are looked for on: about the parts as drawn or in the usual box if it is there."""
         return self._drawn if self.state == "touching" or self._drawn.segments else self._wide
 
     @cached_property

@@ -711,16 +711,14 @@ class _Cut(NamedTuple):
     normal : (3,) array
     facets : list of (int, int, float)
         Part, facet of it, and 1 or -1: whether it looks along the normal.
-    elements : list of tuples of int
-        Labels of the solid's corners and edges that the piece's corners lie on.
-    carried : list of (list of int, array)
-        Of those that carry the cut along: rows of the faces there, and factors of their normals that add up to its own.
+    elements : list of (tuple of int, list of int, array or None)
+        Labels of the solid's corners and edges that the piece's corners lie on, rows of the faces there, and the
+        factors of their normals that add up to its own: those carry the cut along.
     """
 
     normal: Array
     facets: list[tuple[int, int, float]]
-    elements: list[tuple[int, ...]]
-    carried: list[tuple[list[int], Array]]
+    elements: list[tuple[tuple[int, ...], list[int], Array | None]]
 
 
 @lru_cache(maxsize=16)
@@ -750,8 +748,8 @@ def _cuts(body: Body) -> list[_Cut]:
         }  # fmt: skip
         facets = [(*where[row], side) for row, side in zip(group, sides, strict=True)]
         normal, around = planes[group[0], :3], [[body.face_rows[face] for face in body.faces_with(own)] for own in its]
-        factors = ((faces, _combined(body.face_planes[0][faces], normal)) for faces in around)
-        found.append(_Cut(normal, facets, list(its), [(faces, own) for faces, own in factors if own is not None]))
+        factors = (_combined(body.face_planes[0][faces], normal) for faces in around)
+        found.append(_Cut(normal, facets, list(zip(its, around, factors, strict=True))))
     return found
 
 
@@ -771,9 +769,9 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
         found.append((faces, moved))
     for cut in _cuts(body):
         ways = []
-        for rows, across in cut.carried:
+        for _, rows, across in cut.elements:
             off = face_offsets[rows]
-            if _agree(normals[rows], off) is not None:
+            if across is not None and _agree(normals[rows], off) is not None:
                 ways.append(across @ off)
         if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
             offset = ways[0]
@@ -824,7 +822,7 @@ def _check_one_plane(body: Body, sizes: Sequence[Size], faces: Sequence[int], of
 
 def _loose(body: Body, sizes: Sequence[Size], ways: Array, cut: _Cut) -> InputError:
     size = sizes[int(np.ptp(ways, axis=0).argmax())]
-    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own in cut.elements for label in own))
+    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own, *_ in cut.elements for label in own))
     return InputError(
         f"body '{body.name}' is cut along a plane through {corners}, which this size would take out of it",
         key=f"size '{size.name}'.faces", found=size.faces, allowed="a scale, or faces away from such a cut",

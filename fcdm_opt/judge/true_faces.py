@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,19 +57,12 @@ def gap_of_true_faces(
     without : collection of (int, int)
         Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
     """
-    one, two = faces
     pose = np.asarray(transform, np.float64).tobytes()
-    return _gap((one, two), tuple(map(float, scales)), pose, band, frozenset(without))
+    return _gap(tuple(faces), tuple(map(float, scales)), pose, band, frozenset(without))
 
 
 @lru_cache(maxsize=4)  # facets and parts that are exact at points often lead to one motion
-def _gap(
-    faces: tuple[TrueFaces, TrueFaces],
-    scales: tuple[float, ...],
-    pose: bytes,
-    band: float,
-    without: frozenset[tuple[int, int]],
-) -> float:
+def _gap(faces: tuple[TrueFaces, ...], scales: tuple[float, ...], pose: bytes, band: float, without: Any) -> float:
     poses = np.frombuffer(pose).reshape(4, 4), np.eye(4)
     one, two = (_There(*own) for own in zip(faces, scales, poses, strict=True))
     return -max(_deepest(one, two, band, without), _deepest(two, one, band, {(j, i) for i, j in without}))

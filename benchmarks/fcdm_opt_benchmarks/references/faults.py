@@ -66,7 +66,7 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
         for k, own in zip(mine, exact, strict=True):
             kind, i, j = curves.features[k].tolist()
             told, piece = (named[kind][0][i], named[kind][1][j]), own.piece
-            touching = zip(told, (piece.tight_one, piece.tight_two), own.touching, strict=True)
+            touching = zip(told, piece.tight, own.touching, strict=True)
             near = told == own.touching or all(set(a) <= set(b) or set(a) & set(c) for a, b, c in touching)
             if not near and not (curves.tied[pose] and _supports(pair, transform, told)):
                 faults.append(CurveFault(pose, k, "feature", told, own.touching))

@@ -253,13 +253,8 @@ def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
 
 def _piece(program: Program, edge: Edge) -> ExactPiece:
     content = edge.n[0].gcd(edge.n[1]).gcd(edge.n[2])
-    return ExactPiece(
-        tuple([x // content for x in edge.n]),
-        program.line(tuple([x // content for x in edge.levels])),
-        program.homogeneous(edge.start.point),
-        program.homogeneous(edge.end.point),
-        edge,
-    )
+    n, levels = (tuple([x // content for x in own]) for own in (edge.n, edge.levels))
+    return ExactPiece(n, program.line(levels), *map(program.homogeneous, (edge.start.point, edge.end.point)), edge)
 
 
 def _rounded(point: Vector) -> Array:
