@@ -254,7 +254,8 @@ def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
 def _piece(program: Program, edge: Edge) -> ExactPiece:
     content = edge.n[0].gcd(edge.n[1]).gcd(edge.n[2])
     n, levels = (tuple([x // content for x in own]) for own in (edge.n, edge.levels))
-    return ExactPiece(n, program.line(levels), *map(program.homogeneous, (edge.start.point, edge.end.point)), edge)
+    start, end = map(program.homogeneous, (edge.start.point, edge.end.point))
+    return ExactPiece(n, program.line(levels), start, end, edge)
 
 
 def _rounded(point: Vector) -> Array:
