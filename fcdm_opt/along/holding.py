@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.along.round_contacts import RoundContact, round_contacts
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
@@ -60,6 +61,11 @@ class Holding:
     def slack(self) -> float:
         """Length below which a constraint counts as active."""
         return DEFAULT.active * self.task.size
+
+    @cached_property
+    def round(self) -> list[RoundContact] | None:
+        """Where true faces touch, see `round_contacts`."""
+        return round_contacts(self.task, self.q, self.slack)
 
     @cached_property
     def end(self) -> MovedScene:
@@ -231,7 +237,24 @@ class Holding:
         near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
         near = near if every else self.task.beside_joints(near)
         ways = {(i, j): self._ways((i, j), every=every) for i, j in np.argwhere(near).tolist()}
-        return self._each_once({parts: found for parts, found in ways.items() if found})
+        return self._each_once(self._on_round_faces({parts: found for parts, found in ways.items() if found}))
+
+    def _on_round_faces(self, ways: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
+        """Return the part pairs, of those that meet in one contact of true faces only the one that does so best."""
+        for contact in self.round or ():
+            own = {}
+            for parts, found in ways.items():
+                sites, _, separations = self.task.separations(parts, self.end.pose)
+                sites = sites[separations >= separations.max() - self.slack]
+                if self.task.obstacles[parts[1]].keep_out < 0 and contact.is_of(
+                    self.task, parts, sites, np.array([way.normal for way in found])
+                ):
+                    own[parts] = min(found, key=lambda way: -float(way.normal @ contact.frame[2]))
+            if own:
+                best = min(own, key=lambda parts: (abs(own[parts].gap), -float(own[parts].normal @ contact.frame[2])))
+                way = own[best]._replace(normal=contact.frame[2], corners=own[best].corners[:1])
+                ways = {parts: found for parts, found in ways.items() if parts not in own} | {best: [way]}
+        return ways
 
     def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
         """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""

@@ -12,11 +12,13 @@ seeds are inputs, so that all their derivatives are exact. What is not told by t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.along.holding import fit_rows, is_closed
+from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved, round_contacts
 from fcdm_opt.curve.contact import is_own
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.curve.kernels import F1V2, V1F2
@@ -38,10 +40,18 @@ Field = Callable[[int, Array], Array]
 
 
 class Change(NamedTuple):
-    """How points as drawn move, and how much each scale of the target pair changes."""
+    """How points as drawn move, how much each scale of the target pair changes, and how body 1 turns."""
 
     field: Field = lambda owner, point: np.zeros(3)
     scales: Array = np.zeros(2)
+    turn: Array = np.zeros(3)
+
+
+class Rates(NamedTuple):
+    """How a least motion, (n, k), and its amount, (n,), change; nan where there is no derivative."""
+
+    motion: Array
+    amount: Array
 
 
 @template
@@ -80,6 +90,7 @@ class _Constraint(NamedTuple):
     keep_out: bool = False  # the features are of body 1 and a keep-out, which stays as it is drawn
     free: bool = False  # pushes both ways
     alone: int = -1  # number of a pair of parts of whose constraints one is to hold
+    round: bool = False  # of true faces, with how body 1 turns among its data
 
 
 def motion_rates(
@@ -88,7 +99,7 @@ def motion_rates(
     changes: Sequence[Sequence[Change]],
     nominal: Sequence[FeaturePoints] = (),
     ratio: Array | None = None,
-) -> Array:
+) -> Rates:
     """Return how a least motion changes as points move and sizes change.
 
     Parameters
@@ -107,15 +118,16 @@ def motion_rates(
 
     Returns
     -------
-    (n, k) array
+    Rates
         nan where there is no derivative: constraints that go with one side of the change only, and what no constraint
-        here holds.
+        here holds. Of the amount there is one where all multipliers that balance say the same.
     """
-    none, task = np.full((len(changes), len(q)), np.nan), tasks[0]
+    none, task = np.full(len(q), np.nan), tasks[0]
+    unknown = Rates(np.full((len(changes), len(q)), np.nan), np.full(len(changes), np.nan))
     known = [(k, own) for k, each in enumerate(tasks) for own in _constraints(each, q, limits=k == 0)]
     held, owners = [own for _, own in known if own is not None], [k for k, _ in known]
     if len(held) < len(known):
-        return none
+        return unknown
     weights, several = task.weights, any(each.joints for each in tasks)
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
     given = task.amount_kind if several and isinstance(task.amount_kind, OwnAmount) else None
@@ -130,34 +142,56 @@ def motion_rates(
             used = np.array(sorted(kept | shares.keys()), np.int64)
             multipliers = np.array([shares.get(j, 0.0) for j in used.tolist()])
     else:  # where constraints alone say what the motion is
-        used, multipliers = np.arange(len(held), dtype=np.int64), np.zeros(len(held))
+        used, multipliers = np.flatnonzero(slopes.any(axis=1)), np.zeros(len(held))
     count = len(used)
     pairs = [held[j].alone for j in used if held[j].alone >= 0]
     if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not (task.weighted or given)):
-        return none
-    if np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) < count:
-        return none
-    bend = both[:, :-1] - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=True))
+        return unknown
+    bend = both[:, :-1] - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=False))
     system = np.block([[bend, -slopes[used].T], [slopes[used], np.zeros((count, count))]])
-    across = np.linalg.svd(slopes[used])[2][count:]  # ways that the constraints leave open
-    if len(across) and not np.linalg.eigvalsh(across @ bend @ across.T).min() > 0.0:
-        return none
-    found = []
+    across = np.linalg.svd(slopes[used] / weights)[2][count:] / weights  # what the constraints leave open
+    sure = np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) == count
+    sure &= not len(across) or float(np.linalg.eigvalsh(across @ bend @ across.T).min()) > DEFAULT.stationary
+    motions, amounts = [], []
+    unit = 1.0 if given else task.amount(q) or np.nan
     start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
     for change in changes:
         drawn = [own.by_data @ _moves(task, nominal, Change(change[0].field), np.zeros(2)) for own in start]
         target = ratio * drawn if drawn and ratio is not None else np.zeros(2)
         moves = [
-            _moves(tasks[k], own.features, change[k], target, still=own.keep_out) if own.features else np.zeros(0)
+            _moves(tasks[k], own.features, change[k], target, still=own.keep_out, turns=own.round)
+            if own.features else np.zeros(0)
             for k, own in zip(owners, held, strict=True)
-        ]
+        ]  # fmt: skip
         off = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
-        mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=True))
-        dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
-        left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
-        fine = np.abs(left).max(initial=0.0) <= DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
-        found.append(dq if fine else none[0])
-    return np.array(found).reshape(-1, len(q))
+        dq = none
+        if sure:
+            mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=False))
+            dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
+            left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
+            near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
+            dq = dq if np.abs(left).max(initial=0.0) <= near else none
+        motions.append(dq)
+        amounts.append(-_alike(held, slopes / weights, off, used, multipliers) / unit)
+    return Rates(np.array(motions).reshape(-1, len(q)), np.array(amounts))
+
+
+def _alike(held: Sequence[_Constraint], slopes: Array, off: Array, used: Ints, multipliers: Array) -> float:
+    """Return the sum of multipliers times changes of constraints, nan where other multipliers make it another."""
+    from scipy.optimize import linprog
+
+    still = ~slopes.any(axis=1)
+    value = float(multipliers @ off[used]) if multipliers.any() else np.nan
+    near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
+    if not np.isfinite(value) or not np.abs(off[still]).max(initial=0.0) <= near:
+        return np.nan
+    rows = np.flatnonzero(~still)
+    signs = [(None if held[j].free else 0.0, None) for j in rows.tolist()]
+    for side in (1.0, -1.0) if len(rows) > len(used) else ():
+        best = linprog(side * off[rows], A_eq=slopes[rows].T, b_eq=slopes[used].T @ multipliers, bounds=signs)
+        if best.status != 0 or not abs(side * best.fun - value) <= near:
+            return np.nan
+    return value
 
 
 def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Ints, Array]:
@@ -172,7 +206,7 @@ def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) ->
         return np.empty(0, np.int64), np.empty(0)
     columns = np.array([sign * slopes[j] / lengths[j] for j, sign in signs]).T
     shares, residual = nnls(columns, gradient / size)
-    if residual > DEFAULT.stationary:
+    if residual > (BALANCED if any(own.round for own in held) else DEFAULT.stationary):
         return np.empty(0, np.int64), np.empty(0)
     used = np.flatnonzero(shares > DEFAULT.stationary)
     rows = np.array([signs[k][0] for k in used], np.int64)
@@ -229,7 +263,9 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
     closes = task.must_touch and not task.joints and task.gap(task.rest) > 0.0
     rotation = task.pose(q)[:9].reshape(3, 3)
     near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
-    seen = set[tuple[Any, ...]]()
+    seen, meetings = set[tuple[Any, ...]](), round_contacts(task, q, slack) or []
+    for number, own in enumerate(meetings, len(task.movable.parts) * len(task.obstacles)):
+        yield from _round(task, q, own, -1.0 if closes else 1.0, number if closes else -1)
     for number, (i, j) in enumerate(np.argwhere(near).tolist()):
         obstacle, one = task.obstacles[j], task.movable.parts[i]
         other, place = (task.static, j) if obstacle.keep_out < 0 else _place(task, j)
@@ -242,6 +278,8 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         if other is task.static and any(is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
         normals = distinct(rows[own_sites or tight, :3])
+        if other is task.static and any(own.is_of(task, (i, j), sites[tight], np.array(normals)) for own in meetings):
+            continue
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
         if swept or len(normals) > 1 or abs(widest - max(obstacle.need, 0.0)) > slack:
             yield None
@@ -261,6 +299,44 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
                 )  # fmt: skip
                 if closing or np.abs(made.slope).max() > DEFAULT.tie:  # else no motion brings the two nearer
                     yield made
+
+
+def _round(task: Task, q: Array, contact: RoundContact, sign: float, alone: int) -> Iterator[_Constraint | None]:
+    """Yield what keeps true faces apart that touch, or brings them together; None where the motion tilts a line of it.
+
+    The gap is that of a point and a plane, but for the bends. How it changes where the point is another, or the plane
+    another one through it, says how the faces tilt and shift along each other. What must not change has no slope.
+    """
+    rotation, count, none = task.transform(q)[:3, :3], len(q), np.zeros(3)
+    point, foot = contact.points
+
+    def gap(k: int, at: Array = point) -> _Constraint:
+        spans = foot + np.vstack([none, contact.frame[[(k + 1) % 3, (k + 2) % 3]]])
+        plane = FeaturePoints(V1F2, np.column_stack([at, *spans]), 1.0, (0, 0), (V1F2, 0, 0))
+        return _constraint(task, q, (plane,), 1.0)
+
+    def row(own: _Constraint, turn: Array = none) -> Array:
+        return np.concatenate([own.slope, own.by_data, turn])
+
+    drawn, flat = contact.frame @ rotation, gap(2)
+    shifts = -np.array([row(gap(k)) for k in (0, 1)])
+    turns = [
+        row(gap(2, point + own / task.target[0]), np.cross(drawn[2], own)) - row(flat) for own in drawn[:2]
+    ]  # a turn w of body 1 lets a point at u sink by n . (u x w)
+    found = curved(contact, shifts, np.array(turns))
+    if found is None or np.abs(found[1][:, :count]).max(initial=0.0) > DEFAULT.tie:
+        yield None
+        return
+    second, still = found
+    bend, mixed = np.split(np.hstack([flat.bend, flat.mixed, np.zeros((count, 3))]) + second[:count], [count], axis=1)
+    points = (replace(flat.features[0], points=np.column_stack([point, foot, foot, foot])),)  # go with the faces
+    yield _Constraint(
+        sign * flat.slope, sign * bend, sign * np.append(flat.by_data, none), sign * mixed, points, alone=alone,
+        round=True,
+    )  # fmt: skip
+    zeros = np.zeros(count), np.zeros((count, count)), np.zeros_like(mixed)
+    for own in still[:, count:]:
+        yield _Constraint(zeros[0], zeros[1], own, zeros[2], points, round=True)
 
 
 def _place(task: Task, j: int) -> tuple[Body, int]:
@@ -307,13 +383,19 @@ def _constraint(
 
 
 def _moves(
-    task: Task, features: Sequence[FeaturePoints], change: Change, target: Array, *, still: bool = False
+    task: Task,
+    features: Sequence[FeaturePoints],
+    change: Change,
+    target: Array,
+    *,
+    still: bool = False,
+    turns: bool = False,
 ) -> Array:
-    """Return how the data of a constraint change; `still`: those of the other body do not."""
+    """Return how the data of a constraint change; `still`: not those of the other body; `turns`: how body 1 does."""
     field, target = change.field, target + change.scales
     moved = [field(0, task.movable.seed), np.zeros(3)]
     for feature in features:
         owned = zip(OWNERS[feature.kind], feature.points.T, strict=True)
         moved += [np.zeros(3) if still and owner == 2 else field(owner, point) for owner, point in owned]
         moved.append(np.zeros(1))
-    return np.concatenate([*moved, target * [1.0, not still]])
+    return np.concatenate([*moved, target * [1.0, not still], change.turn if turns else []])

@@ -18,11 +18,12 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.motion_rates import Change, Field, motion_rates
+from fcdm_opt.along.round_contacts import BALANCED
 from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.resizing import exact_vertex_rates, vertex_rates
+from fcdm_opt.geometry.resizing import exact_vertex_rates, true_point_rate, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
@@ -62,14 +63,15 @@ def sensitivity(solution: Solution) -> Sensitivity:
     holding = Holding(task, q, layout, problem.limits)
     balances = _balances(task, _pieces(holding), holding.groups())
     best = min(balances, key=lambda balance: balance.residual)
-    even = [balance for balance in balances if balance.residual <= DEFAULT.stationary] or [best]
+    near = BALANCED if holding.round else DEFAULT.stationary
+    even = [balance for balance in balances if balance.residual <= near] or [best]
     only = solution.unique_within >= task.amount(q) or task.goal == FIT  # of a fit others have other largest gaps
     reasons = [*holding.reasons, *(() if only else _ties(problem, task, q))]
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
     if problem.resolution is not None:
         reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
-    if best.residual > DEFAULT.stationary:
+    if best.residual > near:
         reasons.append(f"what was found does not hold the motion: residual {best.residual:.2g} of the gradient")
     counted = ~layout.parting
     counted[layout.clearances] = [task.clearance > 0, *(own.clearance > 0 for own in task.keep_out)]  # else one-sided
@@ -273,10 +275,9 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in zip(body.faces, shifts, strict=True)}
         seeds[key.strip()] = frozen(data[layout.seed(k)])
     clearance, *kept = data[layout.clearances].tolist()
-    sizes, motions = _by_size(problem, faces, vertices), _motions(problem, task, q)
-    if q is not None and problem.amount == "weighted" and task.amount(q) > 0.0:
-        for name in (name for name, x in sizes.items() if np.isnan(x)):  # corners of cuts alone are no data
-            sizes[name] = float((problem.weights**2 * q) @ motions["motion_by_size"][name]) / task.amount(q)
+    sizes = _by_size(problem, faces, vertices)
+    motions, by_size = _motions(problem, task, q)  # corners of cuts alone are no data, and contacts on a line one
+    sizes = {name: float(other if np.isnan(x) else x) for (name, x), other in zip(sizes.items(), by_size, strict=True)}
     limits = data[layout.limits].reshape(-1, 2).tolist()
     return Sensitivity(
         exists=not reasons,
@@ -299,19 +300,23 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
     )
 
 
-def _motions(problem: Problem, task: Task, q: Array | None) -> dict[str, Any]:
-    """Return the derivatives of the motion by the problem's sizes, and by the pose of the movable body as drawn."""
+def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, Any], Array]:
+    """Return the derivatives of the motion by the problem's sizes, and by the pose of the movable body as drawn.
+
+    And those of the amount by the sizes.
+    """
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
-    moved = np.full((len(fields), len(task.weights)), np.nan)
+    moved, amounts = np.full((len(fields), len(task.weights)), np.nan), np.full(len(fields), np.nan)
     if q is not None and _keeps_its_steps(problem, task, q):
         moved = np.zeros_like(moved)
     elif q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
         nominal = _nominal_features(problem, task) if problem.requirement else ()
-        changes = [[Change(own)] for own in fields]
-        moved = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
+        turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
+        changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
+        moved, amounts = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
-    return {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size}
+    return {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size}, amounts[6:]
 
 
 def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
@@ -336,6 +341,7 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
             for problem, s in zip(problems, own, strict=True)
         ])  # fmt: skip
     moved, reasons = np.full((len(changes), len(tasks[0].weights)), np.nan), list[str]()
+    amounts = np.full(len(changes), np.nan)
     if not solution.status.found or not len(q):
         reasons.append("no motion was found")
     elif not q.any():
@@ -343,13 +349,9 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     elif assembly.resolution:
         reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
     else:
-        moved = motion_rates(tasks, q, changes)
+        moved, amounts = motion_rates(tasks, q, changes)
     if not reasons and np.isnan(moved).any():
         reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
-    weights = tasks[0].weights
-    amounts = moved @ (weights**2 * q) / solution.amount if len(q) else moved[:, 0]
-    if isinstance(assembly.amount, OwnAmount) and len(q):
-        amounts = moved @ assembly.amount.gradient(q)
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
     each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
     return AssemblySensitivity(
@@ -383,6 +385,8 @@ def _by_one_size(problem: Problem, size: Size) -> Field:
         if owner != (1 if size.body == "movable" else 2):
             return np.zeros(3)
         rows = np.flatnonzero((body.vertices == point).all(axis=1))
+        if body.exact is not None and not len(rows) and rates is not None:
+            return true_point_rate(body, problem.request[size.body], size, point)
         return np.full(3, np.nan) if rates is None or not len(rows) else np.asarray(rates[rows[0]])
 
     return moves

@@ -63,7 +63,8 @@ class MovesOfFaces(NamedTuple):
         """Return how a point moves a unit of each size with the faces of some rows that meet there, (3, k)."""
         own = list(rows)
         off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, self.shifts[own])
-        move = np.linalg.lstsq(normals, off)[0]
+        along = self.shifts[own[0]] if len(own) == 1 else 0.0 * self.shifts[own[0]]
+        move = along + np.linalg.lstsq(normals, off - normals @ along)[0]
         return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
 
 

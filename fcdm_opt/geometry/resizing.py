@@ -24,6 +24,7 @@ from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_sur
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
 from fcdm_opt.geometry.partition import RULES
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
@@ -405,6 +406,18 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
         move = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)
         rates[piece.first - 1 : piece.last] = move[:, 0]
     return rates
+
+
+def true_point_rate(body: Body, drawn: Body, size: Size, point: Array) -> Array:
+    """Return how a point of the true faces of a body that is exact at others moves, nan where it is of none, (3,)."""
+    assert body.exact is not None
+    faces = true_faces(body.exact.facets)
+    near = faces.at(point)
+    if not near:
+        return np.full(3, np.nan)
+    rows = [faces.row_at(k, point) for k in near]
+    normals = np.concatenate([faces.patches[k].gaps(point[None])[1] for k in near])
+    return MovesOfFaces.of(drawn, (size,)).at(point, rows, normals)[:, 0]
 
 
 def _scaled(body: Body, made: Mapping[Size, float]) -> Body:

@@ -1,0 +1,131 @@
+"""Where true faces touch after a motion: each contact once, with the normal and the bends that both have there.
+
+Parts that are exact at points of round faces touch at many of these at once, along a line of contact or a little beside
+each other, in as many directions. Of the true faces it is one contact, of which the gap changes as that of two surfaces
+with their second fundamental forms does; see `curved`.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.exact_points import BENT
+from fcdm_opt.geometry.patches import Patch, true_faces
+from fcdm_opt.model.task import Task
+from fcdm_opt.model.true_faces import where_nearest
+from fcdm_opt.tolerances import DEFAULT
+
+STRAIGHT = DEFAULT.nominal  # of the largest bend: less is none
+BALANCED = DEFAULT.active**0.5  # as `Tolerances.stationary`: an amount is right to the square of what its direction is
+
+
+class RoundContact(NamedTuple):
+    """Two true faces that touch, not at an edge of either.
+
+    Attributes
+    ----------
+    points : (2, 3) array
+        Of either body, as drawn.
+    frame : (3, 3) array
+        Two directions in the tangent plane where the motion ends, and the normal from body 1 to body 2.
+    bends : (2, 2, 2) array
+        Second derivatives of the gap to either face along these directions, positive where it is convex.
+    patches : (Patch, Patch)
+        As drawn.
+    """
+
+    points: Array
+    frame: Array
+    bends: Array
+    patches: tuple[Patch, Patch]
+
+    def is_of(self, task: Task, parts: tuple[int, int], sites: Ints, normals: Array) -> bool:
+        """Tell whether a pair of parts that meet at sites, in directions, does so in this contact, or beside it."""
+        if not (normals @ self.frame[2]).max() > np.cos(BENT):
+            return False
+        one, two = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
+        for kind, i, j in sites.tolist():
+            ends = one.edges[i, :2] if kind == E1E2 else i
+            where = (0, one.vertices[ends]) if kind != F1V2 else (1, two.vertices[j])
+            off = np.abs(self.patches[where[0]].gaps(np.atleast_2d(where[1]))[0])
+            if off.min() <= STRAIGHT * task.size:
+                return True
+        return False
+
+
+def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | None:
+    """Return where true faces, one of them round, touch after a motion; None where they do so at an edge.
+
+    None too where the parts are not made exact at points of round faces.
+    """
+    if task.movable.exact is None and task.static.exact is None:
+        return None
+    transform, found = task.transform(q), dict[tuple[int, int, int], RoundContact]()
+    one, two = (own.exact.facets if own.exact else own for own in (task.movable, task.static))
+    faces = true_faces(one), true_faces(two)
+    turn = transform[:3, :3]
+    for near in where_nearest(one, two, task.target.tolist(), transform, slack):
+        if near.gap > slack:
+            break
+        for pair in product(faces[0].at(near.points[0]), faces[1].at(near.points[1])):
+            patches = faces[0].patches[pair[0]], faces[1].patches[pair[1]]
+            first, second = (own.gaps(x[None])[1][0] for own, x in zip(patches, near.points, strict=True))
+            if min((turn @ first) @ near.normal, -second @ near.normal) > 1.0 - STRAIGHT:
+                break
+        else:
+            return None
+        if all(own.surface.flat for own in patches):
+            continue
+        alike = [own for (i, j, _), own in found.items() if (i, j) == pair]
+        if any(own.frame[2] @ near.normal > np.cos(BENT) for own in alike):
+            continue
+        across = np.linalg.svd(near.normal[None])[2][1:]
+        across[1] = np.cross(near.normal, across[0])
+        drawn = across @ turn, across
+        bends = [
+            own @ patch.bends(x[None])[0] @ own.T / scale
+            for own, patch, x, scale in zip(drawn, patches, near.points, task.target, strict=True)
+        ]
+        frame = np.vstack([across, near.normal])
+        found[pair[0], pair[1], len(alike)] = RoundContact(near.points, frame, np.array(bends), patches)
+    return [*found.values()]
+
+
+def curved(contact: RoundContact, shifts: Array, turns: Array) -> tuple[Array, Array] | None:
+    """Return the second derivatives of the gap beyond those of a point and a plane, and what must not change.
+
+    Face 1 is at height -u B1 u / 2 over the tangent plane, face 2 at v B2 v / 2 with v = u + d where body 1 is shifted
+    by d along the plane; where it also sinks by a u, as it turns, the gap at u is
+
+        u B1 u / 2 + a u + (u + d) B2 (u + d) / 2,
+
+    and the least over u is that of the faces.
+
+    Parameters
+    ----------
+    contact : RoundContact
+    shifts, turns : (2, n) array
+        d and a, by n data.
+
+    Returns
+    -------
+    second : (n, n) array
+    still : (m, n) array
+        Along a line of contact there is no such least gap where body 1 tilts: the products of these with the data
+        must be 0.
+    None where the faces overlap beside the contact.
+    """
+    one, two = contact.bends
+    bends, along = np.linalg.eigh(one + two)
+    least = STRAIGHT * np.abs(contact.bends).max()
+    if bends.min() < -least:
+        return None
+    pulls = along.T @ (turns + two @ shifts)
+    flat = bends <= least
+    second = shifts.T @ two @ shifts - (pulls[~flat].T / bends[~flat]) @ pulls[~flat]
+    return second, pulls[flat]

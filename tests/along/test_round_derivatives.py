@@ -1,0 +1,154 @@
+"""Derivatives of motions of round parts, against closed forms: they touch along lines, or in many points at once."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize
+
+import fcdm_opt as fo
+
+X, Y, Z = map(fo.Translation, "xyz")
+BORE = 10.0
+PLATE = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), fo.Cylinder(BORE, 30.0, base=(0, 0, -5)), name="plate")
+
+
+def in_bore(radius: float, centre: tuple[float, float], motion: fo.Motion, **more) -> fo.Problem:
+    pin = fo.Cylinder(radius, 40.0, base=(*centre, -10), name="pin")
+    sizes = [
+        fo.Size("bore", "static", faces="bore radius 10", each=-0.5, tolerance=0.05),
+        fo.Size("pin", "movable", faces=f"cylinder radius {radius:g}", each=0.5, tolerance=0.05),
+    ]
+    return fo.Problem(pin, PLATE, motion=motion, sizes=sizes, goal="touch", target=(1, 1), **more)
+
+
+def to_sphere(centre: np.ndarray, play: float, weights: np.ndarray) -> np.ndarray:
+    """The least shift, weighted, of a centre that is to come to `play` off the origin."""
+
+    def off(multiplier: float) -> float:
+        return float(np.linalg.norm(centre * weights**2 / (weights**2 - multiplier))) - play
+
+    multiplier = brentq(off, 0.0, weights.min() ** 2 * (1.0 - 1e-12), xtol=1e-15)
+    return centre * multiplier / (weights**2 - multiplier)
+
+
+def differences(asked, at, step: float = 1e-5) -> np.ndarray:
+    at = np.array(at, float)
+    each = [(asked(at + step * own) - asked(at - step * own)) / (2.0 * step) for own in np.eye(len(at))]
+    return np.array(each).T
+
+
+@pytest.mark.parametrize(
+    ("centre", "motion"),
+    [
+        ((0.0, 0.0), X >> Y),
+        pytest.param((0.002, 0.0), X >> Y, marks=pytest.mark.slow),
+        pytest.param((0.001, 0.0007), X, marks=pytest.mark.slow),
+        ((0.001, 0.0007), X >> Y),
+        ((0.002, 0.0), fo.Translation((0.6, 0.8, 0))),
+    ],
+)
+def test_derivatives_by_diameters_were_not_told_off_the_middle_or_in_two_directions(centre, motion) -> None:
+    """A pin with .0205 of play: along d it goes t with |c + t d| = play; free in the plane, straight away from c."""
+    problem = in_bore(10.0, centre, motion).changed(made={"bore": 0.021, "pin": -0.02})
+    told, play = fo.solve(problem).sensitivity, 0.0205
+    rate = 0.5
+    if len(motion.names) == 1:
+        line = np.array([1.0, 0.0]) if motion is X else np.array([0.6, 0.8])
+        along = np.dot(centre, line)
+        rate *= play / np.sqrt(play**2 - np.dot(centre, centre) + along**2)
+    assert told.exists
+    assert told.sizes == pytest.approx({"bore": rate, "pin": -rate}, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("radius", "centre", "weights"),
+    [
+        (8.0, (0.5, 0.3), (1.0, 2.0)),
+        pytest.param(9.99, (0.002, 0.001), (1.0, 1.3), marks=pytest.mark.slow),
+        pytest.param(9.0, (0.3, 0.0), (1.0, 1.2), marks=pytest.mark.slow),
+    ],
+)
+def test_the_motion_of_a_pin_follows_the_curvature_of_its_bore(radius, centre, weights) -> None:
+    """The least weighted shift until pin and bore touch: its change takes the play's curvature, 1 / (R - r)."""
+    told = fo.solve(in_bore(radius, centre, X >> Y, weights={"TX": weights[0], "TY": weights[1]})).sensitivity
+    each = np.array(weights)
+    pose = differences(lambda c: to_sphere(c, BORE - radius, each), centre)
+    assert told.motion_by_pose[:, [0, 1, 2, 5]] == pytest.approx(np.column_stack([pose, np.zeros((2, 2))]), abs=1e-5)
+    assert np.isnan(told.motion_by_pose[:, 3:5]).all()  # tilted, either end of the line of contact comes first
+    size = 0.5 * differences(lambda play: to_sphere(np.array(centre), play[0], each), [BORE - radius])[:, 0]
+    assert told.motion_by_size["bore"] == pytest.approx(size, abs=1e-5)
+    assert told.motion_by_size["pin"] == pytest.approx(-size, abs=1e-5)
+    assert told.exists
+
+
+@pytest.mark.slow
+def test_the_motion_of_a_ball_in_its_socket_follows_both_curvatures() -> None:
+    """As the pin, in three directions; turned about its middle, a ball stays what it is."""
+    socket = fo.cut(fo.Box((40, 40, 40)), fo.Sphere(10.0), name="socket")
+    centre, weights = np.array([0.4, 0.2, 0.3]), np.array([1.0, 1.5, 2.0])
+    problem = fo.Problem(
+        fo.Sphere(9.0, centre=centre, name="ball"), socket, motion=X >> Y >> Z, goal="touch", target=(1, 1),
+        weights=dict(zip(("TX", "TY", "TZ"), weights, strict=True)),
+        sizes=[fo.Size("ball", "movable", faces="sphere radius 9", each=0.5, tolerance=0.05)],
+    )  # fmt: skip
+    told = fo.solve(problem).sensitivity
+    pose = differences(lambda c: to_sphere(c, 1.0, weights), centre)
+    assert told.motion_by_pose == pytest.approx(np.column_stack([pose, np.zeros((3, 3))]), abs=1e-4)
+    size = -0.5 * differences(lambda play: to_sphere(centre, play[0], weights), [1.0])[:, 0]
+    assert told.motion_by_size["ball"] == pytest.approx(size, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_motion_of_a_roller_that_also_turns_about_another_axis() -> None:
+    """A roller is shifted along y, then turned about the origin, until it touches a bore about (0, 0)."""
+    centre, length = np.array([4.0, 1.0]), 5.0
+
+    def least(at: np.ndarray) -> np.ndarray:
+        def centre_at(q):
+            x, y = at[0], at[1] + q[0]
+            cosine, sine = np.cos(q[1]), np.sin(q[1])
+            return np.array([cosine * (x - 6.0) - sine * y + 6.0, sine * (x - 6.0) + cosine * y])
+
+        found = minimize(
+            lambda q: q[0] ** 2 + (length * q[1]) ** 2, [1.0, -0.1], method="SLSQP", options={"ftol": 1e-15},
+            constraints={"type": "eq", "fun": lambda q: np.linalg.norm(centre_at(q)) - (BORE - at[2])},
+        )  # fmt: skip
+        return found.x
+
+    motion = Y >> fo.Rotation("z", centre=(6.0, 0.0, 0.0))
+    solution = fo.solve(in_bore(4.0, tuple(centre), motion, length=length))
+    assert [*solution.parameters.values()] == pytest.approx(least(np.append(centre, 4.0)), abs=1e-5)
+    pose = differences(least, np.append(centre, 4.0), 1e-3)
+    told = solution.sensitivity
+    assert told.motion_by_pose[:, :2] == pytest.approx(pose[:, :2], abs=1e-4)
+    assert told.motion_by_pose[:, 5] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert told.motion_by_size["pin"] == pytest.approx(0.5 * pose[:, 2], abs=1e-4)
+
+
+def box(low, high, name="box") -> fo.Body:
+    return fo.Body.convex([*product(*zip(low, high, strict=True))], name=name)
+
+
+def test_a_box_in_a_corner_of_which_one_wall_is_two() -> None:
+    """Overlapping two walls in one plane and a third: what moves both has a derivative, what moves one has none."""
+    walls = [box((-2, 1, 0), (0, 4, 4)), box((-2, 6, 0), (0, 10, 4)), box((1, -2, 0), (10, 0, 4))]
+    corner = fo.Body.from_parts([own.vertices for own in walls], name="corner")
+    block = box((-0.3, -0.4, 1), (8, 8, 3), "block")
+    near = [{"through": (0, 2, 2)}, {"through": (0, 8, 2)}]
+    sizes = [
+        fo.Size("both", "static", faces=near, each=1.0, tolerance=0.1),
+        fo.Size("one", "static", faces=near[:1], tolerance=0.1),
+        fo.Size("third", "static", faces={"through": (5, 0, 2)}, tolerance=0.1),
+        fo.Size("block", "movable", faces="-x", tolerance=0.1),
+    ]
+    problem = fo.Problem(block, corner, motion=X >> Y, sizes=sizes, goal="clear", target=(1, 1))
+    solution = fo.solve(problem)
+    assert solution.amount == pytest.approx(0.5)
+    told = solution.sensitivity
+    assert np.isnan(told.sizes.pop("one"))
+    assert np.isnan(told.motion_by_size["one"]).all()
+    assert told.sizes == pytest.approx({"both": 0.6, "third": 0.8, "block": 0.6})
+    assert told.motion_by_size["both"] == pytest.approx([1.0, 0.0])
