@@ -325,6 +325,11 @@ class TouchingSizes:
                 (min(value, float(tops[worst][row])), {**taken, worst: row}) for row in range(len(tops[worst]))
                 if tops[worst][row] > best
             ]  # fmt: skip
+        for k, side in np.argwhere(np.abs(box - where[:, None]) <= DEFAULT.snap * np.ptp(box, axis=1)[:, None]):
+            other = where.copy()
+            other[k] = box[k, side]  # which linear programs miss by a little
+            if (gap := float(self.gap(other))) >= best:
+                best, where = gap, other
         return best, self._plainest(where)
 
     def _plainest(self, place: Array) -> Array:

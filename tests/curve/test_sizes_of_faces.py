@@ -473,6 +473,32 @@ def test_parts_made_are_solved_judged_and_told_again() -> None:
     assert np.array_equal(problem.changed(made=None).movable.vertices, one.vertices)
 
 
+def test_the_loosest_sizes_were_a_ten_millionth_off_the_ends_of_their_tolerances() -> None:
+    """A T-nut in its slot, drawn in digits of single precision: its flange has a little less play than its neck."""
+    width, chamber, ledge = np.float32([5.1, 9.2, 13.3]).tolist()
+    nut = fo.Body.from_parts(
+        [box((-9, 20, 5.3), (9, 40, ledge)).vertices, box((-5, 20, ledge), (5, 40, 24)).vertices],
+        seed=(0, 30, 14),
+        name="nut",
+    )
+    walls = [box((-20, 0, 0), (-chamber, 60, 25)).vertices, box((chamber, 0, 0), (20, 60, 25)).vertices]
+    lips = [box((-20, 0, ledge), (-width, 60, 25)).vertices, box((width, 0, ledge), (20, 60, 25)).vertices]
+    slot = fo.Body.from_parts([*walls, *lips, box((-20, 0, 0), (20, 60, 5)).vertices], seed=(0, 30, 12), name="slot")
+    sizes = [
+        fo.Size("neck", "movable", faces=[{"through": (x, 30, 20)} for x in (-5, 5)], each=0.5, tolerance=(-0.1, 0)),
+        fo.Size(
+            "mouth",
+            "static",
+            faces=[{"through": (x, 30, 20)} for x in (-width, width)],
+            each=-0.5,
+            tolerance=(0, 0.2),
+        ),
+        fo.Size("flange", "movable", faces=[{"through": (x, 30, 9)} for x in (-9, 9)], each=0.5, tolerance=(-0.1, 0)),
+    ]
+    problem = fo.Problem(nut, slot, sizes=sizes, made="loosest", motion=X, goal="touch")
+    assert problem.made == {"neck": -0.1, "mouth": 0.2, "flange": -0.1}
+
+
 def test_a_file_with_sizes_answers_its_closed_forms() -> None:
     for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml")[:2]:
         solution = fo.solve(problem)
