@@ -332,6 +332,12 @@ class TouchingSizes:
                 best, where = gap, other
         return best, self._plainest(where)
 
+    @cached_property
+    def permanent_in_words(self) -> tuple[str, ...]:
+        """The contacts that are closed at all sizes."""
+        found = (self.feature(pair, k) for pair in self.permanent for k in range(len(pair.values)))
+        return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in found))
+
     def _plainest(self, place: Array) -> Array:
         """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be."""
         drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])

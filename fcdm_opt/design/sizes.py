@@ -260,6 +260,6 @@ def proportion_interval(passed: int, count: int, confidence: float) -> tuple[flo
     return float(low), float(high)
 
 
-def not_counted(permanent: Sequence[str]) -> list[str]:
-    """Return in words that contacts are not counted, [] where all are."""
-    return [f"closed at all these sizes, and not counted: {'; '.join(permanent)}"] if permanent else []
+def not_counted(permanent: Sequence[str], but: str = "and not counted") -> list[str]:
+    """Return in words that contacts are not counted, or what else follows from them, [] where all are."""
+    return [f"closed at all these sizes, {but}: {'; '.join(permanent)}"] if permanent else []

@@ -284,6 +284,7 @@ def print_budgets(budgets: Budgets) -> None:
         reasons.setdefault(budget.reason, []).append(budget.requirement)
     notes = [f"{budget.requirement}: {budget.sizes_text(DIGITS)}" for budget in budgets.values() if budget.sizes]
     notes += [f"{each.requirement}, above: {each.advice}" for each in budgets.values() if each.advice != each.end.value]
+    notes += dict.fromkeys(filter(None, (each.closed_text for each in budgets.values())))
     notes += [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
 

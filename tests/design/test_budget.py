@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 from functools import cache
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from ordinary import box, problems
 
 from fcdm_opt import pacing
+from fcdm_opt.design.stack.stack_up import stack_up
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Point, _Tolerances, budget
 from fcdm_opt.design.whatif.fitting import Order, order
 from fcdm_opt.errors import InputError
@@ -228,6 +230,22 @@ def test_least_amounts_of_nested_questions_only_rise(problem: Any, letter: str) 
 
 
 # ---------------------------------------------------------------------------------------------------- plain data, input
+
+
+def test_a_contact_that_is_closed_at_all_sizes_was_not_told() -> None:
+    """A peg with play along x stands on the floor of its slot: it touches there, whatever the widths are."""
+    floor, left, right = (
+        [*product(x, (-5, 5), z)] for x, z in (((-9, 9), (-2, 0)), ((-9, -3), (0, 4)), ((3, 9), (0, 4)))
+    )
+    slot = Body.from_parts([np.array(own, float) for own in (floor, left, right)], name="slot")
+    peg = Body.convex([*product((-2, 2), (-4, 4), (0, 6))], name="peg")
+    size = Size("peg", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.1)
+    problem = Problem(peg, slot, sizes=[size], motion=Translation("x"), goal="touch", unit="mm")
+    found = budget(problem, 0.3, requirements=("worst",), largest=0.2)
+    assert found["worst"].standing == stack_up(problem).standing
+    told = 'closed at all these sizes, so that goal "touch" asks for no motion: bottom face of peg'
+    assert told in str(found)
+    assert found.to_dict()["requirements"]["worst"]["standing"] == [*found["worst"].standing]
 
 
 def test_budgets_are_plain_data_and_words() -> None:

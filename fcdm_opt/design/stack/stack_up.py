@@ -189,12 +189,10 @@ class StackUp:
                 found.append(StackRow(feature.label, told, pair.parts, gap, by_name))
         return tuple(found)
 
-    @cached_property
+    @property
     def standing(self) -> tuple[str, ...]:
         """Contacts that are closed at all sizes within the tolerances, a flange on its plate: not counted in gaps."""
-        pairs, bodies = self.touching.permanent, self.touching.bodies
-        found = (self.touching.feature(pair, k) for pair in pairs for k in range(len(pair.values)))
-        return tuple(dict.fromkeys(feature.in_words(*bodies) for feature in found))
+        return self.touching.permanent_in_words
 
     @property
     def on_true_faces(self) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
-from fcdm_opt.design.sizes import by_name, tolerance_boxes
+from fcdm_opt.design.sizes import by_name, not_counted, tolerance_boxes
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -106,11 +106,13 @@ class Budget(Plain):
         Names of the rows of `table`, sizes or parts of an assembly; none where these are the scales of both bodies.
     unit : str
         Of lengths, "" where the problem names none.
+    standing : tuple of str
+        Contacts that are closed at all sizes looked at, a flange on its plate, where corners are of gaps.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "requirement", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit", "points",
-        "proved", "end_proved", "reason", "spacing",
+        "proved", "end_proved", "reason", "spacing", "standing",
     )  # fmt: skip
 
     requirement: str
@@ -127,6 +129,7 @@ class Budget(Plain):
     spacing: float
     sizes: tuple[str, ...] = ()
     unit: str = ""
+    standing: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -165,6 +168,13 @@ class Budget(Plain):
         return f"{self.end.value}: {why}" if why else self.end.value
 
     @property
+    def closed_text(self) -> str:
+        """Which contacts are closed at all sizes, in words, "" where none are: goal "touch" is met by them."""
+        met = self.solution is not None and getattr(self.solution.question, "goal", "") == "touch"
+        asked = 'so that goal "touch" asks for no motion' if met else "and not counted in the gap of the corner"
+        return "".join(not_counted(self.standing, asked))
+
+    @property
     def end_proved(self) -> bool:
         """Whether the upper end of the bracket is proved bad, by a bound on its amount or its status."""
         if self.above is None:
@@ -178,7 +188,8 @@ class Budget(Plain):
         sizes = f": {self.sizes_text()}" if self.sizes else ""
         if self.end is End.TIME and self.solution is None:
             return f"{self.requirement}: not known, {self.advice}"
-        return f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
+        told = f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
+        return "; ".join(filter(None, (told, self.closed_text)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -539,6 +550,7 @@ class _Tolerances:
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
         tolerance, late = 0.0 if low is None else low.tau, why == End.TIME.value
+        touching: TouchingSizes | None = vars(self).get("touching")  # where it was asked for in time
         return Budget(
             requirement=self.letter,
             tolerance=tolerance,
@@ -554,6 +566,7 @@ class _Tolerances:
             spacing=spacing,
             sizes=self.names,
             unit=self.problem.unit,
+            standing=touching.permanent_in_words if touching else (),
         )
 
     def _end(self, high: _Point | None) -> End:
