@@ -242,9 +242,9 @@ def print_case(file: str, problem: Scene) -> None:
         console().print(units_text(problem.unit))
 
 
-def print_said(result: Any) -> None:
+def print_said(result: Any, more: Sequence[str] = ()) -> None:
     """Print what a result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
-    print_lines(str(result).splitlines())
+    print_lines([*str(result).splitlines(), *more])
 
 
 def print_whatif(answer: WhatIf) -> None:

@@ -200,6 +200,13 @@ def test_a_pose_printed_a_table_before_it_refused() -> None:
     assert "clearance" not in printed
 
 
+def test_nothing_led_from_a_pose_that_interferes_to_a_window_of_clearance() -> None:
+    code, printed, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A")
+    assert (code, printed.count("--clearance 0,inf asks for one without interference")) == (0, 1)
+    code, printed, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=0,inf")
+    assert (code, "--clearance" in printed) == (0, False)
+
+
 def test_a_pose_was_worked_out_again_for_each_case_of_what_was_made() -> None:
     code, printed, _ = run("pose", PROBLEMS / "assemblies" / "loop_of_four.toml")
     assert (code, printed.count("least worst gap"), printed.count("as case made unlike: ")) == (0, 1, 1)
