@@ -328,13 +328,14 @@ def print_yield(result: AssemblyYield) -> None:
     rows = [
         {
             "body": share.body,
-            "of the variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
+            "of the amount's variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             others: "-" if math.isnan(share.total) else f"{share.total:.2%}",
             "yield without its scatter": share_text(share.share_without, 3),
         }
         for share in result.contributions
     ]
-    print_rows(rows, numbers=tuple(rows[0])[1:])
+    told = "the variance is of amounts; which pairs have no motion, and so no amount, shows in the yields alone"
+    print_rows(rows, numbers=tuple(rows[0])[1:], notes=[told] * bool(result.impossible))
 
 
 def print_judged(certificate: Certificate) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,7 @@ from fcdm_opt.show.scene import (
     view_of,
 )
 from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
+from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
 
 TITLE = "Example (reconstruction)"
@@ -616,3 +618,13 @@ def test_a_part_in_a_corner_was_seen_from_behind_the_walls() -> None:
     curve = decision_curve(ball, corner)
     toward = np.cross(*page_directions(*view_of(curve, (1.0, 1.0))).T)
     assert toward[0] > 0.8, toward
+
+
+def test_a_share_of_no_variance_stood_beside_a_yield_that_changes(capsys: pytest.CaptureFixture[str]) -> None:
+    """A size may decide alone whether there is a motion: amounts, where there are some, do not vary with it."""
+    own = SimpleNamespace(body="nut", first_order=0.0, total=0.0, share_without=0.986)
+    for impossible, told in ((0.014, True), (0.0, False)):
+        print_yield(SimpleNamespace(contributions=[own], impossible=impossible))
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "of the amount's variance alone" in printed
+        assert ("which pairs have no motion, and so no amount, shows in the yields alone" in printed) == told
