@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
@@ -30,6 +31,7 @@ FAR = 2.0
 MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are asked for
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
+ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
 fits, and meshes of round faces out of phase."""
@@ -203,27 +205,71 @@ def misfit(problem: Problem) -> Misfit | None:
         return None
     told = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
     normals, places, reaches, gaps = normals[told], places[told], reaches[told], gaps[told]
-    keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64) @ DIGITS  # opposite ones have opposite keys
-    order = np.argsort(gaps, kind="stable")
-    known, first = np.unique(keys[order], return_index=True)
-    back = np.minimum(np.searchsorted(known, -known), len(known) - 1)
-    pairs = np.column_stack([order[first], order[first[back]]])[known[back] == -known]
-    found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
-    for k, j in pairs[np.argsort(pairs[:, 0])].tolist():  # of equals the first
-        if not gaps[k] + gaps[j] < least - tie:
-            continue
-        width = reaches[k] + reaches[j]
-        inside = 0 if width[0] > 0.0 else 1
-        if not width[inside] > -width[1 - inside]:
-            continue  # walls that are a little aslant, seen from far away
-        least = float(gaps[k] + gaps[j])
-        one, two = (
-            tuple(_wall(drawn.parts[places[each, body]], side * normals[each]) for each in (k, j))
-            for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
-        )
-        first_parts, second_parts = (tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1))
-        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (first_parts, second_parts))
-    return found
+    walls = _ClosedWalls(problem, normals, places, reaches, gaps)
+    found = walls.tightest(np.arange(len(gaps)))
+    if found is None or walls.of_one_feature(found):
+        return found
+    each = map(walls.tightest, walls.by_feature())
+    named = [one for one in each if one is not None and walls.of_one_feature(one)]
+    return max(named, key=lambda own: own.inner - own.outer, default=found)
+
+
+class _ClosedWalls(NamedTuple):
+    """Walls that are closed at the sizes made: normals, (k, 3), part pairs, (k, 2), how far both reach, gaps."""
+
+    problem: Problem
+    normals: Array
+    places: Ints
+    reaches: Array
+    gaps: Array
+
+    def tightest(self, rows: Ints) -> Misfit | None:
+        """Return the two opposite ones that lack most, of some; None where no two lack anything."""
+        problem, places = self.problem, self.places[rows]
+        normals, reaches, gaps = self.normals[rows], self.reaches[rows], self.gaps[rows]
+        keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64) @ DIGITS  # opposite ones have opposite keys
+        order = np.argsort(gaps, kind="stable")
+        known, first = np.unique(keys[order], return_index=True)
+        back = np.minimum(np.searchsorted(known, -known), len(known) - 1)
+        pairs = np.column_stack([order[first], order[first[back]]])[known[back] == -known]
+        found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
+        for k, j in pairs[np.argsort(pairs[:, 0])].tolist():  # of equals the first
+            if not gaps[k] + gaps[j] < least - tie:
+                continue
+            width = reaches[k] + reaches[j]
+            inside = 0 if width[0] > 0.0 else 1
+            if not width[inside] > -width[1 - inside] > ROOM * width[inside]:
+                continue  # walls that are a little aslant, seen from far away; and what nothing could be meant to be in
+            least = float(gaps[k] + gaps[j])
+            one, two = (
+                tuple(_wall(drawn.parts[places[each, body]], side * normals[each]) for each in (k, j))
+                for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
+            )
+            parts = [tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1)]
+            found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]))
+        return found
+
+    def of_one_feature(self, found: Misfit) -> bool:
+        """Tell whether the walls of either body are of one round face, or of none."""
+        bodies = zip(map(_round_numbers, drawn_bodies(self.problem)), found.faces, strict=True)
+        return all(len({_number(known, own) for own in faces if own is not None}) < 2 for known, faces in bodies)
+
+    def by_feature(self) -> Iterator[Ints]:
+        """Yield the rows of each round face of either body, and of all others."""
+        for body, side, own in zip(drawn_bodies(self.problem), (1.0, -1.0), self.places.T.tolist(), strict=True):
+            known = _round_numbers(body)
+            faces = (_wall(body.parts[k], side * normal) for k, normal in zip(own, self.normals, strict=True))
+            yield from filter(len, groups_of(np.array([1 + _number(known, face) for face in faces])))
+
+
+def _round_numbers(body: Body) -> dict[tuple[int, ...], int]:
+    """Return the number of the round face that each facet of one is on."""
+    return {label: k for k, own in enumerate(round_faces(body)) for label in own.faces}
+
+
+def _number(known: dict[tuple[int, ...], int], wall: Element | None) -> int:
+    """Return the number of the round face that a wall is on, -1 for none."""
+    return -1 if wall is None else known.get(tuple(sorted(wall.vertices)), -1)
 
 
 def _wall(part: ConvexPart, normal: Array) -> Element | None:

@@ -98,6 +98,7 @@ WORDS = {
 """What rows say of statuses whose names say less, by these."""
 
 UNTIMED = "No motion found by then, and none proved impossible: allow more time."
+UNFIT = "Choose a smaller tolerance, or other sizes."
 UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
 IN_TIME = "judged in time"
 """Name of the one check of what the time given did not do for judging."""
@@ -376,7 +377,9 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
-        return f"{why}. {told}" if (why := self._why_not) else told
+        if (why := self._why_not) and self.status is Status.LEFT_COHERENT_RANGE:
+            told = UNFIT
+        return f"{why}. {told}" if why else told
 
     @property
     def _limited(self) -> bool:

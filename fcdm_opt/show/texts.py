@@ -32,6 +32,7 @@ NONE = "\u2013"
 
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
+ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
@@ -245,9 +246,21 @@ def advised(case: SolvedCase) -> str:
         return told
     table = case.solution.problem.tolerance
     if not fits > 0.0 or table is None:
-        return f"{told} The parts fit at no tolerance."
+        return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
     return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+
+
+def _unfit(problem: Problem) -> str:
+    """Return why two parts do not fit however little they are off what is drawn: widths, or how deep they overlap."""
+    from fcdm_opt.geometry.solids import depth_as_drawn
+    from fcdm_opt.problem.fit import drawn_bodies, verdict
+
+    widths = verdict(problem.deviating(ALMOST)).removeprefix("does not fit: ")
+    depth = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)
+    if not widths and depth > problem.contact_slack:
+        return f"as drawn, they overlap by {measured(number(depth, DIGITS), problem.unit)}"
+    return f"nearly as drawn, {widths or 'no motion of this kind keeps them in it'}"
 
 
 def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:

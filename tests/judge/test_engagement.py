@@ -6,6 +6,7 @@ import json
 import re
 from itertools import pairwise, product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
+from fcdm_opt.show.texts import advised
 
 UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
 NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds
@@ -169,10 +171,10 @@ def test_a_nut_lifted_under_a_roof_is_out_of_its_slot_too() -> None:
     assert fo.solve(nut_in_rail(static=t_rail(roof=True), goal="clear")).status is Status.OUTSIDE_FIT
 
 
-def peg_and_plate() -> tuple[fo.Body, fo.Body]:
+def peg_and_plate(half: float = 5.1) -> tuple[fo.Body, fo.Body]:
     """A peg 10 wide, z from 0 to 30, that stands on the bottom of a hole 10.2 wide and 20 deep."""
-    parts, middle = [block((-5.1, 5.1), (-5.1, 5.1), (-10.0, 0.0))], (-5.1, 5.1)
-    for side in ((-20.0, -5.1), (5.1, 20.0)):
+    parts, middle = [block((-half, half), (-half, half), (-10.0, 0.0))], (-half, half)
+    for side in ((-20.0, -half), (half, 20.0)):
         parts += [block(side, (-20.0, 20.0), (-10.0, 20.0)), block(middle, side, (-10.0, 20.0))]
     plate = fo.Body.from_parts(parts, seed=(0.0, 0.0, 0.0), name="plate")
     peg = fo.Body.convex(block((-5.0, 5.0), (-5.0, 5.0), (0.0, 30.0)), seed=(0.0, 0.0, 0.0), name="peg")
@@ -187,6 +189,43 @@ def test_a_peg_too_large_for_its_hole_is_not_put_on_top_of_it() -> None:
     assert solution.status is Status.OUTSIDE_FIT
     assert verdict(problem).startswith("does not fit: peg 10.50 in plate 9.69, between face ")
     assert fits_up_to(problem) == pytest.approx(0.2 / 20.2, rel=1e-4)
+
+
+def dowels(tau: float = 0.02) -> fo.Problem:
+    """A block with two pins of 6 in a plate with holes of 6.02 and 6.05, the block larger and the plate smaller."""
+    pins = [fo.Cylinder(3.0, 8.5, base=(x, 0, -8)) for x in (-20, 20)]
+    holes = [fo.Cylinder(radius, 14.0, base=(x, 0, -12)) for radius, x in ((3.01, -20), (3.025, 20))]
+    block = fo.joined(fo.Box((60, 20, 10), centre=(0, 0, 5)), *pins, name="block")
+    plate = fo.cut(fo.Box((70, 30, 10), centre=(0, 0, -5)), *holes, name="plate")
+    return fo.Problem(block, plate, tolerance=tau, requirement="B", motion=UP, goal="touch")
+
+
+def test_the_width_across_two_pins_was_told_for_the_diameter_of_one() -> None:
+    """The pins are further apart, too, so that facets across both lack more than those of one pin in its hole."""
+    assert verdict(dowels()).startswith("does not fit: block 6.12 in plate 5.90, across the bore of radius 3.01")
+
+
+@pytest.mark.parametrize(("room", "told"), [(0.0, False), (0.1, False), (0.38, True)])
+def test_a_part_was_told_not_to_fit_between_walls_without_any_room(room: float, told: bool) -> None:
+    """Of a shaft drawn through another part, cuts along its keyway met like the walls of a slit: "0.40 in -0.00"."""
+    normals, reaches = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]), np.full((2, 2), 0.2)
+    reaches[:, 0] = -room / 2.0
+    walls = fit._ClosedWalls(nut_in_rail(), normals, np.zeros((2, 2), np.int64), reaches, -reaches.sum(axis=1))
+    assert (walls.tightest(np.arange(2)) is not None) == told
+
+
+def test_why_parts_fit_at_no_tolerance_is_told() -> None:
+    """A cube of 2 drawn half a unit deep in another; and a key that is too wide however little it is off."""
+    deep = fo.Body.convex(block((0.5, 2.5), (-1.0, 1.0), (-1.0, 1.0)), name="deep")
+    cube = fo.Body.convex(block((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0)), name="cube")
+    problem = fo.Problem(deep, cube, tolerance=0.01, requirement="B", motion=UP, goal="clear", unit="mm")
+    case: Any = SimpleNamespace(
+        solution=SimpleNamespace(advice="No.", left_by_mesh="", problem=problem), fits_up_to=0.0
+    )
+    assert advised(case) == "No. The parts fit at no tolerance: as drawn, they overlap by 0.5 mm."
+    peg, plate = peg_and_plate(half=5.0)
+    case.solution.problem = fo.Problem(peg, plate, tolerance=0.01, requirement="B", motion=UP, goal="touch")
+    assert "at no tolerance: nearly as drawn, peg is 2e-05 wider than plate" in advised(case)
 
 
 def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -> None:

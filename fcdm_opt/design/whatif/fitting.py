@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 
 import numpy as np
 
@@ -64,17 +65,21 @@ def fits_up_to(problem: Problem) -> float | None:
     if problem.tolerance is None or problem.requirement is None:
         return None
 
-    def fits(share: float) -> bool:
+    def fits(share: float, *, moved: bool = True) -> bool:
         try:
             made = problem.deviating(share)
-            answer = None if misfit(made) is not None else solve(made, effort="quick", time=math.inf)
+            if misfit(made) is not None:
+                return False
+            answer = solve(made, effort="quick", time=math.inf) if moved else None
             if answer is not None and answer.stopped:
                 raise pacing.TimeOverError
-            return answer is not None and answer.usable
+            return answer is None or answer.usable
         except InputError:  # the goal does not hold at these sizes
             return False
 
-    share, _ = largest_share(fits, 0.0, 1.0, accuracy=ACCURACY)
+    share, _ = largest_share(partial(fits, moved=False), 0.0, 1.0, accuracy=ACCURACY)  # widths alone: no solves
+    if share > 0.0 and not fits(share):
+        share, _ = largest_share(fits, 0.0, share, accuracy=ACCURACY)
     return share * float(problem.tolerance.max())
 
 
