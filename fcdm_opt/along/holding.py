@@ -239,22 +239,22 @@ class Holding:
         ways = {(i, j): self._ways((i, j), every=every) for i, j in np.argwhere(near).tolist()}
         return self._each_once(self._on_round_faces({parts: found for parts, found in ways.items() if found}))
 
-    def _on_round_faces(self, ways: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
+    def _on_round_faces(self, pairs: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
         """Return the part pairs, of those that meet in one contact of true faces only the one that does so best."""
         for contact in self.round or ():
             own = {}
-            for parts, found in ways.items():
+            for parts, found in pairs.items():
                 sites, _, separations = self.task.separations(parts, self.end.pose)
                 sites = sites[separations >= separations.max() - self.slack]
                 if self.task.obstacles[parts[1]].keep_out < 0 and contact.is_of(
-                    self.task, parts, sites, np.array([way.normal for way in found])
+                    self.task, parts, sites, np.array([facing.normal for facing in found])
                 ):
-                    own[parts] = min(found, key=lambda way: -float(way.normal @ contact.frame[2]))
+                    own[parts] = min(found, key=lambda facing: -float(facing.normal @ contact.frame[2]))
             if own:
                 best = min(own, key=lambda parts: (abs(own[parts].gap), -float(own[parts].normal @ contact.frame[2])))
-                way = own[best]._replace(normal=contact.frame[2], corners=own[best].corners[:1])
-                ways = {parts: found for parts, found in ways.items() if parts not in own} | {best: [way]}
-        return ways
+                facing = own[best]._replace(normal=contact.frame[2], corners=own[best].corners[:1])
+                pairs = {parts: found for parts, found in pairs.items() if parts not in own} | {best: [facing]}
+        return pairs
 
     def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
         """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""

@@ -301,7 +301,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
                     yield made
 
 
-def _round(task: Task, q: Array, contact: RoundContact, sign: float, alone: int) -> Iterator[_Constraint | None]:
+def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int) -> Iterator[_Constraint | None]:
     """Yield what keeps true faces apart that touch, or brings them together; None where the motion tilts a line of it.
 
     The gap is that of a point and a plane, but for the bends. How it changes where the point is another, or the plane
@@ -331,7 +331,7 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, alone: int)
     bend, mixed = np.split(np.hstack([flat.bend, flat.mixed, np.zeros((count, 3))]) + second[:count], [count], axis=1)
     points = (replace(flat.features[0], points=np.column_stack([point, foot, foot, foot])),)  # go with the faces
     yield _Constraint(
-        sign * flat.slope, sign * bend, sign * np.append(flat.by_data, none), sign * mixed, points, alone=alone,
+        sign * flat.slope, sign * bend, sign * np.append(flat.by_data, none), sign * mixed, points, alone=number,
         round=True,
     )  # fmt: skip
     zeros = np.zeros(count), np.zeros((count, count)), np.zeros_like(mixed)

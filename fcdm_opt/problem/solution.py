@@ -377,9 +377,9 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
-        if (why := self._why_not) and self.status is Status.LEFT_COHERENT_RANGE:
-            told = UNFIT
-        return f"{why}. {told}" if why else told
+        if not (why := self._why_not):
+            return told
+        return f"{why}. {UNFIT if self.status is Status.LEFT_COHERENT_RANGE else told}"
 
     @property
     def _limited(self) -> bool:

@@ -334,8 +334,8 @@ def print_yield(result: AssemblyYield) -> None:
         }
         for share in result.contributions
     ]
-    told = "the variance is of amounts; which pairs have no motion, and so no amount, shows in the yields alone"
-    print_rows(rows, numbers=tuple(rows[0])[1:], notes=[told] * bool(result.impossible))
+    note = "the variance is of amounts; which pairs have no motion, and so no amount, shows in the yields alone"
+    print_rows(rows, numbers=tuple(rows[0])[1:], notes=[note] * bool(result.impossible))
 
 
 def print_judged(certificate: Certificate) -> None:

@@ -242,10 +242,10 @@ def test_a_contact_that_is_closed_at_all_sizes_was_not_told() -> None:
     size = Size("peg", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.1)
     problem = Problem(peg, slot, sizes=[size], motion=Translation("x"), goal="touch", unit="mm")
     found = budget(problem, 0.3, requirements=("worst",), largest=0.2)
-    assert found["worst"].standing == stack_up(problem).standing
+    assert found["worst"].permanent == stack_up(problem).standing
     told = 'closed at all these sizes, so that goal "touch" asks for no motion: bottom face of peg'
     assert told in str(found)
-    assert found.to_dict()["requirements"]["worst"]["standing"] == [*found["worst"].standing]
+    assert found.to_dict()["requirements"]["worst"]["permanent"] == [*found["worst"].permanent]
 
 
 def test_budgets_are_plain_data_and_words() -> None:

@@ -106,13 +106,13 @@ class Budget(Plain):
         Names of the rows of `table`, sizes or parts of an assembly; none where these are the scales of both bodies.
     unit : str
         Of lengths, "" where the problem names none.
-    standing : tuple of str
+    permanent : tuple of str
         Contacts that are closed at all sizes looked at, a flange on its plate, where corners are of gaps.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "requirement", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit", "points",
-        "proved", "end_proved", "reason", "spacing", "standing",
+        "proved", "end_proved", "reason", "spacing", "permanent",
     )  # fmt: skip
 
     requirement: str
@@ -129,7 +129,7 @@ class Budget(Plain):
     spacing: float
     sizes: tuple[str, ...] = ()
     unit: str = ""
-    standing: tuple[str, ...] = ()
+    permanent: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -172,7 +172,7 @@ class Budget(Plain):
         """Which contacts are closed at all sizes, in words, "" where none are: goal "touch" is met by them."""
         met = self.solution is not None and getattr(self.solution.question, "goal", "") == "touch"
         asked = 'so that goal "touch" asks for no motion' if met else "and not counted in the gap of the corner"
-        return "".join(not_counted(self.standing, asked))
+        return "".join(not_counted(self.permanent, asked))
 
     @property
     def end_proved(self) -> bool:
@@ -188,8 +188,8 @@ class Budget(Plain):
         sizes = f": {self.sizes_text()}" if self.sizes else ""
         if self.end is End.TIME and self.solution is None:
             return f"{self.requirement}: not known, {self.advice}"
-        told = f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
-        return "; ".join(filter(None, (told, self.closed_text)))
+        line = f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
+        return "; ".join(filter(None, (line, self.closed_text)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -566,7 +566,7 @@ class _Tolerances:
             spacing=spacing,
             sizes=self.names,
             unit=self.problem.unit,
-            standing=touching.permanent_in_words if touching else (),
+            permanent=touching.permanent_in_words if touching else (),
         )
 
     def _end(self, high: _Point | None) -> End:
