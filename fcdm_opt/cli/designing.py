@@ -313,8 +313,8 @@ def pose_command(
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
     pairs = _pairs(sizes, columns, nominals)
     if box is not None:
-        with common.named(box="--box"):
-            size_box(box, "box")
+        with common.named(box="--box"):  # of an assembly one range, of all its parts
+            size_box(box, "box", positive=[True] * (1 + isinstance(box[0], tuple)))
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         with common.named(
