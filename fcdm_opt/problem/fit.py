@@ -330,10 +330,12 @@ def _verdict(problem: Problem) -> str:
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(f"{widths[1]:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
-    other = drawn_bodies(problem)[1 - found.inside]
-    faces = dict.fromkeys(told_element(other, own) for own in found.faces[1 - found.inside] if own is not None)
+    sides = 1 - found.inside, found.inside  # the room's walls; where a cut made one, those of what is to be in it
+    side = next((k for k in sides if None not in found.faces[k]), sides[0])
+    drawn = drawn_bodies(problem)[side]
+    faces = dict.fromkeys(told_element(drawn, own) for own in found.faces[side] if own is not None)
     walls = " and ".join(map(with_article, faces))
-    between = f", {'between' if len(faces) == 2 else 'across'} {walls} of {outer}" if faces else ""
+    between = f", {'between' if len(faces) == 2 else 'across'} {walls} of {names[side]}" if faces else ""
     between += " (of its facets)" * (exact is None and any(map(is_round, faces)))
     return f"does not fit: {fit}{between}"
 

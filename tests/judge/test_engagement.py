@@ -271,6 +271,17 @@ def test_a_key_too_wide_for_its_keyway_was_put_into_the_bore_as_a_success() -> N
     assert fits_up_to(problem) == pytest.approx(0.02 / 16.02, rel=1e-3)
 
 
+def test_two_bores_too_far_apart_for_two_pins_are_told_by_the_faces_that_are_known() -> None:
+    """Cuts made the walls of the pins: "across the cylinder" was said of one of them."""
+    pins = [fo.Cylinder(4, 12.5, base=(x, 0, -0.5), facets=12) for x in (30, -30)]
+    base = fo.joined(fo.Box((80, 80, 10), centre=(0, 0, -5)), *pins, name="base")
+    bores = [fo.Cylinder(4.05, 10, base=(x, 0, -1), facets=16) for x in (30, -30)]
+    cover = fo.cut(fo.Box((80, 80, 8), centre=(0, 0, 4)), *bores, name="cover")
+    problem = fo.Problem(cover, base, tolerance=0.02, requirement="B", goal="touch", motion=ACROSS, nominal=(1, 1))
+    between = "between the bore of radius 4.05 no. 2 and the bore of radius 4.05 no. 1 of cover (of its facets)"
+    assert verdict(problem) == f"does not fit: cover 51.9 in base 50.0, {between}"
+
+
 # ---------------------------------------------------------------------------------------------------- what is no fit
 
 
