@@ -325,15 +325,22 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     normals = unit_normals(points[triangles])
     levels = (normals * points[triangles[:, 0]]).sum(axis=1)
     near = DEFAULT.nominal * float(norms(np.ptp(points, axis=0)))
-    surfaces, of = list[Swept](), np.full(len(triangles), -1)
+    middles = points[triangles].mean(axis=1)
+    surfaces, of, nearest = list[Swept](), np.full(len(triangles), -1), np.full(len(triangles), np.inf)
     for own in sources:
         turns, places = own.face_planes
+        facets, owners = own.face_triangles
         for surface, faces in round_surfaces(own):
             rows = list(faces)
             cosines = normals @ turns[rows].T
             heights = (turns[rows] * places[rows]).sum(axis=1)
             off = np.abs(levels[:, None] - np.sign(cosines) * heights)
-            of[((np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (off <= near)).any(axis=1)] = len(surfaces)
+            alike = np.flatnonzero(((np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (off <= near)).any(axis=1))
+            # facets of two pins side by side may be in one plane
+            bow = np.abs(surface.misses(facets[np.isin(owners, rows)].mean(axis=1))[0]).max()
+            away = np.abs(surface.misses(middles[alike])[0])
+            closer = away < np.minimum(nearest[alike], 2.0 * bow + near)
+            of[alike[closer]], nearest[alike[closer]] = len(surfaces), away[closer]
             surfaces.append(surface)
     (flat,) = np.nonzero(of < 0)
     planes = [Swept.plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]

@@ -15,6 +15,7 @@ from strategies import generators, random_rotation
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.naming import round_faces
 from fcdm_opt.tolerances import DEFAULT
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
@@ -237,3 +238,18 @@ def test_slivers_that_other_parts_leave_of_a_face_are_no_faces():
     body = fo.Body.from_parts(rows, seed="box")
     assert len(body.parts) == len(rows)
     assert all(len(face) > 2 for face in body.faces)
+
+
+@pytest.mark.parametrize("angle", [0.0, 45.0, 75.0])
+@pytest.mark.parametrize("combine", [fo.joined, fo.cut])
+def test_facets_of_pins_side_by_side_in_one_plane_were_taken_for_those_of_the_other(combine, angle: float) -> None:
+    """Across the line of their axes 12 facets have one plane at 45 and 75 degrees: corners went to the other pin."""
+    ahead = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    pins = [fo.Cylinder(4.0, 14.0, base=(*own, -2.0), facets=12) for own in (30.0 * ahead, -30.0 * ahead)]
+    found = combine(fo.Box((80, 80, 10), centre=(0, 0, 5)), *pins)
+    sides = []
+    for own in round_faces(found):
+        corners = found.vertices[[label - 1 for face in own.faces for label in face]]
+        sides.append(float(np.sign(own.surface.origin[:2] @ ahead)))
+        np.testing.assert_allclose(np.linalg.norm(corners[:, :2] - 30.0 * sides[-1] * ahead, axis=1), 4.0, atol=1e-9)
+    assert sorted(sides) == [-1.0, 1.0]
