@@ -323,7 +323,8 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int
     turns = [
         row(gap(2, point + own / task.target[0]), np.cross(drawn[2], own)) - row(flat) for own in drawn[:2]
     ]  # a turn w of body 1 lets a point at u sink by n . (u x w)
-    found = curved(contact, shifts, np.array(turns))
+    twist = row(gap(0, point + drawn[1] / task.target[0]), np.cross(*drawn[:2])) + shifts[0]
+    found = curved(contact, shifts, np.array(turns), twist)
     if found is None or np.abs(found[1][:, :count]).max(initial=0.0) > DEFAULT.tie:
         yield None
         return

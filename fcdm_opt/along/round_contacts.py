@@ -96,7 +96,7 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
     return [*found.values()]
 
 
-def curved(contact: RoundContact, shifts: Array, turns: Array) -> tuple[Array, Array] | None:
+def curved(contact: RoundContact, shifts: Array, turns: Array, twist: Array) -> tuple[Array, Array] | None:
     """Return the second derivatives of the gap beyond those of a point and a plane, and what must not change.
 
     Face 1 is at height -u B1 u / 2 over the tangent plane, face 2 at v B2 v / 2 with v = u + d where body 1 is shifted
@@ -111,13 +111,15 @@ def curved(contact: RoundContact, shifts: Array, turns: Array) -> tuple[Array, A
     contact : RoundContact
     shifts, turns : (2, n) array
         d and a, by n data.
+    twist : (n,) array
+        By how much body 1 turns about the normal.
 
     Returns
     -------
     second : (n, n) array
     still : (m, n) array
-        Along a line of contact there is no such least gap where body 1 tilts: the products of these with the data
-        must be 0.
+        Along a line of contact there is no such least gap where body 1 tilts, nor, of two faces bent across it, where
+        it twists: either end comes first. The products of these with the data must be 0.
     None where the faces overlap beside the contact.
     """
     one, two = contact.bends
@@ -128,4 +130,6 @@ def curved(contact: RoundContact, shifts: Array, turns: Array) -> tuple[Array, A
     pulls = along.T @ (turns + two @ shifts)
     flat = bends <= least
     second = shifts.T @ two @ shifts - (pulls[~flat].T / bends[~flat]) @ pulls[~flat]
-    return second, pulls[flat]
+    across = np.einsum("ik,lij,jk->lk", along[:, ~flat], contact.bends, along[:, ~flat])
+    twists = across.shape[1] == 1 and np.abs(across).min() > least
+    return second, np.vstack([pulls[flat], twist[None]]) if twists else pulls[flat]

@@ -84,6 +84,19 @@ def test_the_motion_of_a_pin_follows_the_curvature_of_its_bore(radius, centre, w
     assert told.exists
 
 
+def test_a_pin_turned_about_the_normal_of_its_line_of_contact_was_told_of_one_point_of_the_line() -> None:
+    """Twisted, either end of the line of contact comes first: "-3.26" for TY, by the height of a corner of facets."""
+    holes, pins = (
+        [fo.Cylinder(r, 20.0, base=(x, 0, z)) for r, x in own]
+        for own, z in (([(4.0, -20.0), (4.0, 20.0)], -10.0), ([(3.9, -20.15), (3.92, 20.015)], -4.0))
+    )
+    base, block = fo.cut(fo.Box((64, 30, 10)), *holes), fo.Box((64, 30, 20), centre=(0, 0, 15.1))
+    problem = fo.Problem(fo.joined(block, *pins), base, motion=X >> Y, goal="clear", target=(1, 1))
+    told = fo.solve(problem).sensitivity.motion_by_pose
+    assert np.isnan(told[:, 3:5]).all()
+    assert told[:, :2] == pytest.approx(np.diag([-1.0, -1.0 / 3.0]), abs=1e-6)  # .05 to go, play .1
+
+
 @pytest.mark.slow
 def test_the_motion_of_a_ball_in_its_socket_follows_both_curvatures() -> None:
     """As the pin, in three directions; turned about its middle, a ball stays what it is."""
