@@ -16,6 +16,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
 from fcdm_opt.geometry.naming import Round, is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import contains, depth_as_drawn, kept_as_surface
 from fcdm_opt.geometry.units import measured
@@ -32,6 +33,7 @@ MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are 
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
+FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
 fits, and meshes of round faces out of phase."""
@@ -240,14 +242,22 @@ class _ClosedWalls(NamedTuple):
             inside = 0 if width[0] > 0.0 else 1
             if not width[inside] > -width[1 - inside] > ROOM * width[inside]:
                 continue  # walls that are a little aslant, seen from far away; and what nothing could be meant to be in
-            least = float(gaps[k] + gaps[j])
             one, two = (
-                tuple(_wall(drawn.parts[places[each, body]], side * normals[each]) for each in (k, j))
+                tuple(_wall(drawn.parts[places[each, body]], side * normals[each], drawn) for each in (k, j))
                 for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
             )
             parts = [tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1)]
-            found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]))
+            own = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]))
+            if own.inner - own.outer > self.bow or true_diameters(problem, own) is not None:
+                least, found = float(gaps[k] + gaps[j]), own
         return found
+
+    @property
+    def bow(self) -> float:
+        """How much wider true round faces may be apart than their facets are; facets out of phase do not fit sooner."""
+        both = zip(drawn_bodies(self.problem), self.problem.target.tolist(), strict=True)
+        errors = ((facet_errors(body), rho) for body, rho in both if round_surfaces(body))
+        return sum(2.0 * rho * float(own.sum(axis=1).max()) for own, rho in errors if own is not None)
 
     def of_one_feature(self, found: Misfit) -> bool:
         """Tell whether the walls of either body are of one round face, or of none."""
@@ -258,10 +268,11 @@ class _ClosedWalls(NamedTuple):
         """Yield the rows of each round face of either body, and of all others."""
         for body, side, own in zip(drawn_bodies(self.problem), (1.0, -1.0), self.places.T.tolist(), strict=True):
             known = _round_numbers(body)
-            faces = (_wall(body.parts[k], side * normal) for k, normal in zip(own, self.normals, strict=True))
+            faces = (_wall(body.parts[k], side * normal, body) for k, normal in zip(own, self.normals, strict=True))
             yield from filter(len, groups_of(np.array([1 + _number(known, face) for face in faces])))
 
 
+@lru_cache(maxsize=8)
 def _round_numbers(body: Body) -> dict[tuple[int, ...], int]:
     """Return the number of the round face that each facet of one is on."""
     return {label: k for k, own in enumerate(round_faces(body)) for label in own.faces}
@@ -272,11 +283,16 @@ def _number(known: dict[tuple[int, ...], int], wall: Element | None) -> int:
     return -1 if wall is None else known.get(tuple(sorted(wall.vertices)), -1)
 
 
-def _wall(part: ConvexPart, normal: Array) -> Element | None:
-    """Return the face of a part that looks along a direction; None where it has none."""
+def _wall(part: ConvexPart, normal: Array, body: Body) -> Element | None:
+    """Return the face of a part that looks along a direction; None where it has none.
+
+    Where an edge between facets of a round face does, one of these.
+    """
     towards = part.normals @ normal
     best = int(towards.argmax())
-    return part.elements["F"][best] if towards[best] >= 1.0 - DEFAULT.side else None
+    face = part.elements["F"][best]
+    on_round = towards[best] > FEWEST_ROUND and _number(_round_numbers(body), face) >= 0
+    return face if on_round or towards[best] >= 1.0 - DEFAULT.side else None
 
 
 def mismatched(scene: Scene) -> bool:

@@ -271,14 +271,28 @@ def test_a_key_too_wide_for_its_keyway_was_put_into_the_bore_as_a_success() -> N
     assert fits_up_to(problem) == pytest.approx(0.02 / 16.02, rel=1e-3)
 
 
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("bore", "pin"), [(16, 24), (24, 16), (32, 32), (48, 16)])
+def test_facets_out_of_phase_do_not_fit_sooner_than_round_faces_do(bore: int, pin: int) -> None:
+    """Their widths were told, of a pin with play too: it "does not fit: 19.94 in 19.62"."""
+    hole = fo.Cylinder(10, 20, base=(0, 0, -5), facets=bore)
+    plate = fo.cut(fo.Box((60, 60, 10), centre=(0, 0, 5)), hole, name="plate")
+    rod = fo.Cylinder(10, 30, base=(0, 0, -10), facets=pin, name="pin")
+    size = fo.Size("pin", "movable", faces="cylinder radius 10", each=0.5, tolerance=1)
+    problem = fo.Problem(rod, plate, sizes=[size], made={"pin": -0.02}, goal="touch", motion=fo.Translation("x"))
+    assert verdict(problem) == ""
+    tight = problem.changed(made={"pin": 0.02})
+    assert verdict(tight) == "does not fit: pin 20.020 in plate 20.000, across the bore of radius 10 of plate"
+
+
 def test_two_bores_too_far_apart_for_two_pins_are_told_by_the_faces_that_are_known() -> None:
-    """Cuts made the walls of the pins: "across the cylinder" was said of one of them."""
+    """Edges of facets are the walls of the pins: "across the cylinder" was said of one of them."""
     pins = [fo.Cylinder(4, 12.5, base=(x, 0, -0.5), facets=12) for x in (30, -30)]
     base = fo.joined(fo.Box((80, 80, 10), centre=(0, 0, -5)), *pins, name="base")
     bores = [fo.Cylinder(4.05, 10, base=(x, 0, -1), facets=16) for x in (30, -30)]
     cover = fo.cut(fo.Box((80, 80, 8), centre=(0, 0, 4)), *bores, name="cover")
     problem = fo.Problem(cover, base, tolerance=0.02, requirement="B", goal="touch", motion=ACROSS, nominal=(1, 1))
-    between = "between the bore of radius 4.05 no. 2 and the bore of radius 4.05 no. 1 of cover (of its facets)"
+    between = "between the cylinder of radius 4 no. 2 and the cylinder of radius 4 no. 1 of base (of its facets)"
     assert verdict(problem) == f"does not fit: cover 51.9 in base 50.0, {between}"
 
 

@@ -246,7 +246,7 @@ def test_a_part_that_goes_through_one_it_has_no_contact_with_is_told() -> None:
 def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_did_not_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """64 corners in a bore of 48 of the same radius: across flats 20 in 20 cos(pi / 48)."""
+    """64 corners in a bore of 48 of the same radius: taken as round they are line to line."""
     plate = Manifold.cube([50.0, 50.0, 25.0]).translate([-25.0, -25.0, 0.0]) - cylinder(10.0, -1.0, 26.0, 48)
     for name, solid in (("shaft", cylinder(10.0, -5.0, 25.0)), ("plate", plate)):
         points, rows = triangles(solid)
@@ -257,7 +257,7 @@ def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_
     monkeypatch.setattr("fcdm_opt.drafting.choice.SHORT", 0.5)  # for what does not fit: nothing is found of it
     found = CliRunner().invoke(app, ["init", *args, "--unit", "mm"])
     words = " ".join(found.output.split())
-    assert "does not fit: shaft 20.000 mm in plate 19.957 mm, across the bore of radius 10 of plate" in words
+    assert "Does not fit: shaft 20.40 mm in plate 19.60 mm, across the bore of radius 10 of plate" in words
     assert "move the movable part in the drawing" not in words
     assert "1 of 4 cases solved and verified" in words
     assert words.count("Does not fit: shaft") == 3
