@@ -65,7 +65,8 @@ CASES = {
     "a turn, flush": (corner(motion=X >> Y >> fo.Rotation("z")), np.hypot(0.015, 0.015)),
     "six parameters": (LOCATING[0], np.sqrt(0.02)),
     "a wall that is not listed": (
-        corner(contacts=[corner().contacts[0].label], motion=X >> Y >> Z), np.hypot(0.015, 0.015)
+        corner(contacts=[corner().contacts[0].label], motion=X >> Y >> Z),
+        np.hypot(0.015, 0.015),
     ),
     "a limit": (corner(motion=X >> Y >> Z, limits={"TZ": (0.01, 1.0)}), np.sqrt(2 * 0.015**2 + 0.01**2)),
 }

@@ -56,9 +56,9 @@ def test_what_passes_is_what_the_swept_solid_meets(seed: int) -> None:
     while told < 60:
         other = Manifold.batch_boolean(
             [
-                Manifold.cube([*random.uniform(0.05, 2.0, 3)]).rotate([*random.uniform(0, 90, 3)]).translate(
-                    [*random.uniform(-1, 1, 3)]
-                )
+                Manifold.cube([*random.uniform(0.05, 2.0, 3)])
+                .rotate([*random.uniform(0, 90, 3)])
+                .translate([*random.uniform(-1, 1, 3)])
                 for _ in range(4)
             ],
             OpType.Add,
@@ -259,8 +259,8 @@ def test_a_draft_of_a_shaft_that_overlaps_its_bore_by_a_hair_named_no_width_and_
     words = " ".join(found.output.split())
     assert "Does not fit: shaft 20.40 mm in plate 19.60 mm, across the bore of radius 10 of plate" in words
     assert "move the movable part in the drawing" not in words
-    assert "1 of 4 cases solved and verified" in words
-    assert words.count("Does not fit: shaft") == 3
+    assert "3 of 4 cases solved and verified" in words
+    assert words.count("Does not fit: shaft") == 1
 
 
 def test_a_box_drawn_a_hair_into_a_floor_of_tiles_may_be_lifted_by_that() -> None:
