@@ -234,7 +234,7 @@ class _ClosedWalls(NamedTuple):
         known, first = np.unique(keys[order], return_index=True)
         back = np.minimum(np.searchsorted(known, -known), len(known) - 1)
         pairs = np.column_stack([order[first], order[first[back]]])[known[back] == -known]
-        found, least, tie = None, -problem.contact_slack, DEFAULT.tie * problem.size
+        found, least, tie, bow = None, -problem.contact_slack, DEFAULT.tie * problem.size, self.bow
         for k, j in pairs[np.argsort(pairs[:, 0])].tolist():  # of equals the first
             if not gaps[k] + gaps[j] < least - tie:
                 continue
@@ -248,13 +248,13 @@ class _ClosedWalls(NamedTuple):
             )
             parts = [tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1)]
             own = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]))
-            if own.inner - own.outer > self.bow or true_diameters(problem, own) is not None:
+            if own.inner - own.outer > bow or true_diameters(problem, own) is not None:
                 least, found = float(gaps[k] + gaps[j]), own
         return found
 
     @property
     def bow(self) -> float:
-        """How much wider true round faces may be apart than their facets are; facets out of phase do not fit sooner."""
+        """How much more room true round faces of both bodies may have than their facets, which may be out of phase."""
         both = zip(drawn_bodies(self.problem), self.problem.target.tolist(), strict=True)
         errors = ((facet_errors(body), rho) for body, rho in both if round_surfaces(body))
         return sum(2.0 * rho * float(own.sum(axis=1).max()) for own, rho in errors if own is not None)
@@ -346,7 +346,7 @@ def _verdict(problem: Problem) -> str:
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(f"{widths[1]:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
-    sides = 1 - found.inside, found.inside  # the room's walls; where a cut made one, those of what is to be in it
+    sides = 1 - found.inside, found.inside  # the walls of the room; where a cut made one, those of the part in it
     side = next((k for k in sides if None not in found.faces[k]), sides[0])
     drawn = drawn_bodies(problem)[side]
     faces = dict.fromkeys(told_element(drawn, own) for own in found.faces[side] if own is not None)
