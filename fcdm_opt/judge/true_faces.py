@@ -190,8 +190,8 @@ class _There:
         out = np.cross(along, normals[i]) / length[:, None]
         curve = _on_edge(surface, self.surfaces.of_each(m[e]), start[e], end[e], share[:, None])
         off, bow = (np.einsum("ni,ni->n", each - chord, out) for each in (feet[i], curve))
-        found[i[(off >= 0.0) & (off <= bow + slack)]] = True
-        found[i[(off <= 0.0) & (off > bow + slack)]] = False
+        found[i[(off >= -slack) & (off <= bow + slack)]] = True  # on the chord itself triangles tell either
+        found[i[(off <= slack) & (off > bow + slack)]] = False
         return found
 
     def _bent_edges(self, k: int) -> tuple[Ints, Array, Array, Array, Array]:
