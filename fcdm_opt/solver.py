@@ -117,6 +117,26 @@ def any_motion(problem: Problem) -> Solution:
     return _in_time(problem, _How("auto", certify=False, effort="quick", seconds=None, confirm=False), None)
 
 
+def has_motion(problem: Problem) -> bool:
+    """Tell whether the stages find a motion that stays in the fit, which the judge is not asked about.
+
+    Raises
+    ------
+    TimeOverError
+        Where the enclosing time limit is met before.
+    """
+    how = _How("auto", certify=False, effort="quick", seconds=None, judge=False, confirm=False)
+    solution = _least(problem, how)
+    if solution.stopped:
+        raise pacing.TimeOverError
+    return _may_be_used(solution, how)
+
+
+def _may_be_used(solution: Solution, how: _How) -> bool:
+    """Tell whether a motion was found that stays in the fit and, where it is asked, passed the judge."""
+    return solution.usable if how.judge else solution.status.found and not outside_fit(solution)
+
+
 def _in_time(problem: Scene, how: _How, time: float | None) -> Any:
     answered: Any = _several if isinstance(problem, Assembly) else _answered
     with pacing.within(time):
@@ -137,15 +157,20 @@ def _answered(problem: Problem, how: _How) -> Solution:
     """Return the least solution, with what facets of round faces leave open of it."""
     if how.effort != "quick" and pacing.limited():
         facets_known(problem)
+    quick = how.effort == "quick"
+    return with_mesh_error(_least(problem, how), partial(_solved_again, how), certify=how.certify, quick=quick)
+
+
+def _least(problem: Problem, how: _How) -> Solution:
+    """Return the least solution, of true faces where one is found in time."""
     wide, solution = has_round_faces(problem) and pacing.in_time(too_wide, problem, late=True), None
     if not wide:
         solution = _of_true_faces(problem, how)
     if solution is None:
         solution = _solved_all(problem, how)
-        if wide and solution.usable:  # as where one part is lifted off the other
+        if wide and _may_be_used(solution, how):  # as where one part is lifted off the other
             solution = _of_true_faces(problem, how) or solution
-    quick = how.effort == "quick"
-    return with_mesh_error(solution, partial(_solved_again, how), certify=how.certify, quick=quick)
+    return solution
 
 
 def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
@@ -162,7 +187,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
             continue
         asked = problem.with_exact_points(points)
         found = pacing.in_time(_solved_all, asked, how, late=None)
-        if found is not None and (found.usable or found.status in IMPOSSIBLE):
+        if found is not None and (_may_be_used(found, how) or found.status in IMPOSSIBLE):
             return found
     return None
 

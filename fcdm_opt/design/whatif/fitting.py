@@ -17,7 +17,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.solver import solve
+from fcdm_opt.solver import has_motion, solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
@@ -65,21 +65,23 @@ def fits_up_to(problem: Problem) -> float | None:
     if problem.tolerance is None or problem.requirement is None:
         return None
 
-    def fits(share: float, *, moved: bool = True) -> bool:
+    def usable(made: Problem) -> bool:
+        answer = solve(made, effort="quick", time=math.inf)
+        if answer.stopped:
+            raise pacing.TimeOverError
+        return answer.usable
+
+    def fits(share: float, moved: Callable[[Problem], bool]) -> bool:
         try:
             made = problem.deviating(share)
-            if misfit(made) is not None:
-                return False
-            answer = solve(made, effort="quick", time=math.inf) if moved else None
-            if answer is not None and answer.stopped:
-                raise pacing.TimeOverError
-            return answer is None or answer.usable
+            return misfit(made) is None and moved(made)
         except InputError:  # the goal does not hold at these sizes
             return False
 
-    share, _ = largest_share(partial(fits, moved=False), 0.0, 1.0, accuracy=ACCURACY)  # widths alone: no solves
-    if share > 0.0 and not fits(share):
-        share, _ = largest_share(fits, 0.0, share, accuracy=ACCURACY)
+    share = 1.0
+    for moved in (lambda _: True, has_motion, usable):  # widths alone, then motions, then what the judge says of them
+        if share > 0.0 and not fits(share, moved):
+            share, _ = largest_share(partial(fits, moved=moved), 0.0, share, accuracy=ACCURACY)
     return share * float(problem.tolerance.max())
 
 
