@@ -65,7 +65,8 @@ def gap_of_true_faces(
 def _gap(faces: tuple[TrueFaces, ...], scales: tuple[float, ...], pose: bytes, band: float, without: Any) -> float:
     poses = np.frombuffer(pose).reshape(4, 4), np.eye(4)
     one, two = (_There(*own) for own in zip(faces, scales, poses, strict=True))
-    return -max(_deepest(one, two, band, without), _deepest(two, one, band, {(j, i) for i, j in without}))
+    deepest = _deepest(one, two, band, without, -np.inf)
+    return -_deepest(two, one, band, {(j, i) for i, j in without}, deepest)
 
 
 class _Surfaces(NamedTuple):
@@ -120,6 +121,16 @@ class _Surfaces(NamedTuple):
         return height, directions
 
 
+class _BentEdges(NamedTuple):
+    """Edges of a face that leave their chords: the face beyond, their ends, how far off they are and where to."""
+
+    others: Ints
+    start: Array
+    end: Array
+    room: Array
+    off: Array
+
+
 class _There:
     """A body's triangles and surfaces where they are."""
 
@@ -135,7 +146,7 @@ class _There:
         ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
         self.edges = ends[self.neighbours != self.owners[:, None]]  # chords, each off its edge by no more than a facet
         self.bow = scale * max(deviation_of(faces.body))
-        self._known = dict[int, tuple[Ints, Array, Array, Array, Array]]()
+        self._known = dict[int, _BentEdges]()
         drawn = _Surfaces.of([own.surface for own in faces.patches])
         self.surfaces = drawn._replace(
             origin=there(drawn.origin),
@@ -179,8 +190,9 @@ class _There:
         surface = self.surfaces.of_each(k)
         normals = self.sides[k] * surface.height(feet)[1]
         found = np.ones(len(feet), bool) if over else _over(feet, normals, self.corners[self.owners == k])
-        m, start, end, low, high = self._bent_edges(k)
-        i, e = overlapping_between(feet, feet, low - slack, high + slack).T
+        m, start, end, room, _ = self._bent_edges(k)
+        low, high = np.minimum(start, end) - room - slack, np.maximum(start, end) + room + slack
+        i, e = overlapping_between(feet, feet, low, high).T
         along = end[e] - start[e]
         length = np.linalg.norm(along, axis=1)
         share = np.einsum("ni,ni->n", feet[i] - start[e], along) / length**2
@@ -194,20 +206,30 @@ class _There:
         found[i[(off <= slack) & (off > bow + slack)]] = False
         return found
 
-    def _bent_edges(self, k: int) -> tuple[Ints, Array, Array, Array, Array]:
-        """Return the edges of a face that leave their chords: the face beyond, their ends, and those of their boxes."""
+    def off_triangles(self, k: int, along: Array | None) -> float:
+        """Return how far points of a face may be off its triangles, along a direction where one is given."""
+        edges, bow, axis = self._bent_edges(k), self.bow if self.is_round[k] else 0.0, self.surfaces.axis[k]
+        if along is None:
+            return bow + float(edges.room.max(initial=0.0))
+        if self.surfaces.line[k, 0] == 1.0:  # points of a cylinder are off square to its axis
+            bow *= float(np.linalg.norm(np.cross(axis, along)))
+        return bow + BOWED * float(np.abs(edges.off @ along).max(initial=0.0))
+
+    def _bent_edges(self, k: int) -> _BentEdges:
+        """Return the edges of a face that leave their chords."""
         if k not in self._known:
             which, s = np.nonzero((self.owners == k)[:, None] & self.may_bend(k, self.neighbours))
             others = self.neighbours[which, s]
             start, end = (self.corners[which, own] for own in (s, (s + 1) % 3))
-            bow = np.zeros(len(start))
-            for share in (0.25, 0.5, 0.75):
+            off = np.zeros((3, len(start), 3))
+            for i, share in enumerate((0.25, 0.5, 0.75)):
                 shares = np.full((len(start), 1), share)
                 curve = _on_edge(self.surfaces.of_each(k), self.surfaces.of_each(others), start, end, shares)
-                bow = np.maximum(bow, np.linalg.norm(curve - start - share * (end - start), axis=1))
+                off[i] = curve - start - share * (end - start)
+            bow = np.linalg.norm(off, axis=2).max(axis=0)
             bent = bow > BENT * np.linalg.norm(end - start, axis=1)
-            start, end, room = start[bent], end[bent], BOWED * bow[bent, None]
-            self._known[k] = others[bent], start, end, np.minimum(start, end) - room, np.maximum(start, end) + room
+            room = BOWED * bow[bent, None]
+            self._known[k] = _BentEdges(others[bent], start[bent], end[bent], room, off[:, bent])
         return self._known[k]
 
     def nearer(self, points: Array, k: int, depth: Array, slack: float) -> Flags:
@@ -277,20 +299,40 @@ def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Ar
     return points
 
 
-def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[int, int]]) -> float:
-    """Return how deep points of one body lie in the other at most."""
-    deepest = -np.inf
+def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[int, int]], known: float) -> float:
+    """Return how deep points of one body lie in the other at most, or what is known where that is no less."""
+    pairs = list[tuple[float, int, int, Ints]]()
     low, high = own.corners.min(axis=1), own.corners.max(axis=1)
     for k in np.unique(other.owners).tolist():
         theirs = other.corners[other.owners == k]
         ends = theirs.reshape(-1, 3).min(axis=0) - band, theirs.reshape(-1, 3).max(axis=0) + band
         near = ((high >= ends[0]) & (low <= ends[1])).all(axis=1)
         for j in np.unique(own.owners[near]).tolist():
-            if (j, k) in without:
-                continue
-            triangles = np.flatnonzero(near & (own.owners == j))
-            deepest = max(deepest, _of_two(own, j, triangles, other, k, band, deepest))
-    return deepest
+            if (j, k) not in without:
+                triangles = np.flatnonzero(near & (own.owners == j))
+                pairs.append((_at_most(own, j, triangles, other, k), j, k, triangles))
+    for most, j, k, triangles in sorted(pairs, key=lambda pair: abs(pair[0])):  # those that touch show most of others
+        if most > known + SLACK * band:
+            known = max(known, _of_two(own, j, triangles, other, k, band, known))
+    return known
+
+
+def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> float:
+    """Return a bound of how deep points of a face lie behind another surface.
+
+    The height over a plane, a cylinder, a cone or a sphere is convex: over a triangle it is at most what it is at the
+    corners, and at least what its tangent plane at the middle is there.
+    """
+    surface, corners = other.surfaces.of_each(k), own.corners[triangles]
+    if np.isnan(surface.line[0]) and surface.ring > 0.0:
+        return np.inf
+    if other.sides[k] < 0.0:
+        most = float(surface.height(corners)[0].max())
+    else:
+        middle = corners.mean(axis=1)
+        height, direction = surface.height(middle)
+        most = -float((height[:, None] + np.einsum("tki,ti->tk", corners - middle[:, None], direction)).min())
+    return most + own.off_triangles(j, None if other.is_round[k] else surface.axis)
 
 
 def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float) -> float:
