@@ -47,7 +47,7 @@ def differences(asked, at, step: float = 1e-5) -> np.ndarray:
         pytest.param((0.002, 0.0), X >> Y, marks=pytest.mark.slow),
         pytest.param((0.001, 0.0007), X, marks=pytest.mark.slow),
         ((0.001, 0.0007), X >> Y),
-        ((0.002, 0.0), fo.Translation((0.6, 0.8, 0))),
+        pytest.param((0.002, 0.0), fo.Translation((0.6, 0.8, 0)), marks=pytest.mark.slow),
     ],
 )
 def test_derivatives_by_diameters_were_not_told_off_the_middle_or_in_two_directions(centre, motion) -> None:

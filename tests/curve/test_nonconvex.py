@@ -36,6 +36,7 @@ def tally() -> Tally:
     return found
 
 
+@pytest.mark.slow
 def test_diagrams_agree_with_the_undecomposed_meshes():
     found = tally()
     assert not found.wrong, "\n".join(found.wrong)

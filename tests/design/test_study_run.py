@@ -119,6 +119,7 @@ def test_rows_are_what_solve_and_the_judge_say(whole: Path) -> None:
     assert len(statuses) >= 3
 
 
+@pytest.mark.slow
 def test_rows_are_the_same_with_two_processes_and_with_one(whole: Path, tmp_path: Path) -> None:
     run_study(study(), tmp_path, jobs=2)
     assert timeless(rows(tmp_path)) == timeless(rows(whole))

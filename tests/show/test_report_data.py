@@ -243,7 +243,7 @@ def test_factors_that_would_leave_no_body_are_left_out():
     assert "at 1.8 times" in family["note"]
 
 
-@pytest.mark.parametrize("name", ["example1", "example2"])
+@pytest.mark.parametrize("name", ["example1", pytest.param("example2", marks=pytest.mark.slow)])
 def test_frames_as_asked_are_the_solution(name):
     for problem, case in zip(opened(name).problems, gathered(name)["cases"], strict=True):
         solution = fo.solve(problem)

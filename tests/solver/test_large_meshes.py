@@ -321,6 +321,7 @@ def test_plain_data_makes_the_same_surface_again(bored: fo.Body) -> None:
     assert fo.solve(again).amount == pytest.approx((1.01 * HOLE - 0.99 * PEG) * math.cos(math.pi / SIDES), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_free_motion_of_a_part_with_thousands_of_faces_is_bounded(bored: fo.Body) -> None:
     corners = np.array([(x, y, z) for x in (7.5, 8.5) for y in (-0.4, 0.4) for z in (1.0, 3.0)])
     block = fo.Body.convex(corners, name="block")

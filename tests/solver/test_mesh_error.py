@@ -560,6 +560,7 @@ def test_the_plane_around_a_bore_was_as_many_faces_as_the_body_has_parts() -> No
     assert len(ends) == 2
 
 
+@pytest.mark.slow
 def test_a_collar_whose_shank_is_far_too_thick_was_left_open_by_the_mesh() -> None:
     """19.8 x 1.02 = 20.196 in 20 x .98 = 19.6: no facets are off by .3 on a side. Known once, by its diameters."""
     rings = [np.vstack([ring(r, 24, z) for z in ends]) for r, ends in ((9.9, (0.0, 41.0)), (14.0, (LONG, 44.0)))]

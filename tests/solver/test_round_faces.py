@@ -166,6 +166,7 @@ def test_a_ball_meets_planes_cones_and_its_socket() -> None:
     assert seated.amount == pytest.approx(0.2, **NEAR)
 
 
+@pytest.mark.slow
 def test_a_ball_larger_than_its_socket_was_let_out_by_its_facets() -> None:
     """It comes free where it touches the rim from outside, which is told of true faces, though it leaves the fit."""
     height = 2.0
@@ -189,6 +190,7 @@ def test_parts_with_play_met_with_any_normal_where_they_were_exact() -> None:
     assert over.amount == pytest.approx(math.hypot(math.hypot(7, 3) - 5, 2) - 1, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     """A torus bent both ways; along the axis the ball meets the edge of the groove, a circle."""
     ring, tube, r, outer = 20.0, 5.2, 5.0, 18.0
@@ -217,7 +219,7 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller", "taper", "key", "feather"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
     """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.

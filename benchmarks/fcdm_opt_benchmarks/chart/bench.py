@@ -155,7 +155,7 @@ def bench(
     compared, faults = 0, list[Row]()
     if "curve" in only:
         say("decision curves against exact ones, feature by feature")
-        compared, faults = curve_faults(500 if quick else 5000, seed)
+        compared, faults = curve_faults(200 if quick else 5000, seed)
     tables = {
         "chart": chart,
         "faults": faults,

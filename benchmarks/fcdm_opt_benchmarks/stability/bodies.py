@@ -26,7 +26,7 @@ from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 
 Data = Mapping[str, Any]
 Answer = dict[str, Any]
-EVERY = 5  # cases of each family, one is in the quick form
+EVERY = 8  # cases of each family, one is in the quick form
 ROUNDING = 1e-12
 """Of the size: what is this near to a plane that cuts is on it."""
 

@@ -16,7 +16,7 @@ from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 from fcdm_opt_benchmarks.stability.motion_bodies import Truth
 from fcdm_opt_benchmarks.stability.motion_families import FAMILIES, REFUSED
 
-MOST = 3  # members of a family in the quick form
+MOST = 2  # members of a family in the quick form
 Answer = dict[str, Any]
 
 
@@ -26,7 +26,7 @@ def cases(quick: bool, seed: int) -> list[HardCase]:
     Parameters
     ----------
     quick : bool
-        About a sixth of them, of every family.
+        About a tenth of them, of every family.
     seed : int
         Draws the boxes and frames that are drawn by lot; families and names are the same for all.
     """
@@ -34,7 +34,7 @@ def cases(quick: bool, seed: int) -> list[HardCase]:
     for k, (family, (members, source)) in enumerate(FAMILIES.items()):
         own = list(members(np.random.default_rng([seed, k])))
         if quick:
-            own = own[:: max(5, math.ceil(len(own) / MOST))]
+            own = own[:: max(8, math.ceil(len(own) / MOST))]
         made += [
             HardCase(family, name, "motion", {"problem": asked}, _truth(truth, source)) for name, asked, truth in own
         ]

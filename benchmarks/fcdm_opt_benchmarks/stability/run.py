@@ -117,7 +117,7 @@ def stability(
     Parameters
     ----------
     quick : bool
-        About a fifth of the cases, of every family some, and shorter limits.
+        About an eighth of the cases, of every family some, and shorter limits.
     seed : int
         Of what is drawn at random.
     jobs : int, optional
