@@ -58,7 +58,7 @@ def test_cases_are_plain_and_keep_their_names(question):
     for case in own:
         assert json.loads(json.dumps([case.data, case.truth], allow_nan=False)) == [case.data, case.truth]
     assert {case.family for case in cases(question)} == {case.family for case in own}
-    assert len(own) / 10 <= len(cases(question)) <= len(own) / 3
+    assert len(own) / 12 <= len(cases(question)) <= len(own) / 3
 
 
 def test_only_what_is_drawn_by_lot_depends_on_the_seed():
