@@ -119,7 +119,6 @@ ENGINE = "joblib: processes of this machine; dask: workers of a cluster, --sched
 OF = "Of an assembly: the two parts whose gap it is."
 SLICE = "With --out: the two sizes of the slice."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
-MIDDLE = "it makes the worst gap smallest, of either kind; --clearance 0,inf asks for one without interference"
 
 
 def study_command(
@@ -323,8 +322,7 @@ def pose_command(
             best = best_pose(problem, sizes=pairs, box=box, clearance=window)  # what it refuses is said first
         drawn = clearances(problem, sizes=pairs, box=box)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
-        middle = [MIDDLE] * (best.window == (0.0, 0.0) and not best.fitted and best.least.gap < 0.0)
-        yield "best pose", best, partial(tables.print_said, more=middle)
+        yield "best pose", best, tables.print_said
         pose = best.parameters if best.transform is None else best.transform
         made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")

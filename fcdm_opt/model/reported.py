@@ -38,7 +38,7 @@ def reported(
             features = touching_features(task.movable, task.static, task.pose(q), task.target, slack)
         moved = {
             "parameters": task.motion.by_name(q),
-            "transform": frozen(task.transform(q)),
+            "transform": frozen(task.transform(q) + 0.0),  # without -0
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
             "features": features,

@@ -249,10 +249,11 @@ def points_of_true_faces(
     if asked is None:
         return None
     slack, points = asked.facets.contact_slack, asked.points
+    drawn = asked.nearest(np.eye(4), slack)
     if problem.exact_at is None:
-        asked.add([own for own in asked.nearest(np.eye(4), slack) if abs(own.gap) <= slack])
-    apart = problem.goal == "touch" and len(problem.weights) > 1
-    apart = apart and all(own.gap > slack for own in asked.nearest(np.eye(4), slack))
+        asked.add([own for own in drawn if abs(own.gap) <= slack])
+    apart = problem.goal == "touch" and len(problem.weights) > 1 and all(own.gap > slack for own in drawn)
+    cleared = problem.goal == "clear" or any(own.gap < -slack for own in drawn)  # parts within need no more than these
     deepest, least, before = np.inf, np.inf, list[NearestPoints]()
     touching: tuple[float, Points] | None = None  # the amount after which they first do, to within what counts as that
     for count in range(ROUNDS):
@@ -261,7 +262,7 @@ def points_of_true_faces(
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
-        if problem.goal == "clear" and refused(current):
+        if cleared and refused(current):
             return points
         new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
         worst = [own for own in new if own.gap < -TIGHT * slack]

@@ -539,10 +539,11 @@ class Rotation(Straight):
         """Return axis and centre."""
         return {"rotation": plain(self.axis), "centre": plain(self.centre)}
 
-    def told_line(self, sign: float) -> str:
-        """Return the axis in words, and its centre where it is not the seed."""
-        told = super().told_line(sign)
-        return told if self.centre == "seed" else f"{told} through {_place(self.line(ORIGIN, ORIGIN)[1])}"
+    def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
+        """Return the turn about the axis, and the centre that it goes through."""
+        verb, manner = super().own_description(q, unit)
+        centre = "its seed" if self.centre == "seed" else _place(self.line(ORIGIN, ORIGIN)[1])
+        return verb, f"{manner} through {centre}" if verb == "turn" else manner
 
     def own_seen_from(self, origin: Array) -> Step:
         """Shift a fixed centre."""
@@ -755,6 +756,8 @@ class Free(Step):
         for vector, size, where in ((q[:3], lambda x: _length(x, unit), "along"), (q[3:], _angle, "about")):
             if (long := math.hypot(*vector)) > 0.0:
                 told.append(f"{size(long)} {where} {_way([x / long for x in vector], 1.0)}")
+        if any(q[3:]):
+            told[-1] += " through its seed"
         return "move", ", turned ".join(told) or _length(0.0, unit)
 
     def own_shifts_by(self, q: list[float], first: bool) -> bool:

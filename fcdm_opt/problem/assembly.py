@@ -82,7 +82,7 @@ class JoinedPair(NamedTuple):
         return f"{self.one} - {self.two}"
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Assembly(Scene):
     """The question: which motions of several parts, as small as possible together, restore all their contacts.
 
@@ -161,9 +161,9 @@ class Assembly(Scene):
     name: str
     unit: UnitOrNone
     fixed: tuple[str, ...]
-    request: Mapping[str, Any] = field(repr=False)
-    _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
-    _alike: Assembly | None = field(repr=False)  # of other scales, whose problems are asked again for these
+    request: Mapping[str, Any]
+    _problems: dict[tuple[Any, ...], Problem]
+    _alike: Assembly | None  # of other scales, whose problems are asked again for these
 
     @known_arguments
     def __init__(
@@ -253,6 +253,15 @@ class Assembly(Scene):
             raise InputError(what, key="amount", found=amount, allowed=allowed)
         object.__setattr__(self, "amount", checked_amount(amount, [own.name for own in self.coordinates]))
         self._check_contacts()
+
+    def __repr__(self) -> str:
+        """Return what is asked, on one line; everything else is an attribute."""
+        texts = [f"fixed {', '.join(self.fixed)}"]
+        texts += [f"{part} moves by {', '.join(motion.names)}" for part, motion in self.motions.items()]
+        made = [f"{part} at {scale:.6g}" for part, scale in self.scales.items() if scale != 1.0]
+        made += [f"{size} {value:+.6g}" for size, value in self.made.items() if value]
+        texts += [f"contacts {', '.join(map(str, self.contacts))}", f"made {', '.join(made) or 'as drawn'}"]
+        return f"Assembly({self.name!r}: {'; '.join(texts)}{f', {self.unit}' if self.unit else ''})"
 
     def _check_contacts(self) -> None:
         """Refuse what cannot be asked of two parts."""

@@ -242,9 +242,9 @@ def print_case(file: str, problem: Scene) -> None:
         console().print(units_text(problem.unit))
 
 
-def print_said(result: Any, more: Sequence[str] = ()) -> None:
+def print_said(result: Any) -> None:
     """Print what a result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
-    print_lines([*str(result).splitlines(), *more])
+    print_lines(str(result).splitlines())
 
 
 def print_whatif(answer: WhatIf) -> None:
@@ -255,7 +255,7 @@ def print_whatif(answer: WhatIf) -> None:
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(str(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
-    notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
+    notes += [*answer.beyond, *(f"predicted: {reason}" for reason in answer.prediction.reasons)]
     for what in answer.differences:
         if what.name in ("features", "active"):
             ends = zip((what.before, what.after), (answer.before, answer.after), strict=True)

@@ -217,9 +217,11 @@ def bound_text(solution: Bounded) -> str:
     rounded = floored(solution.lower_bound, DIGITS)
     if not math.isfinite(solution.gap):
         return rounded
+    mesh = "of the mesh" * bool(solution.left_by_mesh)
     if proved_least(solution):
-        return f"{amount_text(solution.amount)}\n{'of the mesh' if solution.left_by_mesh else 'exact'}"
-    return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
+        return f"{amount_text(solution.amount)}\n{mesh or 'exact'}"
+    near = f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it"
+    return f"{rounded}\n{near}" + f", {mesh}" * bool(mesh)
 
 
 def bound_line(solution: Bounded) -> str:

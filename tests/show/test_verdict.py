@@ -101,12 +101,12 @@ def test_what_overlaps_after_the_motion_is_said() -> None:
     [
         (fo.Translation("z"), [-0.25], [("move", "0.25 mm along -z")]),
         (fo.Translation((3.0, 4.0, 0.0)), [0.5], [("move", "0.5 mm along (0.6, 0.8, 0)")]),
-        (fo.Rotation("-z"), [math.pi / 6], [("turn", "30 deg about -z")]),
+        (fo.Rotation("-z"), [math.pi / 6], [("turn", "30 deg about -z through its seed")]),
         (fo.Rotation("z", centre="origin"), [-math.pi / 6], [("turn", "30 deg about -z through the origin")]),
         (fo.Screw("seeds", 1.0), [-0.5], [("screw", "-28.65 deg about and -0.5 mm along the line from seed to seed")]),
         (fo.Screw("seeds", math.inf), [-0.5], [("move", "0.5 mm along the line from seed to seed, backwards")]),
         (fo.Screw(((0, 0, 1), (1, 0, 0)), 0.0), [math.pi], [("turn", "180 deg about +x through (0, 0, 1)")]),
-        (fo.Free(), [0, 3, 4, 0, 0, -math.pi], [("move", "5 mm along (0, 0.6, 0.8), turned 180 deg about -z")]),
+        (fo.Free(), [0, 3, 4, 0, 0, -math.pi], [("move", "5 mm along (0, 0.6, 0.8), turned 180 deg about -z through its seed")]),
         (
             fo.Translation("x") >> fo.Rotation("y"),
             [1.0, 0.0],
@@ -125,7 +125,7 @@ def test_shifts_in_a_row_are_told_together() -> None:
     names = [parameter.name for parameter in motion.parameters]
     values = dict(zip(names, (3.0, 4.0, math.pi / 2, 1.0), strict=True))
     moved = replace(fo.solve(problem), parameters=values)
-    told = "3 mm along +y and 4 mm along +z, then {}90 deg about +x, then {}1 mm along +x"
+    told = "3 mm along +y and 4 mm along +z, then {}90 deg about +x through its seed, then {}1 mm along +x"
     assert motion_said(moved) == told.format("", "")
     assert f"move one {told.format('turn it ', 'move it ')}" in verdict_text(moved)
 

@@ -38,6 +38,10 @@ from fcdm_opt.tolerances import DEFAULT
 
 Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
+MIDDLE = (
+    "it makes the worst gap smallest, of either kind; --clearance 0,inf asks for one without interference, "
+    "in Python clearance=(0, math.inf)"
+)
 EFFORT = 20_000  # cells: a second or two for two parameters
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
@@ -230,9 +234,10 @@ class BestPose(NotebookRepr, Plain):
         failed = ", ".join(own.name for own in self.checks if not own.passed)
         not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
         judged = "verified" if self.passed else not_passed
+        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
-        return "; ".join([told, judged, *outside, *not_counted(self.standing)]) + several
+        return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""

@@ -81,7 +81,19 @@ class WhatIf(Plain, NotebookRepr):
         told = f"predicted {self.predicted_amount:.6g}"
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
-        return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
+        changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
+        return "; ".join([changed, *self.beyond])
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """Which sizes are made outside of their tolerances after the change, in words; these do not forbid it."""
+        asked, texts = self.after.question, list[str]()
+        for size in asked.sizes:
+            low, high = size.tolerance or (-np.inf, np.inf)
+            if not low <= (value := asked.made.get(size.name, 0.0)) <= high:
+                ends = measured(f"{low:+.6g} to {high:+.6g}", asked.unit if size.is_length else "")
+                texts.append(f"{size.name} {value:+.6g} is outside of its tolerance, {ends}")
+        return tuple(texts)
 
 
 def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:
