@@ -162,7 +162,9 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         for own in contributions_of(stack)
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
     if spread.low < worst.least or spread.high > worst.largest:
-        print_text("where 3 sigma lead beyond the worst case, the worst case holds for all pairs within their tolerances")
+        print_text(
+            "where 3 sigma lead beyond the worst case, the worst case holds for all pairs within their tolerances"
+        )
         print_text()
     for told in stack_notes(stack):
         print_text(told)

@@ -106,7 +106,11 @@ def test_what_overlaps_after_the_motion_is_said() -> None:
         (fo.Screw("seeds", 1.0), [-0.5], [("screw", "-28.65 deg about and -0.5 mm along the line from seed to seed")]),
         (fo.Screw("seeds", math.inf), [-0.5], [("move", "0.5 mm along the line from seed to seed, backwards")]),
         (fo.Screw(((0, 0, 1), (1, 0, 0)), 0.0), [math.pi], [("turn", "180 deg about +x through (0, 0, 1)")]),
-        (fo.Free(), [0, 3, 4, 0, 0, -math.pi], [("move", "5 mm along (0, 0.6, 0.8), turned 180 deg about -z through its seed")]),
+        (
+            fo.Free(),
+            [0, 3, 4, 0, 0, -math.pi],
+            [("move", "5 mm along (0, 0.6, 0.8), turned 180 deg about -z through its seed")],
+        ),
         (
             fo.Translation("x") >> fo.Rotation("y"),
             [1.0, 0.0],
