@@ -413,16 +413,6 @@ class Bounded(Plain, NotebookRepr):
         return self.verified and self.status is not Status.OUTSIDE_FIT
 
     @property
-    def quaternion(self) -> tuple[float, float, float, float] | None:
-        """The rotation of `transform` as a unit quaternion (x, y, z, w), in ROS' and SciPy's order; None without."""
-        from scipy.spatial.transform import Rotation
-
-        if self.transform is None:
-            return None
-        x, y, z, w = Rotation.from_matrix(self.transform[:3, :3]).as_quat(canonical=True).tolist()
-        return x, y, z, w
-
-    @property
     def gap(self) -> float:
         """Relative gap between the amount and its lower bound; nan where there is no motion."""
         return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
@@ -633,14 +623,24 @@ class Solution(Bounded):
         names = self.plain_names[not problem :]
         return {name: plain(made[name] if name in made else getattr(self, name)) for name in names}
 
+    @property
+    def quaternion(self) -> tuple[float, float, float, float] | None:
+        """The rotation of `transform` as a unit quaternion (x, y, z, w), in ROS' and SciPy's order; None without."""
+        from scipy.spatial.transform import Rotation
+
+        if self.transform is None:
+            return None
+        x, y, z, w = Rotation.from_matrix(self.transform[:3, :3]).as_quat(canonical=True).tolist()
+        return x, y, z, w
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
             read = super().from_dict({**data, "derivatives": data["sensitivity"]})
-        except KeyError as missing:
+        except KeyError as no:
             found = ", ".join(data) or "nothing"
-            raise InputError(f"not the plain data of a solution: no {missing}", key="Solution", found=found) from missing
+            raise InputError(f"not the plain data of a solution: no {no}", key="Solution", found=found) from no
         except TypeError as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
         for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
