@@ -45,6 +45,7 @@ RESTORED = "contacts restored: none smaller by their equations, or no other moti
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
+AS_FAR = 8.0  # times what facets leave of true faces: up to so far apart parts are looked at on these
 MOST_CHECKED = 3  # parameters up to which cells are kept
 BY_MULTIPLIERS = f"cells are checked of {MOST_CHECKED} parameters at most, and multipliers in a few boxes show less"
 HALVED = 30  # times, to find a box
@@ -752,10 +753,13 @@ class _Judge:
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
         bodies = problem.movable, problem.static
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
-        band = need + self.limit + 2.0 * off
+        claimed = self.solution.pair_gap
+        band = max(need, min(claimed, AS_FAR * off)) + self.limit + 2.0 * off
         gap = gap_of_true_faces([*map(true_faces, bodies)], problem.target, self.transform, band)
         note = "least gap of the faces that facets stand for, on points of these"
         found = [_at_least("true faces", gap, need - self.limit, note)]
+        if claimed > self.limit:
+            found.append(_at_least("true pair gap", gap, min(claimed, band) - self.limit, note))
         if "touch" in (problem.goal, problem.pair):
             found.append(_at_most("true faces touching", gap, self.limit, note))
         for keep_out in problem.keep_out:

@@ -278,6 +278,9 @@ def points_of_true_faces(
                 least = current.amount
                 asked.add(near)
                 continue
+            if current.pair_gap > slack:  # of parts within the true ones, which are nearer
+                near = asked.nearest(current.transform, current.pair_gap - asked.need)[:1]
+                asked.add([own for own in near if not asked.has(own)])
             return points
         asked.foresee(worst, before)
         before = worst

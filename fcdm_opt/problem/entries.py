@@ -93,6 +93,12 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "1-based vertex labels of each true face; without it faces follow from the parts",
         [[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]],
     )
+    triangles: list[list[list[Label]]] | None = declared(
+        None,
+        "of each true face, 1-based vertex labels of the triangles that it is drawn with, wound outwards; without it "
+        "those follow from the parts",
+        [[[1, 2, 3]], [[1, 4, 2]], [[2, 4, 3]], [[1, 3, 4]]],
+    )
     seed: Literal["centroid", "vertices", "box"] | Point = declared(
         "centroid",
         'the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
@@ -149,7 +155,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ["vertices", "parts", "faces", "notes", "facet_errors", "surfaces"], ["file_unit"]
+        drawn, read = ["vertices", "parts", "faces", "triangles", "notes", "facet_errors", "surfaces"], ["file_unit"]
         (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
@@ -203,7 +209,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     def _drawn(self, role: str) -> Body:
         assert self.vertices is not None
         count = len(self.vertices)
-        for key, groups in (("parts", self.parts), ("faces", self.faces)):
+        triangles = [[v for triangle in face for v in triangle] for face in self.triangles or ()]
+        for key, groups in (("parts", self.parts), ("faces", self.faces), ("triangles", triangles)):
             for k, group in enumerate(groups or (), 1):
                 wrong = [label for label in group if label > count]
                 if wrong:
@@ -215,6 +222,12 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             body = Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
         else:
             body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
+        if self.triangles is not None:
+            if len(self.triangles) != len(body.faces) or {3} != {len(own) for face in self.triangles for own in face}:
+                allowed = f"triangles of each of {len(body.faces)} faces, three labels each"
+                raise InputError("not the triangles of the faces", key="triangles", allowed=allowed)
+            drawn = [[tuple(label - 1 for label in own) for own in face] for face in self.triangles]
+            body = replace(body, triangles=tuple(map(tuple, drawn)))
         told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
         if self.facet_errors is not None:
             errors = np.zeros((len(body.faces), 2))
@@ -277,6 +290,8 @@ def plain_body(body: Body) -> dict[str, Any]:
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
     faces = [list(face) for face in body.outlines]
+    if body.triangles and len(body.parts) > 1:  # facets of parts go on where these are cut
+        more["triangles"] = [[[v + 1 for v in own] for own in face] for face in body.triangles]
     return {**entry, **more, "faces": faces, "seed": body.seed.tolist(), **unit}
 
 

@@ -552,3 +552,16 @@ def test_bodies_that_are_exact_at_points_are_within_the_true_ones() -> None:
         off = patch.gaps(inside[inside[:, 2] > -3.5])[0]
         assert off.max(initial=-1.0) <= 1e-9
     assert patch.gaps(made.parts[-1].vertices)[0].max() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.03, -0.04)])
+def test_how_far_apart_round_parts_are_was_that_of_bodies_within_them(off: tuple[float, float]) -> None:
+    """Play 0.1, less what the pin is off the middle: it was told half as much again, and verified."""
+    plate = fo.cut(fo.Box((40, 40, 20), centre=(0, 0, 10)), fo.Cylinder(10, 22, base=(0, 0, -1)))
+    pin = fo.Cylinder(9.9, 30, base=(*off, -5))
+    question = fo.Problem(pin, plate, motion=fo.Translation("x"), target=(1, 1), goal="clear")
+    solution = fo.solve(question)
+    assert (solution.amount, solution.pair_state, solution.usable) == (0.0, "apart", True)
+    assert solution.pair_gap == pytest.approx(0.1 - math.hypot(*off), abs=1e-9)
+    other = replace(solution, pair_gap=solution.pair_gap + 0.001)
+    assert not fo.verify(other).passed
