@@ -99,6 +99,10 @@ class Size(Plain):
         elif faces:
             self._keep(each=self._each(len(faces)))
 
+    def is_beyond(self, off: float) -> bool:
+        """Tell whether a deviation is outside of the tolerance, if there is one."""
+        return self.tolerance is not None and not self.tolerance[0] <= off <= self.tolerance[1]
+
     @property
     def is_length(self) -> bool:
         """Whether it is a length; else it is a share."""

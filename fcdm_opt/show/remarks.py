@@ -14,7 +14,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
-from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.true_faces import on_true_faces
@@ -55,7 +54,7 @@ def remarks(solution: Solution) -> list[str]:
     problem = solution.problem
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
-    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem)]
+    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *unasked_sizes(problem)]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the true round parts need between {low:.6g} and {end}")
@@ -78,15 +77,20 @@ def beyond_tolerances(scene: Scene) -> list[str]:
     found = []
     for size in scene.sizes if scene.made else ():
         off = scene.made[size.name]
-        if is_beyond(size, off):
+        if size.is_beyond(off):
             low, high = (off_drawn(size, end, "") for end in size.tolerance or ())
             found.append(f"{size.name} {off_drawn(size, off, scene.unit)} ({low} to {high})")
     return [f"made beyond the tolerance: {', '.join(found)}"] if found else []
 
 
-def is_beyond(size: Size, off: float) -> bool:
-    """Tell whether a deviation of a size is outside of its tolerance, if it has one."""
-    return size.tolerance is not None and not size.tolerance[0] <= off <= size.tolerance[1]
+def unasked_sizes(scene: Scene) -> list[str]:
+    """Return which sizes a question leaves as drawn, as it is about parts that are larger or smaller as a whole."""
+    corner = scene.request.get("requirement")
+    if corner is None or scene.made or not scene.sizes:
+        return []
+    names = listed([size.name for size in scene.sizes])
+    asked = 'a case with made = "worst", or with target = [1.0, 1.0], asks about them'
+    return [f"requirement {corner} makes whole parts larger or smaller, and leaves sizes as drawn ({names}): {asked}"]
 
 
 def _frames(solution: Solution) -> list[str]:

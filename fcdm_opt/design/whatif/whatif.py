@@ -88,10 +88,9 @@ class WhatIf(Plain, NotebookRepr):
     def beyond(self) -> tuple[str, ...]:
         """Which sizes are made outside of their tolerances after the change, in words; these do not forbid it."""
         asked, texts = self.after.question, list[str]()
-        for size in asked.sizes:
-            low, high = size.tolerance or (-np.inf, np.inf)
-            if not low <= (value := asked.made.get(size.name, 0.0)) <= high:
-                ends = measured(f"{low:+.6g} to {high:+.6g}", asked.unit if size.is_length else "")
+        for size in asked.sizes if asked.made else ():
+            if size.is_beyond(value := asked.made[size.name]):
+                ends = measured("{:+.6g} to {:+.6g}".format(*size.tolerance), asked.unit if size.is_length else "")
                 texts.append(f"{size.name} {value:+.6g} is outside of its tolerance, {ends}")
         return tuple(texts)
 

@@ -12,7 +12,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.show.remarks import is_beyond, known_gaps
+from fcdm_opt.show.remarks import known_gaps
 from fcdm_opt.show.texts import NONE, listed, off_drawn, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
@@ -34,7 +34,7 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
             "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
             "made": NONE if np.isnan(made) else f"{made:.{PLACES}g}",
-            "off": off_drawn(size, off, "") if off else "", "beyond": is_beyond(size, off),
+            "off": off_drawn(size, off, "") if off else "", "beyond": size.is_beyond(off),
         })  # fmt: skip
     return rows
 
