@@ -223,8 +223,7 @@ def drawn_gaps(
     heights = rows[:, 0] + rows[:, 1:] @ middle
     zero = next((end for end in limits if np.isfinite(end)), float(heights.mean()))  # that it is met is told exactly
     low, high = limits[0] - zero, limits[1] - zero
-    ends = float((heights - swing).min()) - zero, float((heights + swing).max()) - zero
-    edges = np.linspace(ends[0], ends[1] if ends[1] > ends[0] else ends[0] + 1.0, BINS + 1)
+    ends, edges = (float((heights - swing).min()) - zero, float((heights + swing).max()) - zero), np.zeros(BINS + 1)
     counts, total, square = np.zeros(BINS, np.int64), 0.0, 0.0
     within = [(low, high), (low + off[1], high - off[0]), (low - off[0], high + off[1])]
     passed = np.zeros(3, np.int64)
@@ -237,6 +236,9 @@ def drawn_gaps(
         least, largest = min(least, float(gaps.min())), max(largest, float(gaps.max()))
         total += float(gaps.sum())
         square += float(gaps @ gaps)
+        if not begin:  # a normal distribution goes beyond the tolerances
+            start, end = min(ends[0], least), max(ends[1], largest)
+            edges = np.linspace(start, end if end > start else start + 1.0, BINS + 1)
         if begin < 2**21:  # enough for a picture
             kept.append(gaps)
             bins = ((gaps - edges[0]) * (BINS / (edges[-1] - edges[0]))).astype(np.int64)
