@@ -137,9 +137,11 @@ def allocation_text(found: Allocation) -> str:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
+    moved = {size for row in stack.rows for size, off in row.coefficients.items() if off}
+    at = [{size: off for size, off in own.items() if size in moved} for own in (worst.at_least, worst.at_largest)]
     rows = [
-        ("worst case, least gap", worst.least, _sizes(worst.at_least) or DRAWN),
-        ("worst case, largest gap", worst.largest, _sizes(worst.at_largest) or DRAWN),
+        ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
+        ("worst case, largest gap", worst.largest, _sizes(at[1]) or DRAWN),
     ]
     if share is not None:
         rows += [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,8 +79,22 @@ def _refused_text(solution: Solution) -> str:
         miss = pacing.in_time(nearest_miss, problem, late="")
         return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
     if solution.status.name == "OUTSIDE_FIT":
-        return "does not fit: the only motion found takes it out of the place it is drawn in"
+        more = _without_clearance(problem) if problem.goal == "clear" and problem.clearance > 0.0 else ""
+        return more or "does not fit: the only motion found takes it out of the place it is drawn in"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
+
+
+def _without_clearance(problem: Problem) -> str:
+    """Return what is in the way of a clearance, where parts fit without one; "" where they do not."""
+    from fcdm_opt.solver import solve
+
+    bare = pacing.in_time(partial(solve, effort="quick"), problem.changed(clearance=0.0), late=None)
+    if bare is None or not bare.usable:
+        return ""
+    contact = contact_text(problem, bare.features)
+    closed = f", where {contact}" if contact and bare.pair_state == "touching" else ""
+    asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
+    return f"fits, but {asked} in the place it is drawn in{closed}"
 
 
 def answer_text(solution: Solution) -> str:

@@ -259,3 +259,14 @@ def test_advice_began_in_the_midst_of_a_name_with_a_number() -> None:
     )
     case: Any = SimpleNamespace(solution=SimpleNamespace(advice=advice, left_by_mesh=""), fits_up_to=None)
     assert advised(case) == "Choose other sizes."
+
+
+def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit() -> None:
+    """The slide has 0.05 to either wall, and lies on the floor whatever is done along y."""
+    rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 10), name="rail"), fo.Box((80, 10.1, 20), centre=(0, 0, 15)))
+    slide = fo.Box((40, 10, 25), centre=(0, 0, 17.5), name="slide")
+    problem = fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
+    told = str(fo.solve(problem))
+    assert told.startswith(
+        "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in, where its bottom"
+    )
