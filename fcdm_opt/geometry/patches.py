@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -166,8 +167,18 @@ class TrueFaces:
 
     def has_point(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
-        room = DEFAULT.nominal * self.body.size + max(deviation_of(self.body))
-        return bool(self._distances(k, point)[0].min() <= room)
+        return bool(self._distances(k, point)[0].min() <= DEFAULT.nominal * self.body.size + self._off_triangles)
+
+    @cached_property
+    def _off_triangles(self) -> float:
+        """How far faces leave their triangles at most, or round edges of them their chords: those of a cone by more."""
+        found = max(deviation_of(self.body))
+        for k in np.flatnonzero(self.is_round).tolist():
+            surface = self.patches[k].surface
+            off = self.every_edge[(self.every_pair_of_patches == k).any(axis=1)] - surface.origin
+            across = off - (off @ surface.axis)[..., None] * surface.axis
+            found = max(found, float((norms(across).mean(axis=1) - norms(across.mean(axis=1))).max(initial=0.0)))
+        return found
 
     def at(self, point: Array) -> list[int]:
         """Return the patches that meet at a point of a face, the round ones first."""

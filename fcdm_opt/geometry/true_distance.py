@@ -8,7 +8,7 @@ branch and bound over pieces of faces.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ LEVELS = 40  # of cuts
 MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
+TURN = 2.0 * np.pi - 1e-6
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
 
@@ -94,6 +95,8 @@ class FacePieces(NamedTuple):
             outward = units(onto(own, [plane.surface, hole.surface]) - own)
             heights = ((self.corners[rows[free], :, None] - own) * outward).sum(axis=-1)
             found[rows[free]] |= (heights >= -near).all(axis=1).any(axis=1)
+            if pair[0] in _encircling(faces, int(pair[1])):
+                found[rows] |= (_out(self.corners[rows], hole.surface) <= hole.surface.radius + near).all(axis=1)
         return found
 
     def middles(self, patches: Sequence[Patch]) -> Array:
@@ -260,6 +263,8 @@ class FacesApart:
         turns = (cross(across, sides) * up[:, None]).sum(axis=2)  # of one sign: about the axis, or the centre's foot
         around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
         found[rows] = np.where(around, -np.inf, near.min(axis=1))
+        whole = np.isin(own.patches, _encircling(self._faces[k], number))
+        found[whole] = np.maximum(found[whole], surface.radius)
         return found
 
     def _farthest(self, k: int, surface: Swept) -> Array:
@@ -311,6 +316,26 @@ class FacesApart:
             if rows.any():
                 self._pieces[k], of = self._pieces[k].cut(rows, self._faces[k], small)
                 self._nearest = _followed(self._nearest, k, of)
+
+
+@lru_cache(maxsize=64)
+def _encircling(faces: TrueFaces, number: int) -> list[int]:
+    """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle.
+
+    Triangles of these may cut across what a chord leaves of the circle, where nothing is.
+    """
+    surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
+    for other in np.unique(both[(both == number).any(axis=1)]).tolist():
+        if other == number or not faces.patches[other].surface.flat:
+            continue
+        ends = _across(faces.every_edge[(both == sorted((number, other))).all(axis=1)], surface)
+        turns = np.arctan2(
+            cross(ends[:, 0], ends[:, 1]) @ faces.patches[other].surface.axis, dots(*np.moveaxis(ends, 1, 0))
+        )
+        least = _out(faces.corners[faces.owners == other].reshape(-1, 3), surface).min()
+        if np.abs(turns).sum() > TURN and least >= surface.radius - DEFAULT.tie * faces.body.size:
+            found.append(other)
+    return found
 
 
 def _boxes(pieces: Array, errors: Array) -> tuple[Array, Array]:

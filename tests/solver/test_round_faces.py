@@ -565,3 +565,29 @@ def test_how_far_apart_round_parts_are_was_that_of_bodies_within_them(off: tuple
     assert solution.pair_gap == pytest.approx(0.1 - math.hypot(*off), abs=1e-9)
     other = replace(solution, pair_gap=solution.pair_gap + 0.001)
     assert not fo.verify(other).passed
+
+
+def test_the_plane_about_a_bore_kept_a_proof_from_its_end() -> None:
+    """Its triangles cut across what chords leave of the circle: a pin off the middle had no bound, in minutes."""
+    radius, play, off, angle = 28.7588, 0.0146, np.array([0.0074, -0.0057]), 2.4566
+    hole = fo.Cylinder(radius, 40, base=(0, 0, -1), facets=16)
+    plate = fo.cut(fo.Box((3 * radius, 3 * radius, 38), centre=(0, 0, 19)), hole)
+    pin = fo.Cylinder(radius - play, 76, base=(*off, -19), facets=18)
+    way = np.array([math.cos(angle), math.sin(angle)])
+    solution = fo.solve(fo.Problem(pin, plate, motion=fo.Translation((*way, 0.0)), target=(1, 1), goal="touch"))
+    along = abs(off @ way)
+    least = math.sqrt(along**2 + play**2 - off @ off) - along
+    assert solution.amount == pytest.approx(least, rel=1e-9)
+    assert solution.amount_low >= (1.0 - 1e-4) * least
+
+
+def test_a_rim_between_corners_of_a_wide_cone_was_on_no_face() -> None:
+    """The plug sticks out by what its scale adds to its radius, over the slope; it was taken for one that is apart."""
+    half, tall, top = math.radians(17.5), 26.0, 14.4
+    slope = math.tan(half)
+    plug = fo.Cone(top - slope * tall, top, tall, facets=16).with_seed(np.array([0, 0, tall]))
+    hole = fo.Cone(top - slope * (tall + 0.1), top + slope * 0.1, tall + 0.2, base=(0, 0, -0.1), facets=16)
+    socket = fo.cut(fo.Cylinder(1.5 * top, tall, facets=16), hole)
+    solution = fo.solve(fo.Problem(plug, socket, motion=fo.Translation("z"), target=(1.004, 1.0), goal="touch"))
+    assert solution.amount == pytest.approx(0.004 * top / slope, rel=1e-9)
+    assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
