@@ -20,6 +20,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.patches import TrueFaces
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.tolerances import DEFAULT
 
 GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
 FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
@@ -55,7 +56,8 @@ def gap_of_true_faces(
     band : float
         Points further off a surface are not looked at: deeper ones are on the other side of a solid.
     without : collection of (int, int)
-        Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together.
+        Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together. Nor are others
+        where they touch at an edge of the contact of two such: the sides of a lid, on its box.
     """
     pose = np.asarray(transform, np.float64).tobytes()
     return _gap(tuple(faces), tuple(map(float, scales)), pose, band, frozenset(without))
@@ -65,8 +67,10 @@ def gap_of_true_faces(
 def _gap(faces: tuple[TrueFaces, ...], scales: tuple[float, ...], pose: bytes, band: float, without: Any) -> float:
     poses = np.frombuffer(pose).reshape(4, 4), np.eye(4)
     one, two = (_There(*own) for own in zip(faces, scales, poses, strict=True))
-    deepest = _deepest(one, two, band, without, -np.inf)
-    return -_deepest(two, one, band, {(j, i) for i, j in without}, deepest)
+    bodies = [own.body for own in faces]
+    room = DEFAULT.touch * max(own.size for own in bodies) + max(own.rounding for own in bodies)
+    deepest = _deepest(one, two, band, _Closed(room, without), -np.inf)
+    return -_deepest(two, one, band, _Closed(room, {(j, i) for i, j in without}), deepest)
 
 
 class _Surfaces(NamedTuple):
@@ -129,6 +133,22 @@ class _BentEdges(NamedTuple):
     end: Array
     room: Array
     off: Array
+
+
+class _Closed(NamedTuple):
+    """Faces of two bodies that are not looked at together, and how far off a face a point counts as on it."""
+
+    room: float
+    faces: Collection[tuple[int, int]]
+
+    def has(self, own: _There, other: _There, points: Array) -> Flags:
+        """Tell which points of one body are on two such faces."""
+        found = np.zeros(len(points), bool)
+        for i, j in self.faces:
+            off = np.abs([there.surfaces.of_each(k).height(points)[0] for there, k in ((own, i), (other, j))])
+            rows = np.flatnonzero((off.max(axis=0) <= self.room) & ~found)
+            found[rows] = own.has(i, points[rows], self.room) & other.has(j, points[rows], self.room)
+        return found
 
 
 class _There:
@@ -299,7 +319,7 @@ def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Ar
     return points
 
 
-def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[int, int]], known: float) -> float:
+def _deepest(own: _There, other: _There, band: float, without: _Closed, known: float) -> float:
     """Return how deep points of one body lie in the other at most, or what is known where that is no less."""
     pairs = list[tuple[float, int, int, Ints]]()
     low, high = own.corners.min(axis=1), own.corners.max(axis=1)
@@ -308,12 +328,12 @@ def _deepest(own: _There, other: _There, band: float, without: Collection[tuple[
         ends = theirs.reshape(-1, 3).min(axis=0) - band, theirs.reshape(-1, 3).max(axis=0) + band
         near = ((high >= ends[0]) & (low <= ends[1])).all(axis=1)
         for j in np.unique(own.owners[near]).tolist():
-            if (j, k) not in without:
+            if (j, k) not in without.faces:
                 triangles = np.flatnonzero(near & (own.owners == j))
                 pairs.append((_at_most(own, j, triangles, other, k), j, k, triangles))
     for most, j, k, triangles in sorted(pairs, key=lambda pair: abs(pair[0])):  # those that touch show most of others
         if most > known + SLACK * band:
-            known = max(known, _of_two(own, j, triangles, other, k, band, known))
+            known = max(known, _of_two(own, j, triangles, other, k, band, known, without))
     return known
 
 
@@ -335,8 +355,13 @@ def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> flo
     return most + own.off_triangles(j, None if other.is_round[k] else surface.axis)
 
 
-def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float) -> float:
-    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known."""
+def _of_two(
+    own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float, without: _Closed
+) -> float:
+    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
+
+    Minus infinity where they only touch it, at an edge of a contact that does not count.
+    """
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])
@@ -346,6 +371,7 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
     deepest, width, slack = -np.inf, 1.0, SLACK * band
     sides = own.corners[triangles] - np.roll(own.corners[triangles], 1, axis=1)
     longest = float(np.linalg.norm(sides, axis=2).max())
+    counted = not without.faces or (own.is_round[j] and other.is_round[k])
     for turn in range(TIMES):
         points = own.points(j, which, shares)
         height, directions = surface.height(points)
@@ -366,13 +392,16 @@ def _of_two(own: _There, j: int, triangles: Ints, other: _There, k: int, band: f
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
+        if not counted and turn == FEWEST - 1 and deepest >= -without.room:  # when points beside these are not as deep
+            rows = np.flatnonzero(inside & (depth >= -without.room))
+            counted = deepest > without.room or not without.has(own, other, points[rows]).all()
         fewest = FEWEST if deepest < known - NEARLY * band else FEWEST_OF_DEEPEST
         if turn >= fewest and deepest - before <= 1e-12 * float(np.abs(points).max()):
             break
         width *= FINER
         order, most = np.flatnonzero(inside)[np.argsort(-depth[inside])], LATE if turn >= FEWEST else KEPT
         which, shares = _finer(order, which, shares, width, most)
-    return deepest
+    return deepest if counted or deepest < -without.room else -np.inf
 
 
 def _finer(order: Ints, which: Ints, shares: Array, width: float, most: int = KEPT) -> tuple[Ints, Array]:

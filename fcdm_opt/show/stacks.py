@@ -174,7 +174,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:
-        sizes = _sizes(row.coefficients)
+        sizes = _sizes({name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie})
         drawn = row.gap if abs(row.gap) > noise else 0.0
         alike[row.told, f"{drawn:+.4g}", sizes or "no size moves it"] += 1
     print_rows([

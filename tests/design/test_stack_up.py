@@ -22,6 +22,7 @@ from fcdm_opt.design.stack.spread import spreads
 from fcdm_opt.problem.entries import SizeEntry
 from fcdm_opt.problem.schema import checked
 from fcdm_opt.show.printing import console
+from fcdm_opt.show.stacks import print_stack
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -575,6 +576,48 @@ def test_pairs_drawn_beyond_the_tolerances_meet_the_contacts_that_are_there() ->
     assert len(stack.rows) == 1
     assert stack.yield_(20_000).largest == pytest.approx(1.05, abs=1e-12)
     stack.yield_(2_000).claims()
+
+
+def test_the_sides_of_a_lid_flush_with_its_box_hid_the_play_of_its_pegs(capsys: pytest.CaptureFixture[str]) -> None:
+    """Pegs of 8 - 0.035 +- 0.015 in holes of 8.1 +- 0.05, one peg +-0.08 off its place.
+
+    Play of the one 0.05 + (hole 1 - peg 1) / 2, of the other 0.05 + (hole 2 - peg 2) / 2 - |pitch|: at most
+    0.05 + (0.05 + 0.05) / 2 = 0.1, at least 0.05 + (-0.05 + 0.02) / 2 - 0.08 = -0.045.
+    """
+    pegs = [fo.Cylinder(4, 8, base=(x, 0, -8), facets=12) for x in (-25, 25)]
+    bores = [fo.Cylinder(4.05, 12, base=(x, 0, -11), facets=12) for x in (-25, 25)]
+    lid = fo.joined(fo.Box((70, 30, 5), centre=(0, 0, 2.5)), *pegs, name="lid")
+    own = fo.cut(fo.Box((70, 30, 20), centre=(0, 0, -10)), *bores, name="box")
+    each = {"each": 0.5, "tolerance": (-0.05, -0.02)}, {"each": -0.5, "tolerance": 0.05}
+    sizes = [
+        fo.Size(f"{name} {k}", body, faces=[f"{face} no. {k}"], **more)
+        for name, body, face, more in (
+            ("peg", "movable", "cylinder radius 4", each[0]), ("hole", "static", "bore radius 4.05", each[1])
+        )
+        for k in (1, 2)
+    ]  # fmt: skip
+    pitch = fo.Size("pitch", "movable", faces=["cylinder radius 4 no. 2"], along="x", tolerance=0.08)
+    stack = stacked(lid, own, *sizes, pitch, limits=(0.0, 0.2))
+    worst = stack.worst()
+    assert (worst.least, worst.largest) == pytest.approx((-0.045, 0.1), abs=1e-9)
+    found = fo.verify(stack)
+    assert not found.failed, found.failed
+    one = {"hole 1": 0.5, "peg 1": -0.5}, {"hole 2": 0.5, "peg 2": -0.5}
+    told = sorted(sorted((k, round(x, 9)) for k, x in row.coefficients.items() if abs(x) > 1e-9) for row in stack.rows)
+    assert told == sorted(sorted(own.items()) for own in (one[0], {**one[1], "pitch": 1.0}, {**one[1], "pitch": -1.0}))
+    assert {round(row.gap, 9) for row in stack.rows} == {0.05}
+    # what the pegs' play is less than by chance: P(|pitch| < play), play and pitch normal, the limits three deviations
+    play = np.linspace(0.0, 0.15, 200_001)
+    density = norm(0.0675, np.hypot(0.025, 0.0075) / 3.0).pdf(play)
+    share = np.trapezoid(density * (2.0 * ndtr(3.0 * play / 0.08) - 1.0), play)
+    drawn = stack.yield_(confidence=0.999)
+    assert drawn.interval[0] < share < drawn.interval[1]
+    print_stack(stack, drawn)
+    assert "e-1" not in capsys.readouterr().out
+    claims = stack.claims()
+    for key, off in (("least", 0.001), ("largest", -0.001)):
+        gap, place = getattr(claims, key)
+        assert any(not own.passed for own in replace(claims, **{key: (gap + off, place)}).checks())
 
 
 def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
