@@ -189,7 +189,6 @@ class TouchingSizes:
         kept = _nearest([own for own, left in zip(pairs, always, strict=True) if not left], box)
         if least:
             kept, held = ([_binding(pair, box) for pair in own] for own in (kept, held))
-            kept = _not_farther(kept, box, DEFAULT.planarity * size)
         if np.any(shares):
             region = partial(region_between, movable, static, T)
             uniform = np.array(shares)
@@ -602,19 +601,6 @@ def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     ends = [_ends(own, box) for own in pairs]
     most = min(high for _, high in ends)
     return [pair for pair, (low, _) in zip(pairs, ends, strict=True) if low <= most]
-
-
-def _not_farther(pairs: Sequence[PairRows], box: Array, near: float) -> list[PairRows]:
-    """Return the pairs without those of several rows, one of which is nowhere below all that another pair has."""
-    middle, half = _centred(box)
-    alone = np.array([own.values[0] for own in pairs if len(own.values) == 1]).reshape(-1, 1 + len(box))
-    kept = list[PairRows]()
-    for pair in pairs:
-        more = pair.values[:, None] - alone
-        least = more[..., 0] + more[..., 1:] @ middle - np.abs(more[..., 1:]) @ half
-        if len(pair.values) == 1 or not (least >= -near).any():
-            kept.append(pair)
-    return kept
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:

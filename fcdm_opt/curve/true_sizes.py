@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
+MOST_SHIFTS = 3  # sizes whose corners are all looked at
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
 
@@ -40,8 +42,9 @@ def touching_true_faces(
     Bodies that are exact at points are taken for those that they stand for, and made exact anew.
     """
     one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
-    at_all = TrueSizes.of(one, two, sizes)
+    at_all, every_row = TrueSizes.of(one, two, sizes), how.get("least", True)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
+    others = list[Array]()  # those at which rows and true faces differ yet
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
         apart = at_all.apart(pose)
@@ -50,8 +53,11 @@ def touching_true_faces(
         ends = [own[::-1] for own in (found.least(), found.largest())]
         if not turn:  # all that may be the nearest at some sizes
             ends.append((np.zeros(len(sizes)), ends[0][1] + 2.0 * at_all.largest_move))
-        if not at_all.refined(pose, ends):
+            others = at_all.shifted(ends[0][0]) if every_row else []
+        claimed = [(own, float(found.gap(own))) for own in others]
+        if not at_all.refined(pose, [*claimed, *ends]):
             return replace(found, permanent_faces=frozenset(at_all.permanent))
+        others = [place for (place, _), own in zip(claimed, at_all.deepest, strict=False) if own is not None]
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
 
 
@@ -102,15 +108,28 @@ class _TrueContact(NamedTuple):
     normal: Array
     patches: tuple[tuple[int, ...], tuple[int, ...]]
 
+    @property
+    def pairs(self) -> frozenset[tuple[int, int]]:
+        """Each two of the faces."""
+        return frozenset(product(*self.patches))
+
+
+def _off_edges(contacts: Sequence[_TrueContact], slack: float) -> list[_TrueContact]:
+    """Return contacts without those at edges of faces that are as near off these: at a concave edge none is told."""
+    return [
+        own
+        for own in contacts
+        if not any(other.pairs < own.pairs and other.gap <= own.gap + slack for other in contacts)
+    ]
+
 
 def _of_each_faces(contacts: Sequence[_TrueContact]) -> list[_TrueContact]:
     """Return the nearest contact of each two faces: at edges only where faces meet nowhere else."""
     found, known = list[_TrueContact](), set[tuple[int, int]]()
     for own in sorted(contacts, key=lambda own: sum(map(len, own.patches))):
-        pairs = {(i, j) for i in own.patches[0] for j in own.patches[1]}
-        if not pairs & known:
+        if not own.pairs & known:
             found.append(own)
-        known |= pairs
+        known |= own.pairs
     return found
 
 
@@ -155,6 +174,24 @@ class TrueSizes:
     def largest_move(self) -> float:
         """By how much sizes change a gap at most, within their tolerances."""
         return sum(own.largest_move(self.sizes) for own in self.faces)
+
+    def shifted(self, place: Array) -> list[Array]:
+        """Return sizes, (k,) each, with those at either end that shift round faces: to where these go they touch.
+
+        As of the sizes at a place; of many that shift them one at a time.
+        """
+        box, columns = (
+            np.array([own.tolerance for own in self.sizes], float),
+            [k for own in self.faces for k in own.shifts],
+        )
+        found = list[Array]()
+        for ends in product((0, 1), repeat=len(columns)) if len(columns) <= MOST_SHIFTS else ():
+            found.append(place.copy())
+            found[-1][columns] = box[columns, ends]
+        for k, end in product(columns, (0, 1)) if not found else ():
+            found.append(place.copy())
+            found[-1][k] = box[k, end]
+        return [own for own in found if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:
         one, two = (exact_at(body, own) for body, own in zip(self.facets, self.points, strict=True))
@@ -229,7 +266,7 @@ class TrueSizes:
         for place, gap in claimed:
             found = self._nearest(pose, place, gap)
             self.deepest.append((found[0].gap, found[0].normal) if found else None)
-            nearest = [own for own in found if own.gap < gap - slack]
+            nearest = _off_edges([own for own in found if own.gap < gap - slack], slack)
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
                 both = self._drawn(0, own), self._drawn(1, own)
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):
@@ -251,11 +288,10 @@ class TrueSizes:
                 break
             patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
             contact = _TrueContact(own.gap, own.points, own.normal, patches)
-            pairs = {(i, j) for i in patches[0] for j in patches[1]}
-            if pairs <= self.permanent:
+            if contact.pairs <= self.permanent:
                 continue
             if self._stands(made, contact, pose, place):
-                self.permanent |= pairs
+                self.permanent |= contact.pairs
             else:
                 found.append(contact)
         return found
@@ -293,8 +329,8 @@ class SizedFaces:
     faces : TrueFaces
         As drawn.
     moves : MovesOfFaces
-    columns : list of int
-        Which of all sizes they follow.
+    columns, shifts : list of int
+        Which of all sizes they follow, and which of these shift round ones.
     """
 
     def __init__(self, body: Body, sizes: Sequence[Size], columns: list[int]) -> None:
@@ -306,6 +342,14 @@ class SizedFaces:
         lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
+        shifting = np.abs(self.moves.shifts).max(axis=(0, 1), initial=0.0) + np.abs(self.moves.turns).max(
+            axis=(1, 2), initial=0.0
+        )
+        self.shifts = [
+            k
+            for k, own in zip(columns, shifting.tolist(), strict=True)
+            if own > DEFAULT.nominal and self.faces.is_round.any()
+        ]
         self._moves, self._all = (np.array([own.at(*each) for each in met]) for own in (lengths, self.moves))
 
     @classmethod
