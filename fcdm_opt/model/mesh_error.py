@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
 from fcdm_opt.model.true_faces import where_nearest
-from fcdm_opt.problem.fit import drawn_bodies, misfit, true_diameters
+from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
@@ -252,7 +252,7 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
 def too_wide(problem: Problem) -> bool:
     """Tell whether widths do not go together between faces as they are in truth: that is so whatever the mesh is."""
     found = misfit(problem)
-    if found is None or true_diameters(problem, found) is not None:
+    if found is None or true_widths(problem, found) is not None:
         return found is not None
     sides = zip(drawn_bodies(problem), found.faces, strict=True)
     return all(own is not None and is_plane_there(body, own) for body, faces in sides for own in faces)

@@ -17,7 +17,8 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
-from fcdm_opt.geometry.naming import Round, is_round, round_faces, told_element, with_article
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.solids import contains, depth_as_drawn, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -31,6 +32,7 @@ FAR = 2.0
 
 MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are asked for
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
+LINE_TO_LINE = "drawn line to line"
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
@@ -167,7 +169,8 @@ class Misfit(NamedTuple):
 
     `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `faces` are
     those between which they are, of the movable and of the static part as drawn; None where only a cut made one.
-    `parts` are the numbers of the convex parts that have them, of both bodies.
+    `parts` are the numbers of the convex parts that have them, of both bodies. `normal` is that of the first wall, from
+    body 1 to body 2. `besides`: what lacks more, between walls of several round faces.
     """
 
     inside: int
@@ -175,6 +178,8 @@ class Misfit(NamedTuple):
     outer: float
     faces: tuple[tuple[Element | None, ...], tuple[Element | None, ...]] = ((), ())
     parts: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
+    normal: tuple[float, ...] = ()
+    besides: Misfit | None = None
 
 
 @lru_cache(maxsize=4)
@@ -213,7 +218,8 @@ def misfit(problem: Problem) -> Misfit | None:
         return found
     each = map(walls.tightest, walls.by_feature())
     named = [one for one in each if one is not None and walls.of_one_feature(one)]
-    return max(named, key=lambda own: own.inner - own.outer, default=found)
+    one = max(named, key=lambda own: own.inner - own.outer, default=None)
+    return found if one is None else one._replace(besides=found)
 
 
 class _ClosedWalls(NamedTuple):
@@ -243,14 +249,43 @@ class _ClosedWalls(NamedTuple):
             if not width[inside] > -width[1 - inside] > ROOM * width[inside]:
                 continue  # walls that are a little aslant, seen from far away; and what nothing could be meant to be in
             one, two = (
-                tuple(_wall(drawn.parts[places[each, body]], side * normals[each], drawn) for each in (k, j))
-                for body, (drawn, side) in enumerate(zip(drawn_bodies(problem), (1.0, -1.0), strict=True))
+                tuple(
+                    self._wall(int(places[each, body]), int(places[each, 1 - body]), side * normals[each], body)
+                    for each in (k, j)
+                )
+                for body, side in enumerate((1.0, -1.0))
             )
             parts = [tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1)]
-            own = Misfit(inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]))
-            if own.inner - own.outer > bow or true_diameters(problem, own) is not None:
+            own = Misfit(
+                inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]),
+                tuple(normals[k].tolist()),
+            )  # fmt: skip
+            if own.inner - own.outer > bow or true_widths(problem, own) is not None:
                 least, found = float(gaps[k] + gaps[j]), own
         return found
+
+    def _wall(self, part: int, other: int, normal: Array, role: int) -> Element | None:
+        """Return the face of a part that looks along a direction; of a cut that one of the round face that it is at.
+
+        Of several it is at that which is nearest to the part of the other body.
+        """
+        bodies = drawn_bodies(self.problem)
+        own, body, theirs = bodies[role].parts[part], bodies[role], bodies[1 - role].parts[other].vertices.mean(axis=0)
+        wall = _wall(own, normal, body)
+        if wall is None or tuple(sorted(wall.vertices)) in body.face_rows or len(body.parts) < 2:
+            return wall
+        level, at = float((own.vertices @ normal).max()), list[tuple[float, Round]]()
+        for each in filter(_is_cylinder, round_faces(body)):
+            surface, side = each.surface, _side(each)
+            off = side * (level - float(surface.origin @ normal)) - surface.radius
+            room = surface.radius * (1.0 - FEWEST_ROUND)
+            if abs(surface.axis @ normal) <= DEFAULT.side and -room <= off <= ROUND * surface.radius:
+                at.append((float(norms(np.cross(theirs - surface.origin, surface.axis))), each))
+        if not at:
+            return wall
+        faces = min(at, key=lambda one: one[0])[1].faces
+        looks = body.face_planes[0][[body.face_rows[face] for face in faces]]
+        return Element("F", faces[int((looks @ normal).argmax())])
 
     @property
     def bow(self) -> float:
@@ -334,7 +369,14 @@ def _verdict(problem: Problem) -> str:
     found = misfit(problem)
     if found is None:
         return ""
-    exact = true_diameters(problem, found)
+    all_round = found.besides is not None and true_widths(problem, found.besides) is not None
+    told = [_told(problem, own) for own in (found, found.besides if all_round else None) if own is not None]
+    return f"does not fit: {'; nor '.join(told)}"
+
+
+def _told(problem: Problem, found: Misfit) -> str:
+    """Return two widths in words, and between which walls they are."""
+    exact = true_widths(problem, found)
     widths = exact or (found.inner, found.outer)
     lack = widths[0] - widths[1]
     places = int(max(0, 1 - np.floor(np.log10(lack))))
@@ -342,10 +384,12 @@ def _verdict(problem: Problem) -> str:
     inner, outer = names[found.inside], names[1 - found.inside]
     digits = (f"{float(f'{width:.12g}'):.{places}f}" for width in widths)  # not by rounding
     wide, room = (measured(width, problem.unit) for width in digits)
-    fit = f"{inner} {wide} in {outer} {room}"
+    fit, end = f"{inner} {wide} in {outer} {room}", ""
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(f"{widths[1]:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
+        if _line_to_line(problem, found):
+            fit, end = f"{inner} and {outer} are {LINE_TO_LINE}, {room} wide", f": {inner} may not be the wider one"
     sides = 1 - found.inside, found.inside  # the walls of the room; where a cut made one, those of the part in it
     side = next((k for k in sides if None not in found.faces[k]), sides[0])
     drawn = drawn_bodies(problem)[side]
@@ -353,29 +397,73 @@ def _verdict(problem: Problem) -> str:
     walls = " and ".join(map(with_article, faces))
     between = f", {'between' if len(faces) == 2 else 'across'} {walls} of {names[side]}" if faces else ""
     between += " (of its facets)" * (exact is None and any(map(is_round, faces)))
-    return f"does not fit: {fit}{between}"
+    return f"{fit}{between}{end}"
 
 
-def true_diameters(problem: Problem, found: Misfit) -> tuple[float, float] | None:
-    """Return the diameters made of a round part and of the bore that it is in, where the widths of facets are of these.
+def _line_to_line(problem: Problem, found: Misfit) -> bool:
+    """Tell whether two parts are as wide as each other as drawn, but for the digits of files."""
+    drawn, scales = drawn_bodies(problem), problem.nominal_pair
+    widths, inside = _round_widths(problem, found, drawn, scales), found.inside
+    if widths is None:
+        both, normal = list[float](), np.array(found.normal)
+        for body, rho, side, own in zip(drawn, scales.tolist(), (1.0, -1.0), found.parts, strict=True):
+            ends = (side * (body.parts[k].vertices @ normal) * sign for k, sign in ((own[0], 1.0), (own[-1], -1.0)))
+            both.append(rho * sum(float(end.max()) for end in ends))
+        widths = both[inside], -both[1 - inside]
+    return abs(widths[0] - widths[1]) <= problem.contact_slack + 2.0 * sum(body.rounding for body in drawn)
+
+
+def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
+    """Return the widths made of the true faces, where all walls are of cylinders and bores: of one, or of two.
 
     None of other walls, and where the true faces would go together.
     """
-    widths = list[float]()
-    made = (problem.movable, problem.static), problem.target.tolist(), found.faces
-    for drawn, body, rho, walls in zip(drawn_bodies(problem), *made, strict=True):
-        labels = {tuple(sorted(own.vertices)) for own in walls if own is not None}
-        pairs = zip(round_faces(drawn), round_faces(body), strict=False)
-        both = next((pair for pair in pairs if labels and labels <= {*pair[0].faces}), None)
-        if both is None or both[1].surface.line is None or both[1].surface.line[1] != 0.0:
+    widths = _round_widths(problem, found, (problem.movable, problem.static), problem.target)
+    return widths if widths is not None and widths[0] > widths[1] else None
+
+
+def _round_widths(
+    problem: Problem, found: Misfit, bodies: tuple[Body, Body], scales: Array
+) -> tuple[float, float] | None:
+    """Return the widths inside and outside of bodies at scales, None of walls that are not all round.
+
+    A wall reaches as far along a direction n as centre . n + radius, or - radius of a bore: both lack most along the
+    line between centres, which facets on either side are turned against.
+    """
+    apart, thick, axes = list[Array](), list[float](), list[Array]()
+    for drawn, body, rho, walls in zip(drawn_bodies(problem), bodies, scales.tolist(), found.faces, strict=True):
+        pairs = list(zip(round_faces(drawn), round_faces(body), strict=False))
+        numbers = [_number(_round_numbers(drawn), wall) for wall in walls]
+        if not numbers or not all(0 <= k < len(pairs) and _is_cylinder(pairs[k][1]) for k in numbers):
             return None
-        was, now = both
-        radius = now.surface.radius
-        if body.surfaces is None:  # it goes out as its facets do, whose corners go further
-            radius = was.surface.radius + _inner_radius(body, now) - _inner_radius(drawn, was)
-        widths.append(2.0 * rho * radius)
-    inner, outer = widths[found.inside], widths[1 - found.inside]
-    return (inner, outer) if inner > outer else None
+        centres, sums = list[Array](), 0.0
+        for was, now in (pairs[k] for k in numbers):
+            radius = now.surface.radius
+            if body.surfaces is None:  # it goes out as its facets do, whose corners go further
+                radius = was.surface.radius + _inner_radius(body, now) - _inner_radius(drawn, was)
+            centres.append(now.surface.origin)
+            axes.append(now.surface.axis)
+            sums += _side(was) * radius
+        apart.append(rho * (centres[0] - centres[-1]))
+        thick.append(rho * sums)
+    if any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
+        return None
+    normal, line = (own - (own @ axes[0]) * axes[0] for own in (np.array(found.normal), apart[0] - apart[1]))
+    normal, long = normal / norms(normal), float(norms(line))
+    if normal @ line > FEWEST_ROUND * long > DEFAULT.weld * problem.size:
+        normal = line / long
+    widths = float(normal @ apart[0]) + thick[0], thick[1] - float(normal @ apart[1])
+    return widths[found.inside], -widths[1 - found.inside]
+
+
+def _is_cylinder(own: Round) -> bool:
+    """Tell whether a round face is a cylinder or a bore."""
+    return own.surface.line is not None and own.surface.line[1] == 0.0
+
+
+def _side(own: Round) -> float:
+    """Return 1 of a cylinder, whose material is within, and -1 of a bore."""
+    return -1.0 if own.name.startswith("bore") else 1.0
 
 
 def _inner_radius(body: Body, own: Round) -> float:

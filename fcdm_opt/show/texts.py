@@ -256,12 +256,14 @@ def advised(case: SolvedCase) -> str:
 def _unfit(problem: Problem) -> str:
     """Return why two parts do not fit however little they are off what is drawn: widths, or how deep they overlap."""
     from fcdm_opt.geometry.solids import depth_as_drawn
-    from fcdm_opt.problem.fit import drawn_bodies, verdict
+    from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, verdict
 
     widths = verdict(problem.deviating(ALMOST)).removeprefix("does not fit: ")
     depth = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)
     if not widths and depth > problem.contact_slack:
         return f"as drawn, they overlap by {measured(number(depth, DIGITS), problem.unit)}"
+    if LINE_TO_LINE in widths:
+        return widths
     return f"nearly as drawn, {widths or 'no motion of this kind keeps them in it'}"
 
 
