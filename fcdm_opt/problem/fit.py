@@ -34,6 +34,7 @@ MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are 
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 LINE_TO_LINE = "drawn line to line"
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
+AS_WIDE = 1e-6  # of a width: what lacks is where a search ended, and no dimension
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
 HAIR = 0.02
@@ -388,8 +389,12 @@ def _told(problem: Problem, found: Misfit) -> str:
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(f"{widths[1]:.6g}", problem.unit)
         fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
-        if _line_to_line(problem, found):
-            fit, end = f"{inner} and {outer} are {LINE_TO_LINE}, {room} wide", f": {inner} may not be the wider one"
+        if (drawn_width := _drawn_width(problem, found)) is not None:
+            room = measured(f"{drawn_width:.6g}", problem.unit)
+            fit = f"{inner} and {outer} are {LINE_TO_LINE}, {room}"
+            end = f": no tolerance in which {inner} may be wider fits"
+        elif lack < AS_WIDE * widths[1]:
+            fit, end = f"{inner} and {outer} are as wide as each other, {room}", f": {inner} may not be wider"
     sides = 1 - found.inside, found.inside  # the walls of the room; where a cut made one, those of the part in it
     side = next((k for k in sides if None not in found.faces[k]), sides[0])
     drawn = drawn_bodies(problem)[side]
@@ -400,8 +405,8 @@ def _told(problem: Problem, found: Misfit) -> str:
     return f"{fit}{between}{end}"
 
 
-def _line_to_line(problem: Problem, found: Misfit) -> bool:
-    """Tell whether two parts are as wide as each other as drawn, but for the digits of files."""
+def _drawn_width(problem: Problem, found: Misfit) -> float | None:
+    """Return the width of two parts as drawn, where both have the same but for the digits of files."""
     drawn, scales = drawn_bodies(problem), problem.nominal_pair
     widths, inside = _round_widths(problem, found, drawn, scales), found.inside
     if widths is None:
@@ -410,7 +415,8 @@ def _line_to_line(problem: Problem, found: Misfit) -> bool:
             ends = (side * (body.parts[k].vertices @ normal) * sign for k, sign in ((own[0], 1.0), (own[-1], -1.0)))
             both.append(rho * sum(float(end.max()) for end in ends))
         widths = both[inside], -both[1 - inside]
-    return abs(widths[0] - widths[1]) <= problem.contact_slack + 2.0 * sum(body.rounding for body in drawn)
+    slack = problem.contact_slack + 2.0 * sum(body.rounding for body in drawn)
+    return widths[1] if abs(widths[0] - widths[1]) <= slack else None
 
 
 def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
