@@ -340,7 +340,8 @@ def print_yield(result: AssemblyYield) -> None:
 
 def print_judged(certificate: Certificate) -> None:
     """Print what the judge says of many sizes."""
-    count, failed = len(certificate.checks), ", ".join(check.name for check in certificate.failed)
+    each = (f"{own.name} (off by {own.value:.3g}, at most {own.limit:.1g}, {own.note})" for own in certificate.failed)
+    count, failed = len(certificate.checks), "; ".join(each)
     passed = f"judged with parts made anew at other sizes: all {count} checks passed"
     print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
 
