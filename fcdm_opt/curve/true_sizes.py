@@ -29,7 +29,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
-MOST_SHIFTS = 3  # sizes whose corners are all looked at
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
 
@@ -116,11 +115,11 @@ class _TrueContact(NamedTuple):
 
 def _off_edges(contacts: Sequence[_TrueContact], slack: float) -> list[_TrueContact]:
     """Return contacts without those at edges of faces that are as near off these: at a concave edge none is told."""
-    return [
-        own
-        for own in contacts
-        if not any(other.pairs < own.pairs and other.gap <= own.gap + slack for other in contacts)
-    ]
+    found = list[_TrueContact]()
+    for own in contacts:
+        if not any(other.pairs < own.pairs and other.gap <= own.gap + slack for other in contacts):
+            found.append(own)
+    return found
 
 
 def _of_each_faces(contacts: Sequence[_TrueContact]) -> list[_TrueContact]:
@@ -176,22 +175,17 @@ class TrueSizes:
         return sum(own.largest_move(self.sizes) for own in self.faces)
 
     def shifted(self, place: Array) -> list[Array]:
-        """Return sizes, (k,) each, with those at either end that shift round faces: to where these go they touch.
+        """Return sizes as at a place but for those that shift round faces, (k,) each: these touch where they go to.
 
-        As of the sizes at a place; of many that shift them one at a time.
+        All of them at their other end, and each at both.
         """
-        box, columns = (
-            np.array([own.tolerance for own in self.sizes], float),
-            [k for own in self.faces for k in own.shifts],
-        )
-        found = list[Array]()
-        for ends in product((0, 1), repeat=len(columns)) if len(columns) <= MOST_SHIFTS else ():
-            found.append(place.copy())
-            found[-1][columns] = box[columns, ends]
-        for k, end in product(columns, (0, 1)) if not found else ():
-            found.append(place.copy())
-            found[-1][k] = box[k, end]
-        return [own for own in found if (own != place).any()]
+        box = np.array([own.tolerance for own in self.sizes], float)
+        columns = [k for own in self.faces for k in own.shifts]
+        found = np.tile(place, (1 + 2 * len(columns), 1))
+        found[0, columns] = box[columns].sum(axis=1) - place[columns]
+        for row, (k, end) in enumerate(product(columns, (0, 1)), 1):
+            found[row, k] = box[k, end]
+        return [own for own in np.unique(found, axis=0) if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:
         one, two = (exact_at(body, own) for body, own in zip(self.facets, self.points, strict=True))
@@ -342,14 +336,9 @@ class SizedFaces:
         lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
-        shifting = np.abs(self.moves.shifts).max(axis=(0, 1), initial=0.0) + np.abs(self.moves.turns).max(
-            axis=(1, 2), initial=0.0
-        )
-        self.shifts = [
-            k
-            for k, own in zip(columns, shifting.tolist(), strict=True)
-            if own > DEFAULT.nominal and self.faces.is_round.any()
-        ]
+        shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
+        own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
+        self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
         self._moves, self._all = (np.array([own.at(*each) for each in met]) for own in (lengths, self.moves))
 
     @classmethod
