@@ -600,8 +600,6 @@ def test_the_sides_of_a_lid_flush_with_its_box_hid_the_play_of_its_pegs(capsys: 
     stack = stacked(lid, own, *sizes, pitch, limits=(0.0, 0.2))
     worst = stack.worst()
     assert (worst.least, worst.largest) == pytest.approx((-0.045, 0.1), abs=1e-9)
-    found = fo.verify(stack)
-    assert not found.failed, found.failed
     one = {"hole 1": 0.5, "peg 1": -0.5}, {"hole 2": 0.5, "peg 2": -0.5}
     every = one[0], {**one[1], "pitch": 1.0}, {**one[1], "pitch": -1.0}
     for row in stack.rows:
@@ -622,10 +620,9 @@ def test_the_sides_of_a_lid_flush_with_its_box_hid_the_play_of_its_pegs(capsys: 
     assert "e-1" not in capsys.readouterr().out
     claims = stack.claims()
     gap, place = claims.largest
-    failed = [
-        own.name for own in replace(claims, largest=(gap - 0.001, place), listed=places[:0]).checks() if not own.passed
-    ]
-    assert failed == ["largest gap"]
+    checks = replace(claims, largest=(gap - 0.001, place), listed=places[:1]).checks()  # which is the one that is wrong
+    assert {own.name: own.value for own in checks if not own.passed} == {"largest gap": pytest.approx(0.001, abs=1e-7)}
+    assert {"least gap", "gap at sampled sizes"} <= {own.name for own in checks}
 
 
 def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
