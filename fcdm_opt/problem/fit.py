@@ -171,7 +171,7 @@ class Misfit(NamedTuple):
     `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `faces` are
     those between which they are, of the movable and of the static part as drawn; None where only a cut made one.
     `parts` are the numbers of the convex parts that have them, of both bodies. `normal` is that of the first wall, from
-    body 1 to body 2. `besides`: what lacks more, between walls of several round faces.
+    body 1 to body 2. `wider`: what lacks more, between walls of several round faces.
     """
 
     inside: int
@@ -180,7 +180,7 @@ class Misfit(NamedTuple):
     faces: tuple[tuple[Element | None, ...], tuple[Element | None, ...]] = ((), ())
     parts: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
     normal: tuple[float, ...] = ()
-    besides: Misfit | None = None
+    wider: Misfit | None = None
 
 
 @lru_cache(maxsize=4)
@@ -220,7 +220,7 @@ def misfit(problem: Problem) -> Misfit | None:
     each = map(walls.tightest, walls.by_feature())
     named = [one for one in each if one is not None and walls.of_one_feature(one)]
     one = max(named, key=lambda own: own.inner - own.outer, default=None)
-    return found if one is None else one._replace(besides=found)
+    return found if one is None else one._replace(wider=found)
 
 
 class _ClosedWalls(NamedTuple):
@@ -370,12 +370,12 @@ def _verdict(problem: Problem) -> str:
     found = misfit(problem)
     if found is None:
         return ""
-    all_round = found.besides is not None and true_widths(problem, found.besides) is not None
-    told = [_told(problem, own) for own in (found, found.besides if all_round else None) if own is not None]
-    return f"does not fit: {'; nor '.join(told)}"
+    all_round = found.wider is not None and true_widths(problem, found.wider) is not None
+    words = [_in_words(problem, own) for own in (found, found.wider if all_round else None) if own is not None]
+    return f"does not fit: {'; nor '.join(words)}"
 
 
-def _told(problem: Problem, found: Misfit) -> str:
+def _in_words(problem: Problem, found: Misfit) -> str:
     """Return two widths in words, and between which walls they are."""
     exact = true_widths(problem, found)
     widths = exact or (found.inner, found.outer)
