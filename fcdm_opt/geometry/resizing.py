@@ -464,19 +464,18 @@ class _CornersOfParts(NamedTuple):
 
 def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
     body, near = moving.body, DEFAULT.planarity * moving.body.size
-    found, changed, split = [], dict[int, Array](), False
+    found, changed = [], dict[int, Array]()
     for k, own in enumerate(moving.parts):
         depth, change = own.slack
         inside = depth + change @ values
         low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
         points = own.at(values)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
-            points = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
+            points = changed[k] = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
         if low.min() <= near:
             points = changed[k] = _intersected(moving, own, values, int(low.argmin()))
-        split |= bool(own.split.any())
         found.append(points)
-    numbered = _kept_numbers(moving, values, changed) if not (split or (changed and len(found) == 1)) else None
+    numbered = _kept_numbers(moving, values, changed) if not (changed and len(found) == 1) else None
     if numbered is None:
         return _CornersOfParts(found, np.empty((0, 3)), [], None)
     surface = None
