@@ -24,6 +24,8 @@ from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.exact_points import BENT
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Parts, Task
@@ -230,7 +232,30 @@ class Holding:
         But for those that contacts say all of which are closed.
         """
         near = self._near_pairs(every=not self.task.joints or self.task.goal == FIT)
-        return [(parts, self._met(parts, ways[0], DEFAULT.touch).feature) for parts, ways in near.items()]
+        return [
+            (parts, self._of_true_faces(parts, way) or self._met(parts, way, DEFAULT.touch).feature)
+            for parts, (way, *_) in near.items()
+        ]
+
+    def _of_true_faces(self, parts: Parts, way: Facing) -> Feature | None:
+        """Return the first facets of the true faces that meet, for parts that are exact at points: a point has no name.
+
+        None where it is not told which faces these are.
+        """
+        task, obstacle = self.task, self.task.obstacles[parts[1]]
+        if obstacle.keep_out >= 0 or not (task.movable.exact or task.static.exact):
+            return None
+        found, turn = list[Element](), self.end.pose[:9].reshape(3, 3)
+        for body, term, normal in zip(
+            (task.movable, task.static), self._terms(parts, way, way.corners[0]), (way.normal @ turn, -way.normal),
+            strict=True,
+        ):  # fmt: skip
+            faces = true_faces(body.exact.facets if body.exact else body)
+            own = {k: float(faces.patches[k].gaps(term.point[None])[1][0] @ normal) for k in faces.at(term.point)}
+            if not own or max(own.values()) <= np.cos(BENT):
+                return None
+            found.append(faces.face_of(max(own, key=lambda k: own[k])))
+        return Feature(*found)
 
     def _near_pairs(self, *, every: bool = False) -> dict[Parts, list[Facing]]:
         """Return the directions in which part pairs are just as far apart as they must be; `every`: of joints too."""

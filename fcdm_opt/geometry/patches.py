@@ -165,6 +165,10 @@ class TrueFaces:
         own = np.flatnonzero(self.owners == k)
         return distances(point[None], self.corners[own])[:, 0], own
 
+    def face_of(self, k: int) -> Element:
+        """Return the first face of the body that stands for a patch."""
+        return Element("F", self.body.faces[int(self.rows[self.owners == k].min())])
+
     def has_point(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
         return bool(self._distances(k, point)[0].min() <= DEFAULT.nominal * self.body.size + self._off_triangles)
