@@ -99,7 +99,9 @@ class Feature:
         """
 
         def told(found: re.Match[str]) -> str:
-            return Feature.from_label(found[2]).in_words(movable, keep_outs.get(found[1] or "", static))
+            own, other = Feature.from_label(found[2]), keep_outs.get(found[1] or "", static)
+            known = max(own.one.vertices) <= len(movable.vertices) and max(own.two.vertices) <= len(other.vertices)
+            return own.in_words(movable, other) if known else found[2]  # else of points that they are exact at
 
         return re.sub(rf"{re.escape(head)}(?:keep-out '([^']*)' )?({_LABEL.pattern})", told, text)
 
