@@ -233,11 +233,11 @@ class Holding:
         """
         near = self._near_pairs(every=not self.task.joints or self.task.goal == FIT)
         return [
-            (parts, self._of_true_faces(parts, way) or self._met(parts, way, DEFAULT.touch).feature)
-            for parts, (way, *_) in near.items()
+            (parts, self._of_true_faces(parts, facing) or self._met(parts, facing, DEFAULT.touch).feature)
+            for parts, (facing, *_) in near.items()
         ]
 
-    def _of_true_faces(self, parts: Parts, way: Facing) -> Feature | None:
+    def _of_true_faces(self, parts: Parts, facing: Facing) -> Feature | None:
         """Return the first facets of the true faces that meet, for parts that are exact at points: a point has no name.
 
         None where it is not told which faces these are.
@@ -247,7 +247,7 @@ class Holding:
             return None
         found, turn = list[Element](), self.end.pose[:9].reshape(3, 3)
         for body, term, normal in zip(
-            (task.movable, task.static), self._terms(parts, way, way.corners[0]), (way.normal @ turn, -way.normal),
+            (task.movable, task.static), self._terms(parts, facing, facing.corners[0]), (facing.normal @ turn, -facing.normal),
             strict=True,
         ):  # fmt: skip
             faces = true_faces(body.exact.facets if body.exact else body)

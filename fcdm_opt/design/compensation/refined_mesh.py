@@ -9,28 +9,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations, product
-from math import factorial
 
 import numpy as np
 
-from fcdm_opt import pacing
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
-from fcdm_opt.design.compensation.sampling import (
-    REFINED,
-    REJECTED,
-    UNDECIDED,
-    ActiveSet,
-    Asking,
-    Sample,
-    Sampler,
-)
+from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, Simplex, SizeMesh, Values
 from fcdm_opt.design.compensation.table import nodes_of, quadratic_basis
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
-COARSER = {1: 1, 2: 1, 3: 2}  # every which of them, for so many sizes; of more every fourth, and where solves take long
+COARSER = {1: 1, 2: 1, 3: 2}  # every which of them, for so many sizes; of more, and of round parts, every fourth
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
 SAFETY = 2.0  # times the errors at points that fix a cubic's part beyond the quadratic: on edges, and the centre
 SHORTEST = 2.0**-14  # of the box: edges are not split further
@@ -53,7 +44,9 @@ class RefinedMesh(SizeMesh):
         self._carried = [(part, scene.bodies_made[part], carrying) for part, carrying in scene.kinematics.items()]
         self._walls = np.array([own.limits for own in scene.coordinates])
         self._rounding = DEFAULT.touch * scene.size
-        grid = _grid_for(sampler)
+        dear = any(map(round_surfaces, scene.drawn.values()))  # solves of round parts take a second each
+        every = 4 if dear else COARSER.get(len(sampler.over), 4)
+        grid = sorted({*GRID[::every], GRID[-1]})
         places = [np.array(place[::-1]) for place in product(grid, repeat=len(sampler.over))]
         samples = sampler.samples(places)
         vertices = [
@@ -406,20 +399,6 @@ class RefinedMesh(SizeMesh):
             made = body.seed + scales[part] * (body.vertices - body.seed)
             moved = max(moved, float(np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1).max()))
         return np.array([abs(one[0] - two[0]), moved])
-
-
-def _grid_for(sampler: Sampler) -> tuple[float, ...]:
-    """Return where the first vertices are along each size: as many as all their simplices are looked at in time."""
-    count = len(sampler.over)
-    sampler.samples([np.zeros(count)])  # what is worked out once is no part of what the others take
-    each, grid = sampler.seconds_for(np.ones(count)), GRID[:: COARSER.get(count, 4)]
-    while len(grid) > 2:
-        cells = len(grid) - 1
-        places = 2 * (2 * cells + 1) ** count - (cells + 1) ** count + cells**count * factorial(count)
-        if places * each <= REFINED * pacing.left() * sampler.jobs:
-            break
-        grid = grid[::2]
-    return grid
 
 
 def _across(along: Array) -> list[Array]:

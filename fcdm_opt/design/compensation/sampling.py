@@ -176,12 +176,6 @@ class Sampler:
         self.known.update({own: sample for own, sample in solved if sample is not None})
         return [self.known.get(own) for own in asked]
 
-    def seconds_for(self, place: Array) -> float:
-        """Return how long the sample at a place takes, in seconds."""
-        start = pacing.clock()
-        self.samples([place])
-        return pacing.clock() - start
-
     def _solved(self, missing: list[Made], last: bool) -> list[Sample | None]:
         left = pacing.left()
         if not last and left < math.inf:
