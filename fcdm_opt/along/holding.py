@@ -246,10 +246,8 @@ class Holding:
         if obstacle.keep_out >= 0 or not (task.movable.exact or task.static.exact):
             return None
         found, turn = list[Element](), self.end.pose[:9].reshape(3, 3)
-        for body, term, normal in zip(
-            (task.movable, task.static), self._terms(parts, facing, facing.corners[0]), (facing.normal @ turn, -facing.normal),
-            strict=True,
-        ):  # fmt: skip
+        terms, normals = self._terms(parts, facing, facing.corners[0]), (facing.normal @ turn, -facing.normal)
+        for body, term, normal in zip((task.movable, task.static), terms, normals, strict=True):
             faces = true_faces(body.exact.facets if body.exact else body)
             own = {k: float(faces.patches[k].gaps(term.point[None])[1][0] @ normal) for k in faces.at(term.point)}
             if not own or max(own.values()) <= np.cos(BENT):
