@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.resizing import Resizing, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
@@ -574,3 +575,14 @@ def test_points_of_a_map_do_not_make_the_same_body_anew() -> None:
     assert resized(body, {size: 0.25}) is not resized(body, {size: 0.26})
     assert size.offsets(body) is size.offsets(body)
     assert not size.offsets(body).flags.writeable
+
+
+def test_a_bush_with_chamfers_had_cuts_between_its_parts_among_its_faces() -> None:
+    """Made at other sizes, its answers were those of facets, 0.012058, and a map of the fit was undecided."""
+    (drawn,) = fo.load_problems(Path(__file__).parents[2] / "problems" / "round" / "bush.toml")
+    problem = drawn.changed(target=None, made={"bush": -0.0135, "bore": 0.0105})
+    assert len(problem.movable.corners) == len(drawn.movable.corners)
+    assert max(deviation_of(problem.movable)) < 0.06
+    solution = fo.solve(problem, effort="quick")
+    assert solution.usable
+    assert solution.amount == pytest.approx((0.0105 + 0.0135) / 2.0, rel=1e-9)
