@@ -427,7 +427,7 @@ def _each_case(
     """
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import answered_exactly, known_gaps, unasked_sizes
+    from fcdm_opt.show.remarks import answered_exactly, known_gaps, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
     known = dict[str, tuple[str, dict[str, Any]]]()
@@ -458,8 +458,8 @@ def _each_case(
                     print_judged(certificate)
         if known_to := known_gaps(problem) if of_facets else []:
             entry["known_to"] = known_to
-        if unasked := unasked_sizes(problem) if "stack" not in entry else []:
-            entry["unasked_sizes"] = unasked
+        if unasked := sizes_as_drawn(problem) if "stack" not in entry else []:
+            entry["sizes_as_drawn"] = unasked
         if not inquiry.as_json:
             print_lines([*known_to, *unasked])
         if alike:

@@ -263,3 +263,14 @@ def proportion_interval(passed: int, count: int, confidence: float) -> tuple[flo
 def not_counted(permanent: Sequence[str], but: str = "and not counted") -> list[str]:
     """Return in words that contacts are not counted, or what else follows from them, [] where all are."""
     return [f"closed at all these sizes, {but}: {'; '.join(permanent)}"] if permanent else []
+
+
+def beyond_tolerances(scene: Scene) -> list[str]:
+    """Return which sizes made are outside of their tolerances, in a sentence: a slip of a digit looks like that."""
+    found = []
+    for size in scene.sizes if scene.made else ():
+        off = scene.made[size.name]
+        if size.is_beyond(off):
+            low, high = (size.deviation_text(end, "") for end in size.tolerance or ())
+            found.append(f"{size.name} {size.deviation_text(off, scene.unit)} ({low} to {high})")
+    return [f"made beyond the tolerance: {', '.join(found)}"] if found else []

@@ -14,6 +14,7 @@ from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -103,6 +104,11 @@ class Size(Plain):
         """Tell whether a deviation is outside of the tolerance, if there is one."""
         return self.tolerance is not None and not self.tolerance[0] <= off <= self.tolerance[1]
 
+    def deviation_text(self, off: float, unit: str) -> str:
+        """Return a deviation from drawn in words, of a scale in per cent: "+0.036 mm", "-0.1 %"."""
+        exact = f"{off if self.is_length else 100.0 * off:+.6g}" if off else "0"
+        return measured(exact, unit if self.is_length else "%")
+
     @property
     def is_length(self) -> bool:
         """Whether it is a length; else it is a share."""
@@ -151,12 +157,12 @@ class Size(Plain):
             extents = np.ptp(body.vertices @ self.directions(), axis=0)
             return float(extents.max() if self.scale == "xyz" else np.linalg.norm(extents))
         moved, (normals, points) = self.offsets(body), body.face_planes
-        rows, measured = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
+        rows, grown = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
         labels = {tuple(sorted(body.faces[k])) for k in rows.tolist()}
         for face in round_faces(body):
             if labels == set(face.faces) and "cone" not in face.name and "countersink" not in face.name:
                 side = 1.0 if face.name.startswith(ROUND_KINDS[::2]) else -1.0
-                measured = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
+                grown = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
         towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
         ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
@@ -165,8 +171,8 @@ class Size(Plain):
             if one_plane and len(own) + len(also) == len(rows):
                 width = levels[own[0]] - levels[others[0]]
                 rate = np.sign(width) * (moved[own[0]] + moved[others[0]])
-                measured[float(rate)] = abs(float(width))
-        return next((length for rate, length in measured.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
+                grown[float(rate)] = abs(float(width))
+        return next((length for rate, length in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 
     def _keep(self, **values: Any) -> None:
         for key, value in values.items():

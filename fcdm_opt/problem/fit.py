@@ -251,7 +251,7 @@ class _ClosedWalls(NamedTuple):
                 continue  # walls that are a little aslant, seen from far away; and what nothing could be meant to be in
             one, two = (
                 tuple(
-                    self._wall(int(places[each, body]), int(places[each, 1 - body]), side * normals[each], body)
+                    self._named_wall(int(places[each, body]), int(places[each, 1 - body]), side * normals[each], body)
                     for each in (k, j)
                 )
                 for body, side in enumerate((1.0, -1.0))
@@ -265,7 +265,7 @@ class _ClosedWalls(NamedTuple):
                 least, found = float(gaps[k] + gaps[j]), own
         return found
 
-    def _wall(self, part: int, other: int, normal: Array, role: int) -> Element | None:
+    def _named_wall(self, part: int, other: int, normal: Array, role: int) -> Element | None:
         """Return the face of a part that looks along a direction; of a cut that one of the round face that it is at.
 
         Of several it is at that which is nearest to the part of the other body.

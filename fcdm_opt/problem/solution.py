@@ -638,9 +638,9 @@ class Solution(Bounded):
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
             read = super().from_dict({**data, "derivatives": data["sensitivity"]})
-        except KeyError as no:
-            found = ", ".join(data) or "nothing"
-            raise InputError(f"not the plain data of a solution: no {no}", key="Solution", found=found) from no
+        except KeyError as missing:
+            what, found = f"not the plain data of a solution: no {missing}", ", ".join(data) or "nothing"
+            raise InputError(what, key="Solution", found=found) from missing
         except TypeError as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
         for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import gaps_off
@@ -18,7 +19,6 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
-from fcdm_opt.show.remarks import beyond_tolerances
 from fcdm_opt.show.scene import VIEW, ShownPair, ShownParts, contacts_of, numbered_contacts, parts_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase

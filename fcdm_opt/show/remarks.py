@@ -12,6 +12,7 @@ import re
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured
@@ -23,7 +24,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, off_drawn, proved_least
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
 from fcdm_opt.show.verdict import name_of
 from fcdm_opt.tolerances import DEFAULT
 
@@ -54,7 +55,7 @@ def remarks(solution: Solution) -> list[str]:
     problem = solution.problem
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
-    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *unasked_sizes(problem)]
+    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if low < high and not solution.left_by_mesh:
         end = measured(f"{high:.6g}", problem.amount_unit)
         told.append(f"the true round parts need between {low:.6g} and {end}")
@@ -72,18 +73,7 @@ def answered_exactly(scene: Scene) -> bool:
     return on_true_faces(scene)
 
 
-def beyond_tolerances(scene: Scene) -> list[str]:
-    """Return which sizes made are outside of their tolerances, in a sentence: a slip of a digit looks like that."""
-    found = []
-    for size in scene.sizes if scene.made else ():
-        off = scene.made[size.name]
-        if size.is_beyond(off):
-            low, high = (off_drawn(size, end, "") for end in size.tolerance or ())
-            found.append(f"{size.name} {off_drawn(size, off, scene.unit)} ({low} to {high})")
-    return [f"made beyond the tolerance: {', '.join(found)}"] if found else []
-
-
-def unasked_sizes(scene: Scene) -> list[str]:
+def sizes_as_drawn(scene: Scene) -> list[str]:
     """Return which sizes a question leaves as drawn, as it is about parts that are larger or smaller as a whole."""
     corner = scene.request.get("requirement")
     if corner is None or scene.made or not scene.sizes:

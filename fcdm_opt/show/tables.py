@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
@@ -255,7 +256,8 @@ def print_whatif(answer: WhatIf) -> None:
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(str(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
-    notes += [*answer.beyond, *(f"predicted: {reason}" for reason in answer.prediction.reasons)]
+    notes += beyond_tolerances(answer.after.question)
+    notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
     for what in answer.differences:
         if what.name in ("features", "active"):
             ends = zip((what.before, what.after), (answer.before, answer.after), strict=True)

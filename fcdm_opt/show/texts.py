@@ -14,7 +14,6 @@ from fcdm_opt.problem.solution import Status
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.geometry.size import Size
     from fcdm_opt.motion.motions import Motion
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
@@ -109,16 +108,10 @@ def asked_text(scene: Scene) -> str:
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{more}"
 
 
-def off_drawn(size: Size, off: float, unit: str) -> str:
-    """Return a deviation of a size from drawn, of a scale in per cent: "+0.036 mm", "-0.1 %"."""
-    share, exact = size.scale is not None, f"{100.0 * off if size.scale is not None else off:+.6g}" if off else "0"
-    return measured(exact, "%" if share else unit)
-
-
 def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
-    texts = [f"{size.name} {off_drawn(size, x, scene.unit)}" for size, x in made if x]
+    texts = [f"{size.name} {size.deviation_text(x, scene.unit)}" for size, x in made if x]
     more = [counted(len(texts) - MOST_SIZES, "more size")] if len(texts) > MOST_SIZES + 1 else []
     return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.question import excluded
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.constraints import scene_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.errors import InputError, closest
@@ -82,17 +83,7 @@ class WhatIf(Plain, NotebookRepr):
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
         changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
-        return "; ".join([changed, *self.beyond])
-
-    @property
-    def beyond(self) -> tuple[str, ...]:
-        """Which sizes are made outside of their tolerances after the change, in words; these do not forbid it."""
-        asked, texts = self.after.question, list[str]()
-        for size in asked.sizes if asked.made else ():
-            if size.is_beyond(value := asked.made[size.name]):
-                ends = measured("{:+.6g} to {:+.6g}".format(*size.tolerance), asked.unit if size.is_length else "")
-                texts.append(f"{size.name} {value:+.6g} is outside of its tolerance, {ends}")
-        return tuple(texts)
+        return "; ".join([changed, *beyond_tolerances(self.after.question)])
 
 
 def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:

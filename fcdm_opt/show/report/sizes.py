@@ -13,7 +13,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.remarks import known_gaps
-from fcdm_opt.show.texts import NONE, listed, off_drawn, shown
+from fcdm_opt.show.texts import NONE, listed, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
 PLACES = 6
@@ -29,12 +29,12 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
         body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
         drawn = size.drawn(body)
         made = drawn + off * (1.0 if size.is_length else drawn)
-        low, high = (NONE, NONE) if ends is None else (off_drawn(size, end, "") for end in ends)
+        low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
             "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
             "made": NONE if np.isnan(made) else f"{made:.{PLACES}g}",
-            "off": off_drawn(size, off, "") if off else "", "beyond": size.is_beyond(off),
+            "off": size.deviation_text(off, "") if off else "", "beyond": size.is_beyond(off),
         })  # fmt: skip
     return rows
 
