@@ -66,8 +66,8 @@ _INNER = _OPTIONS | {"no_cpython_wrapper": True}
 # nothing is allocated in a step, so arrays need no counting of references, which would take half of the time
 _STEP = _INNER | {"forceinline": True, "_nrt": False}
 
-Needed = dict[tuple[str, str, tuple[Any, ...]], str]
-"""Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
+Needed = set[tuple[str, str, tuple[Any, ...]]]
+"""Compiled code that other code calls: module, name and types of each kernel."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
 COMPILING = 4.5e-4  # seconds that compiling takes, per byte of the bytecode of a kernel and all that it calls
@@ -94,7 +94,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     if function.__name__.startswith("_"):
         made = _Inner(function, targetoptions=_INNER, pipeline_class=_Within)
     else:
-        made = _Compiled(function, targetoptions=_OPTIONS)
+        made = _Compiled(function, targetoptions=_OPTIONS, pipeline_class=_Named)
         made.keeps = True
     _ALL[made] = None
     return made
@@ -146,7 +146,7 @@ class _Compiled(_Dispatcher):
             if args not in self.overloads:
                 self._find_files()
                 with _locked(self):
-                    _NEEDED.append({})
+                    _NEEDED.append(set())
                     try:
                         super().compile(args)
                     finally:
@@ -175,7 +175,7 @@ class _Compiled(_Dispatcher):
 
     def _needed_for(self, args: tuple[Any, ...]) -> Needed:
         key = self.py_func.__module__, self.py_func.__name__, args
-        return {key: self.overloads[args].fndesc.llvm_func_name}
+        return {key}
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
@@ -304,7 +304,17 @@ class _Instructions(_Library):
         self._finalized = True
 
 
-class _Within(_Passes):
+class _Named(_Passes):
+    """The passes, with symbols that are the same in each process: numba's count what was compiled before."""
+
+    def _compile_bytecode(self) -> Any:
+        function = self.state.func_id
+        function.unique_id = stamp_of(function.func)[:16]
+        function.unique_name = f"{function.func_qualname}${function.unique_id}"
+        return super()._compile_bytecode()
+
+
+class _Within(_Named):
     """The passes that compile what is taken into others."""
 
     def __init__(self, types_: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, names: Any) -> None:
@@ -399,16 +409,14 @@ class _Payload(_Format):
         return _NEEDED[-1], super().reduce(data._replace(type_annotation=""))
 
     def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
-        """Return the version, None if what it calls was compiled anew since."""
+        """Return the version, None if what it calls has moved."""
         needed, parts = reduced_data
-        for (module, name, args), symbol in needed.items():
+        for module, name, args in needed:
             try:
                 made = getattr(import_module(module), name)
-            except (ImportError, AttributeError):  # it has moved
+            except (ImportError, AttributeError):
                 return None
             made.compile(args)
-            if made.overloads[args].fndesc.llvm_func_name != symbol:
-                return None
         _NEEDED[-1].update(needed)
         return super().rebuild(target_context, parts)
 

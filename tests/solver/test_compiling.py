@@ -92,6 +92,28 @@ def test_kept_code_of_what_calls_a_module_that_moved_is_made_anew(tmp_path: Path
         assert float(done.stdout) == 2.0
 
 
+@pytest.mark.slow
+def test_kept_code_served_only_with_the_very_code_that_it_had_called(tmp_path: Path) -> None:
+    """A kernel compiled anew in another process, in another order, has the symbol by which kept code calls it."""
+    (tmp_path / "callee.py").write_text(CALLEE.format(kind="kernel", factor=2.0, share=0.0))
+    (tmp_path / "caller.py").write_text(CALLER)
+
+    def compiled(asked: str) -> int:
+        program = f"{LOGGED}import sys; sys.path.insert(0, sys.argv[1]); {asked}"
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(tmp_path)],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return done.stderr.count("compiling")
+
+    asked = "from caller import whole; assert whole(1.0) == 2.0"
+    assert compiled(asked) == 1
+    for file in (tmp_path / "kept").rglob("callee*"):
+        file.unlink()
+    assert compiled("from callee import part; part(1.0)") == 1
+    assert compiled(asked) == 0
+
+
 def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:
     def made(text: str) -> Callable[..., Any]:
         names: dict[str, Any] = {"__name__": "made", "np": np}
