@@ -35,9 +35,12 @@ def moved() -> Solution:
     compiling.eager()
     wedge = Body.convex([(0, 0, 0), (2, 0.3, 0), (0.4, 1.7, 0), (0.6, 0.5, 1.9)], name="wedge")
     stone = Body.convex([(3, 0.2, -0.4), (5, 0, 0), (4.2, 1.9, 0.1), (4, 0.6, 2.2), (3.4, 1.1, 1.3)], name="stone")
-    beyond = Problem(wedge, stone, nominal=1, tolerance=0.01, requirement="B", motion=ASIDE >> TURN)
+    beyond, far = (
+        Problem(wedge, stone, nominal=1, tolerance=tolerance, requirement="B", motion=ASIDE >> TURN)
+        for tolerance in (0.01, 0.3)
+    )
     coherent_range(beyond, {"TX": 1.0})
-    for problem in (beyond, *(_larger(motion) for motion in (TURN, Translation("y") >> TURN, Free()))):
+    for problem in (beyond, far, *(_larger(motion) for motion in (TURN, Translation("y") >> TURN, Free()))):
         solution = solve(problem, certify=True, seconds=1.0)
     return solution
 
@@ -50,6 +53,8 @@ def sized() -> None:
     _ = curve.crossings(1.02), curve.chains
     block, floor = Body.convex(_box((-1, -1, 0), (1, 1, 3))), Body.convex(_box((-3, -3, -1), (3, 3, 0)))
     decision_curves(block, floor, np.eye(4)[None])
+    anywhere = ASIDE >> Translation("y") >> Translation("z")
+    solve(Problem(peg, plate, target=(1.06, 1.0), goal="clear", clearance=0.01, motion=anywhere))
     resting = Problem(block, floor, target=(0.98, 1.0), goal="seat", motion=Translation("z"))
     resting.curve.contact_points((1.0, 1.0))
     solve(resting)

@@ -70,7 +70,7 @@ def _walls_of(drawn: tuple[Body, Body], nominal: tuple[float, float], most: floa
         return np.empty((0, 3)), np.empty((0, 2), np.int64)
     near = [body.subset(own.tolist()).packed for body, own in zip(drawn, kept, strict=True)]
     both, placed = (*near[0], *near[1]), (relative_pose(movable, static, REST), np.array(nominal))
-    pairs = np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack)
+    pairs = np.ascontiguousarray(np.argwhere(kernels.pair_bounds(*both, *placed) <= most + slack))
     rows = kernels.widest_rows(*both, *placed, pairs)
     pairs = np.column_stack([own[pairs[:, k]] for k, own in enumerate(kept)])
     gaps = rows[:, 5] - rows[:, 3:5] @ nominal

@@ -86,7 +86,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
 
     def objectives_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
         pacing.check()
-        objectives: Array = compiled.objectives(*given, angles, cap, halvings)
+        objectives: Array = compiled.objectives(*given, np.ascontiguousarray(angles), cap, halvings)
         return objectives
 
     angles: Array = np.arange(count, dtype=np.float64) * width

@@ -126,7 +126,7 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     """
     asked = task.needs > -np.inf
     if task.part_pairs <= FEW:
-        return np.argwhere(np.repeat(asked[None], len(task.movable.parts), axis=0))
+        return np.ascontiguousarray(np.argwhere(np.repeat(asked[None], len(task.movable.parts), axis=0)))
     n, centre, (turn, shift, _) = way
     first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
     angles = np.arange(ACROSS) * np.pi / ACROSS

@@ -39,9 +39,6 @@ LIMITS = {True: 20.0, False: 60.0}
 BUDGETS = {True: 20.0, False: 1500.0}
 """Seconds in all, quick or not, after which no case is begun of a method that is not ours."""
 
-AGAIN = 3
-"""Times that ours is asked again, alone, where it hung: what it compiled till then is kept."""
-
 SHARE, SHORTEST = 1.0, 4.0
 """A rival lets those go on that have used less after so much of an equal part of the budget, or these seconds."""
 
@@ -149,12 +146,6 @@ def stability(
                 places.setdefault((name, case.family, case.name, method), len(places))
     limit = LIMITS[quick] if limit is None else limit
     _Lanes(queues, limit, progress).run(jobs or _cores(), BUDGETS[quick] if budget is None else budget, start)
-    for queue in queues:
-        for k, own in enumerate(queue.results if queue.ours else ()):
-            times = AGAIN
-            while times and own.verdict is not None and own.verdict.outcome == "hung":
-                own = queue.results[k] = asked_alone(own.module, own.method, own.case, limit=limit)
-                times -= 1
     results = [result for queue in queues for result in queue.results]
     return sorted(results, key=lambda own: places[own.module, own.case.family, own.case.name, own.method])
 
