@@ -94,7 +94,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     if function.__name__.startswith("_"):
         made = _Inner(function, targetoptions=_INNER, pipeline_class=_Within)
     else:
-        made = _Compiled(function, targetoptions=_OPTIONS, pipeline_class=_Named)
+        made = _Compiled(function, targetoptions=_OPTIONS, pipeline_class=_SameSymbols)
         made.keeps = True
     _ALL[made] = None
     return made
@@ -304,7 +304,7 @@ class _Instructions(_Library):
         self._finalized = True
 
 
-class _Named(_Passes):
+class _SameSymbols(_Passes):
     """The passes, with symbols that are the same in each process: numba's count what was compiled before."""
 
     def _compile_bytecode(self) -> Any:
@@ -314,7 +314,7 @@ class _Named(_Passes):
         return super()._compile_bytecode()
 
 
-class _Within(_Named):
+class _Within(_SameSymbols):
     """The passes that compile what is taken into others."""
 
     def __init__(self, types_: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, names: Any) -> None:
