@@ -82,6 +82,7 @@ _left[0] = IN_ALL
 _spent = np.frombuffer(mmap(-1, 8 * PLACES))  # seconds of each kernel, in all these processes
 _taken = [0.0]  # seconds that are to be noted
 NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
+KEPT_AS = 2  # how code is kept: with another number it is made anew
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -478,7 +479,7 @@ def stamp_of(function: Any) -> str:
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
         said = _read(function.__code__, function, cells)
         known = _STAMPS[function] = hashlib.sha256(
-            repr((_OPTIONS, _STEP, function.__defaults__, said)).encode()
+            repr((KEPT_AS, _OPTIONS, _STEP, function.__defaults__, said)).encode()
         ).hexdigest()
     return known
 
