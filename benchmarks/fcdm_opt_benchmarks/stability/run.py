@@ -33,7 +33,7 @@ from fcdm_opt_benchmarks.stability.case import Grade, HardCase
 from fcdm_opt_benchmarks.stability.process import CrashedError, HungError, Process
 
 MODULES = tuple(f"{__package__}.{name}" for name in ("contacts", "bodies", "programs", "motions"))
-LIMITS = {True: 20.0, False: 60.0}
+LIMITS = {True: 40.0, False: 60.0}
 """Seconds a case, quick or not."""
 
 BUDGETS = {True: 20.0, False: 1500.0}
