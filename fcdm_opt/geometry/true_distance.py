@@ -168,18 +168,20 @@ class FacesApart:
         transform : (4, 4) array
             Pose change of body 1.
         """
+        upper = np.inf
         for level in range(LEVELS):
             one = self._pieces[0].corners @ transform[:3, :3].T + transform[:3, 3]
             two, errors = self._pieces[1].corners, [own.errors for own in self._pieces]
             if not level:
-                self._nearest = _near(one, two, errors, _no_farther(one, two, errors, self._nearest))
+                upper = _no_farther(one, two, errors, self._nearest)
+                self._nearest = _near(one, two, errors, upper)
             i, j = self._nearest.T
             self.remaining -= len(i)
             if self.remaining < 0:
                 break
             lows = _separations(one[i], two[j], errors[0][i] + errors[1][j])
             some = np.argsort(lows, kind="stable")[:SOME]  # the nearest are among them
-            upper, low = _no_more(one, two, errors, self._nearest[some]), float(lows.min())
+            upper, low = min(upper, _no_more(one, two, errors, self._nearest[some])), float(lows.min())
             near = (lows < (1.0 - SHARE) * upper) & (lows < upper - small)
             if not near.any():
                 return max(low, 0.0)

@@ -18,6 +18,7 @@ from fcdm_opt.problem.problem import Problem
 
 NEAR = 5e-5  # of the motion: so near to the touch it ends
 STEPS = 60
+SLOW = 0.2  # of the largest speed: with which parts near each other at the touch, mostly, so that no more is left open
 STRAIGHT = 1e-9  # of the size: what poses of one screw motion may differ by, in rounding
 DIFFERENCE = 1e-4  # of the motion: a central difference, by which speeds are known to better than MARGIN
 MARGIN = 1e-6
@@ -64,7 +65,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     for side in (1.0, -1.0):
         apart, x = FacesApart(faces, pairs), 0.0
         for _ in range(STEPS):
-            free = apart.least(pose(side * x), small=near * speed) if x < found - near else 0.0
+            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < found - near else 0.0
             if not free > 0.0:
                 break
             x += free / speed

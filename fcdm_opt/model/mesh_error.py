@@ -135,7 +135,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     with suppress(pacing.TimeOverError):
         low, whole = apart_until(problem.of_facets, amount, longer=certify) or (0.0, False)
         if whole:
-            return _between(solution, _least(solution, low), amount)
+            return _between(solution, min(low, _least(solution, amount)), amount)
         outer = _about(problem.of_facets, _Scene(one[1], two[1], ()))
         if _gap_at_rest(outer) >= 0.0:  # else they ask for another motion, which takes them apart
             seconds = max(SHORTEST, sum(solution.seconds.values()))
