@@ -377,7 +377,7 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
 def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> ConvexPart:
     """Return a part whose facets were moved, with the drawn part's names where facets stay: a plane remains one face.
 
-    Edges and corners keep theirs where all facets that meet there stay.
+    Edges keep theirs where both their facets stay, and corners where all do, unless the part is of other facets now.
     """
     alike = np.eye(len(shift), dtype=bool)
     if made.loops is not drawn.loops:
@@ -389,7 +389,9 @@ def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> Convex
     if made.loops is drawn.loops:
         changed = {v for k, loop in enumerate(made.loops) if of[k] < 0 for v in loop}
         kept += [("V", v, v) for v in range(len(made.vertices)) if v not in changed]
-        kept += [("E", k, k) for k, sides in enumerate(made.edges[:, 2:]) if (of[sides] >= 0).all()]
+    sides_drawn = {frozenset(sides): row for row, sides in enumerate(drawn.edges[:, 2:].tolist())}
+    sides_made = enumerate(map(frozenset[int], of[made.edges[:, 2:]].tolist()))
+    kept += [("E", k, sides_drawn[sides]) for k, sides in sides_made if sides in sides_drawn]
     named, spans = {kind: [*made.elements[kind]] for kind in made.elements}, dict(made.elements.spans)
     for kind, k, row in kept:
         named[kind][k] = drawn.elements[kind][row]
