@@ -29,8 +29,10 @@ from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface, rims
+from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.tolerances import DEFAULT
 
+NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
 HARDLY = 1e-3  # of a body's size: a small change of a length
 MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
 FEW = 4  # corners of a box of sizes that tell whether cuts follow
@@ -243,7 +245,9 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
             found = _surface_resized(scaled, offsets)
     else:
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
-    return _with_faces_moved(scaled, found, offsets)
+    made = _with_faces_moved(scaled, found, offsets)
+    anew = _cut_anew(scaled, offsets) if round_surfaces(scaled) and not round_surfaces(made) else None
+    return made if anew is None else anew
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
@@ -258,6 +262,54 @@ def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
         return made
     surfaces = tuple((own, tuple(np.flatnonzero(np.isin(rows, of)).tolist())) for own, of in surfaces)
     return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors[rows]))
+
+
+def _cut_anew(body: Body, offsets: Array) -> Body | None:
+    """Return a body with its faces moved outward, (faces,), cut into parts again, with corners on its true faces.
+
+    Where facets of several faces meet in a corner, as at a chamfer's rim, their planes would split it, and cuts of the
+    drawn parts no longer fit together. None where what its faces are is not known, or it would change its shape.
+    """
+    surfaces, errors = moved_surfaces(body, offsets), facet_errors(body)
+    plane = sorted({*range(len(body.faces))}.difference(*(rows for _, rows in surfaces or ())))
+    if surfaces is None or errors is None or not body.triangles or errors[plane].any():
+        return None
+    normals, points = body.face_planes
+    true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
+    for own, rows in surfaces:
+        for row in rows:
+            true[row] = own
+    triangles, (_, owners) = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles
+    used, corners = np.unique(triangles, return_inverse=True)
+    places, corners = body.vertices[used].copy(), corners.reshape(triangles.shape)
+    around = [set[int]() for _ in used]
+    for face, triangle in zip(owners.tolist(), corners.tolist(), strict=True):
+        for row in triangle:
+            around[row].add(face)
+    for row, faces in enumerate(around):
+        if offsets[list(faces)].any():
+            for _ in range(NEWTON_STEPS):
+                gaps, looks = zip(*(true[face].misses(places[[row]]) for face in sorted(faces)), strict=True)
+                places[row] -= np.linalg.lstsq(np.concatenate(looks), np.concatenate(gaps))[0]
+    try:
+        made = Body.from_mesh(places, corners, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
+    except InputError:
+        return None
+    looks, every = made.face_planes[0], [*(own for own, _ in surfaces), *(true[row] for row in plane)]
+    on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * body.size for own in every])
+    found: list[list[int]] = [[] for _ in every]
+    for face, labels in enumerate(made.faces):
+        rows = np.array(labels) - 1
+        middle, there = made.vertices[rows].mean(axis=0)[None], np.flatnonzero(on[:, rows].all(axis=1)).tolist()
+        if not there:
+            return None
+        turned = [abs(every[k].misses(middle)[1][0] @ looks[face]) for k in there]
+        found[there[int(np.argmax(turned))]].append(face)
+    if not all(found[: len(surfaces)]):
+        return None
+    kept = tuple((own, tuple(rows)) for (own, _), rows in zip(surfaces, found, strict=False))
+    exact = errors_about(made, kept, np.zeros((len(made.faces), 2)))
+    return replace(made, surfaces=kept, facet_errors=exact, notes=body.notes)
 
 
 def _facets_within(
