@@ -33,6 +33,7 @@ from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.tolerances import DEFAULT
 
 NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
+SMOOTH = 0.02  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 HARDLY = 1e-3  # of a body's size: a small change of a length
 MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
 FEW = 4  # corners of a box of sizes that tell whether cuts follow
@@ -290,7 +291,7 @@ def _cut_anew(body: Body, offsets: Array) -> Body | None:
         if offsets[list(faces)].any():
             for _ in range(NEWTON_STEPS):
                 gaps, looks = zip(*(true[face].misses(places[[row]]) for face in sorted(faces)), strict=True)
-                places[row] -= np.linalg.lstsq(np.concatenate(looks), np.concatenate(gaps))[0]
+                places[row] -= np.linalg.lstsq(np.concatenate(looks), np.concatenate(gaps), rcond=SMOOTH)[0]
     try:
         made = Body.from_mesh(places, corners, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
     except InputError:
