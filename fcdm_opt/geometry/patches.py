@@ -22,7 +22,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
-from fcdm_opt.geometry.measures import cross, norms, unit_normals
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, surfaces_of_triangles
@@ -184,6 +184,28 @@ class TrueFaces:
             found = max(found, float((norms(across).mean(axis=1) - norms(across.mean(axis=1))).max(initial=0.0)))
         return found
 
+    @cached_property
+    def rims(self) -> dict[tuple[int, int], Array]:
+        """The plane patches that holes open in, with the holes' patches, and the middles of the rim's chords."""
+        both = np.concatenate([self.every_pair_of_patches, self.every_pair_of_patches[:, ::-1]])
+        flat, concave = np.array([(own.surface.flat, own.concave) for own in self.patches]).T
+        rows, middles = flat[both[:, 0]] & concave[both[:, 1]], np.tile(self.every_edge.mean(axis=1), (2, 1))
+        pairs = map(tuple, np.unique(both[rows], axis=0).tolist())
+        return {(k, hole): middles[(both == (k, hole)).all(axis=1)] for k, hole in pairs}
+
+    def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
+        """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,).
+
+        Nothing is there. `near`: how far beyond the rim corners may be.
+        """
+        patches, middles = [self.patches[k] for k in (plane, hole)], self.rims[plane, hole]
+        free = (patches[1].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
+        outward = units(onto(middles, [own.surface for own in patches]) - middles)
+        heights = ((corners[free, :, None] - middles) * outward).sum(axis=-1)
+        found = np.zeros(len(corners), bool)
+        found[free] = (heights >= -abs(near)).all(axis=1).any(axis=1)
+        return found
+
     def at(self, point: Array) -> list[int]:
         """Return the patches that meet at a point of a face, the round ones first."""
         near = DEFAULT.tie * self.body.size
@@ -282,8 +304,12 @@ class _Placed:
 
     def covers(self, k: int, points: Array) -> Flags:
         """Tell which points of a patch are on the piece of it that its triangles stand for."""
-        corners = self.corners[self.faces.owners == k]
-        return np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
+        corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
+        found = np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
+        for plane, hole in self.faces.rims if found.any() else ():
+            if plane == k:
+                found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)
+        return found
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
         """Tell which points are behind a patch, and nearer another one or an edge, which tells their gap."""

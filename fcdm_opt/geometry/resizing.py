@@ -247,7 +247,8 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     else:
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
     made = _with_faces_moved(scaled, found, offsets)
-    anew = _cut_anew(scaled, offsets) if round_surfaces(scaled) and not round_surfaces(made) else None
+    splits = made.faces != scaled.faces  # and its corners are on none of the true faces
+    anew = _cut_anew(scaled, offsets) if round_surfaces(scaled) and splits else None
     return made if anew is None else anew
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
-from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
 from fcdm_opt.geometry.patches import Patch, TrueFaces
-from fcdm_opt.geometry.tessellation import Swept, onto, onto_each
+from fcdm_opt.geometry.tessellation import Swept, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
@@ -84,19 +84,12 @@ class FacePieces(NamedTuple):
     def in_holes(self, faces: TrueFaces) -> Flags:
         """Tell which triangles of plane faces are between a chord of a hole's rim and the rim: nothing is there."""
         found, near = np.zeros(len(self.corners), bool), DEFAULT.tie * faces.body.size
-        flat, concave = np.array([(own.surface.flat, own.concave) for own in faces.patches]).T
-        both = np.concatenate([faces.every_pair_of_patches, faces.every_pair_of_patches[:, ::-1]])
-        rims = np.flatnonzero(flat[both[:, 0]] & concave[both[:, 1]])
-        middles = np.tile(faces.every_edge.mean(axis=1), (2, 1))
-        for pair in np.unique(both[rims], axis=0):
-            plane, hole = (faces.patches[k] for k in pair)
-            rows, own = np.flatnonzero(self.patches == pair[0]), middles[rims[(both[rims] == pair).all(axis=1)]]
-            free = (hole.gaps(self.corners[rows].reshape(-1, 3))[0] >= -near).reshape(-1, 3).all(axis=1)
-            outward = units(onto(own, [plane.surface, hole.surface]) - own)
-            heights = ((self.corners[rows[free], :, None] - own) * outward).sum(axis=-1)
-            found[rows[free]] |= (heights >= -near).all(axis=1).any(axis=1)
-            if pair[0] in _encircling(faces, int(pair[1])):
-                found[rows] |= (_out(self.corners[rows], hole.surface) <= hole.surface.radius + near).all(axis=1)
+        for plane, hole in faces.rims:
+            rows = np.flatnonzero(self.patches == plane)
+            found[rows] |= faces.in_hole(plane, hole, self.corners[rows], near)
+            if plane in _encircling(faces, hole):
+                radius = faces.patches[hole].surface.radius
+                found[rows] |= (_out(self.corners[rows], faces.patches[hole].surface) <= radius + near).all(axis=1)
         return found
 
     def middles(self, patches: Sequence[Patch]) -> Array:
