@@ -246,10 +246,10 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
             found = _surface_resized(scaled, offsets)
     else:
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
-    made = _with_faces_moved(scaled, found, offsets)
-    splits = made.faces != scaled.faces  # and its corners are on none of the true faces
+    moved = _with_faces_moved(scaled, found, offsets)
+    splits = moved.faces != scaled.faces  # and its corners are on none of the true faces
     anew = _cut_anew(scaled, offsets) if round_surfaces(scaled) and splits else None
-    return made if anew is None else anew
+    return moved if anew is None else anew
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
@@ -282,17 +282,18 @@ def _cut_anew(body: Body, offsets: Array) -> Body | None:
         for row in rows:
             true[row] = own
     triangles, (_, owners) = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles
-    used, corners = np.unique(triangles, return_inverse=True)
-    places, corners = body.vertices[used].copy(), corners.reshape(triangles.shape)
+    used, inverse = np.unique(triangles, return_inverse=True)
+    places, corners = body.vertices[used].copy(), np.array(inverse, np.int64).reshape(-1, 3)
     around = [set[int]() for _ in used]
-    for face, triangle in zip(owners.tolist(), corners.tolist(), strict=True):
-        for row in triangle:
+    for face, own_corners in zip(owners.tolist(), corners, strict=True):
+        for row in own_corners.tolist():
             around[row].add(face)
     for row, faces in enumerate(around):
         if offsets[list(faces)].any():
             for _ in range(NEWTON_STEPS):
-                gaps, looks = zip(*(true[face].misses(places[[row]]) for face in sorted(faces)), strict=True)
-                places[row] -= np.linalg.lstsq(np.concatenate(looks), np.concatenate(gaps), rcond=SMOOTH)[0]
+                each = [true[face].misses(places[[row]]) for face in sorted(faces)]
+                gaps, away = (np.concatenate([own[k] for own in each]) for k in (0, 1))
+                places[row] -= np.linalg.lstsq(away, gaps, rcond=SMOOTH)[0]
     try:
         made = Body.from_mesh(places, corners, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
     except InputError:
@@ -301,15 +302,16 @@ def _cut_anew(body: Body, offsets: Array) -> Body | None:
     on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * body.size for own in every])
     found: list[list[int]] = [[] for _ in every]
     for face, labels in enumerate(made.faces):
-        rows = np.array(labels) - 1
-        middle, there = made.vertices[rows].mean(axis=0)[None], np.flatnonzero(on[:, rows].all(axis=1)).tolist()
+        own_rows = np.array(labels) - 1
+        middle = made.vertices[own_rows].mean(axis=0)[None]
+        there = np.flatnonzero(on[:, own_rows].all(axis=1)).tolist()
         if not there:
             return None
         turned = [abs(every[k].misses(middle)[1][0] @ looks[face]) for k in there]
         found[there[int(np.argmax(turned))]].append(face)
     if not all(found[: len(surfaces)]):
         return None
-    kept = tuple((own, tuple(rows)) for (own, _), rows in zip(surfaces, found, strict=False))
+    kept = tuple((own, tuple(its)) for (own, _), its in zip(surfaces, found, strict=False))
     exact = errors_about(made, kept, np.zeros((len(made.faces), 2)))
     return replace(made, surfaces=kept, facet_errors=exact, notes=body.notes)
 

@@ -65,7 +65,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     for side in (1.0, -1.0):
         apart, x = FacesApart(faces, pairs), 0.0
         for _ in range(STEPS):
-            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < found - near else 0.0
+            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < end - near else 0.0
             if not free > 0.0:
                 break
             x += free / speed

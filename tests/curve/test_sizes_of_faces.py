@@ -577,6 +577,23 @@ def test_points_of_a_map_do_not_make_the_same_body_anew() -> None:
     assert not size.offsets(body).flags.writeable
 
 
+def test_a_shaft_with_chamfer_and_keyway_that_was_made_smaller_did_not_fit_its_hub() -> None:
+    """Facets that move split the corners of the chamfer's rim: what its faces are was not known then."""
+    whole = fo.joined(fo.Cylinder(15.0, 39.0, base=(0, 0, -19.5)), fo.Cone(14.0, 15.0, 1.0, base=(0, 0, -20.5)))
+    shaft = fo.cut(whole, fo.Box((8, 8, 14), centre=(0, 15, 0)), name="shaft")
+    hub = fo.cut(fo.Box((50, 50, 20)), fo.Cylinder(15.0, 30.0, base=(0, 0, -15)), name="hub")
+    size = fo.Size("shaft", "movable", faces=["cylinder radius 15"], each=0.5, tolerance=(-0.02, -0.007))
+    made = {"shaft": -0.007}
+    problem = fo.Problem(shaft, hub, sizes=[size], made=made, goal="touch", motion=fo.Translation("x"))
+    solution = fo.solve(problem)
+    assert solution.usable
+    assert solution.amount == pytest.approx(0.0035, rel=1e-9)
+    assert solution.amount_low == pytest.approx(0.0035, rel=1e-4)
+    x, y, z = problem.movable.vertices[[label - 1 for label in problem.movable.corners]].T
+    rim = np.hypot(x, y)[np.abs(z + 19.5 + 0.0035) < 1e-9]
+    assert rim == pytest.approx(np.full(32, 14.9965), rel=1e-12)
+
+
 def test_a_bush_with_chamfers_had_cuts_between_its_parts_among_its_faces() -> None:
     """Made at other sizes, its answers were those of facets, 0.012058, and a map of the fit was undecided."""
     (drawn,) = fo.load_problems(Path(__file__).parents[2] / "problems" / "round" / "bush.toml")

@@ -18,6 +18,7 @@ from fcdm_opt.geometry.true_distance import FacesApart
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.model import apart_until
+from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.show.verdict import fit_text
 
 X, Y, Z = (fo.Translation(axis) for axis in np.eye(3))
@@ -285,6 +286,26 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     solution = usable(asked(fo.Cylinder(r, 60, base=(0, 0, -20)), plate(R), turn, length=1.0), effort="quick")
     a = solution.amount
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
+
+
+def test_less_than_a_pin_tilts_in_its_bore_was_not_ruled_out() -> None:
+    """How far faces are apart at most was forgotten between looks, and all pairs of pieces were looked at."""
+    bore = fo.Cylinder(8.0, 40.0, base=(0, 0, -5))
+    thick = fo.cut(fo.Box((50, 50, 30), centre=(0, 0, 15)), bore, name="plate")
+    solution = usable(asked(fo.Cylinder(7.95, 60.0, base=(0, 0, -10)), thick, fo.Rotation("y", (0, 0, 15)), length=1.0))
+    a = solution.amount
+    assert 30.0 * math.sin(a) + 15.9 == pytest.approx(16.0 * math.cos(a), rel=1e-11)
+    assert a * (1.0 - 1e-4) <= solution.amount_low < a
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.25, 0.5])
+def test_a_pin_flush_with_its_plate_touched_it_between_a_chord_of_the_hole_and_the_rim(turned: float) -> None:
+    a = 2.0 * math.pi / 32 * turned
+    pose = np.eye(4)
+    pose[:2, :2] = [[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]
+    flush = fo.Cylinder(9.9965, 20.0, name="pin").moved(pose)
+    found = where_nearest(flush, plate(10.0), (1.0, 1.0), np.eye(4), 0.01)
+    assert min(own.gap for own in found) == pytest.approx(0.0035, rel=1e-9)
 
 
 def test_a_shaft_line_to_line_was_let_out_of_its_hub_where_their_axes_miss_each_other_by_rounding() -> None:
