@@ -272,48 +272,59 @@ def _cut_anew(body: Body, offsets: Array) -> Body | None:
     Where facets of several faces meet in a corner, as at a chamfer's rim, their planes would split it, and cuts of the
     drawn parts no longer fit together. None where what its faces are is not known, or it would change its shape.
     """
-    surfaces, errors = moved_surfaces(body, offsets), facet_errors(body)
-    plane = sorted({*range(len(body.faces))}.difference(*(rows for _, rows in surfaces or ())))
-    if surfaces is None or errors is None or not body.triangles or errors[plane].any():
+    rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
+    plane = sorted({*range(len(body.faces))}.difference(*(rows for _, rows in rounds or ())))
+    if rounds is None or errors is None or not body.triangles or errors[plane].any():
         return None
     normals, points = body.face_planes
     true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
-    for own, rows in surfaces:
+    for surface, rows in rounds:
         for row in rows:
-            true[row] = own
-    triangles, (_, owners) = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles
-    used, inverse = np.unique(triangles, return_inverse=True)
-    places, corners = body.vertices[used].copy(), np.array(inverse, np.int64).reshape(-1, 3)
-    around = [set[int]() for _ in used]
-    for face, own_corners in zip(owners.tolist(), corners, strict=True):
-        for row in own_corners.tolist():
-            around[row].add(face)
-    for row, faces in enumerate(around):
-        if offsets[list(faces)].any():
-            for _ in range(NEWTON_STEPS):
-                each = [true[face].misses(places[[row]]) for face in sorted(faces)]
-                gaps, away = (np.concatenate([own[k] for own in each]) for k in (0, 1))
-                places[row] -= np.linalg.lstsq(away, gaps, rcond=SMOOTH)[0]
+            true[row] = surface
+    used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
+    places, triangles = _corners_on(true, body, offsets)[used], np.array(inverse, np.int64).reshape(-1, 3)
     try:
-        made = Body.from_mesh(places, corners, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
+        made = Body.from_mesh(places, triangles, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
     except InputError:
         return None
-    looks, every = made.face_planes[0], [*(own for own, _ in surfaces), *(true[row] for row in plane)]
-    on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * body.size for own in every])
-    found: list[list[int]] = [[] for _ in every]
+    found = _faces_on([*(surface for surface, _ in rounds), *(true[row] for row in plane)], made)
+    if found is None or not all(found[: len(rounds)]):
+        return None
+    surfaces = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
+    errors = errors_about(made, surfaces, np.zeros((len(made.faces), 2)))
+    return replace(made, surfaces=surfaces, facet_errors=errors, notes=body.notes, deviation=body.deviation)
+
+
+def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array:
+    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3)."""
+    triangles, owners = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles[1]
+    places, around = body.vertices.copy(), [set[int]() for _ in body.vertices]
+    for face, corners in zip(owners.tolist(), triangles.tolist(), strict=True):
+        for row in corners:
+            around[row].add(face)
+    for row, faces in enumerate(around):
+        for _ in range(NEWTON_STEPS if offsets[list(faces)].any() else 0):
+            each = [true[face].misses(places[[row]]) for face in sorted(faces)]
+            gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
+            places[row] -= np.linalg.lstsq(normals, gaps, rcond=SMOOTH)[0]
+    return places
+
+
+def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
+    """Return which faces of a body are of each surface: their corners are on it. None where one is of none.
+
+    Of several surfaces, as of a cone at a plane's rim, that which looks most as the face does.
+    """
+    looks, found = made.face_planes[0], [list[int]() for _ in surfaces]
+    on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * made.size for own in surfaces])
     for face, labels in enumerate(made.faces):
-        own_rows = np.array(labels) - 1
-        middle = made.vertices[own_rows].mean(axis=0)[None]
-        there = np.flatnonzero(on[:, own_rows].all(axis=1)).tolist()
+        rows = np.array(labels) - 1
+        middle, there = made.vertices[rows].mean(axis=0)[None], np.flatnonzero(on[:, rows].all(axis=1)).tolist()
         if not there:
             return None
-        turned = [abs(every[k].misses(middle)[1][0] @ looks[face]) for k in there]
-        found[there[int(np.argmax(turned))]].append(face)
-    if not all(found[: len(surfaces)]):
-        return None
-    kept = tuple((own, tuple(its)) for (own, _), its in zip(surfaces, found, strict=False))
-    exact = errors_about(made, kept, np.zeros((len(made.faces), 2)))
-    return replace(made, surfaces=kept, facet_errors=exact, notes=body.notes)
+        alike = [abs(surfaces[k].misses(middle)[1][0] @ looks[face]) for k in there]
+        found[there[int(np.argmax(alike))]].append(face)
+    return found
 
 
 def _facets_within(
