@@ -29,11 +29,11 @@ from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
-SMOOTH = 0.02  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
+SMOOTH = 0.02, 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 HARDLY = 1e-3  # of a body's size: a small change of a length
 MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
 FEW = 4  # corners of a box of sizes that tell whether cuts follow
@@ -245,11 +245,11 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
     else:
+        round_one = _on_true_faces(scaled, offsets)
+        if round_one is not None:
+            return round_one
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
-    moved = _with_faces_moved(scaled, found, offsets)
-    splits = moved.faces != scaled.faces  # and its corners are on none of the true faces
-    anew = _cut_anew(scaled, offsets) if round_surfaces(scaled) and splits else None
-    return moved if anew is None else anew
+    return _with_faces_moved(scaled, found, offsets)
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
@@ -266,28 +266,60 @@ def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
     return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors[rows]))
 
 
-def _cut_anew(body: Body, offsets: Array) -> Body | None:
-    """Return a body with its faces moved outward, (faces,), cut into parts again, with corners on its true faces.
+def _on_true_faces(body: Body, offsets: Array) -> Body | None:
+    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces.
 
-    Where facets of several faces meet in a corner, as at a chamfer's rim, their planes would split it, and cuts of the
-    drawn parts no longer fit together. None where what its faces are is not known, or it would change its shape.
+    It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
+    is round, what its faces are is not known, or it would change its shape.
     """
     rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
     plane = sorted({*range(len(body.faces))}.difference(*(rows for _, rows in rounds or ())))
-    if rounds is None or errors is None or not body.triangles or errors[plane].any():
+    if not rounds or errors is None or not body.triangles or errors[plane].any():
         return None
     normals, points = body.face_planes
     true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
     for surface, rows in rounds:
         for row in rows:
             true[row] = surface
-    used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
-    places, triangles = _corners_on(true, body, offsets)[used], np.array(inverse, np.int64).reshape(-1, 3)
+    places = _corners_on(true, body, offsets)
     try:
-        made = Body.from_mesh(places, triangles, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit)
+        made = _of_same_parts(body, places)
+        if made is None:
+            return _cut_again(body, places, rounds, [true[row] for row in plane])
     except InputError:
         return None
-    found = _faces_on([*(surface for surface, _ in rounds), *(true[row] for row in plane)], made)
+    errors = errors_about(made, rounds, np.zeros((len(made.faces), 2)))
+    return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
+
+
+def _of_same_parts(body: Body, places: Array) -> Body | None:
+    """Return a body with its corners elsewhere and the same parts; None where some have points within the solid.
+
+    Or where they no longer fill it: with corners moved each lies in its convex hull, so that these fill the solid where
+    their volumes add up to its own.
+    """
+    rows = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
+    parts = [[rows[point] for point in map(tuple, part.vertices.tolist())] for part in body.parts]
+    if len(rows) < len(body.vertices) or not set().union(*parts) <= {label - 1 for label in body.corners}:
+        return None
+    surface = _surface(body, places)
+    with suppress(InputError):  # of a part that has a point inside now
+        made = Body._made(places, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
+        filled = volume_and_centroid(surface.points[surface.triangles])[0]
+        off = abs(sum(part.volume_and_centroid[0] for part in made.parts) - filled)
+        if made.faces == body.faces and off <= DEFAULT.nominal * filled:
+            return replace(made, unit=body.unit)
+    return None
+
+
+def _cut_again(body: Body, places: Array, rounds: RoundFaces, plane: Sequence[Swept]) -> Body | None:
+    """Return a body with its corners elsewhere, cut into convex parts again; None where a face is none of its own."""
+    used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
+    triangles = np.array(inverse, np.int64).reshape(-1, 3)
+    made = Body.from_mesh(
+        places[used], triangles, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit
+    )
+    found = _faces_on([*(surface for surface, _ in rounds), *plane], made)
     if found is None or not all(found[: len(rounds)]):
         return None
     surfaces = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
@@ -296,17 +328,28 @@ def _cut_anew(body: Body, offsets: Array) -> Body | None:
 
 
 def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array:
-    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3)."""
+    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3).
+
+    As near to all of them as can be where tangent ones no longer meet, as a bore and the fillet at its end.
+    """
     triangles, owners = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles[1]
     places, around = body.vertices.copy(), [set[int]() for _ in body.vertices]
     for face, corners in zip(owners.tolist(), triangles.tolist(), strict=True):
         for row in corners:
             around[row].add(face)
     for row, faces in enumerate(around):
-        for _ in range(NEWTON_STEPS if offsets[list(faces)].any() else 0):
-            each = [true[face].misses(places[[row]]) for face in sorted(faces)]
-            gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
-            places[row] -= np.linalg.lstsq(normals, gaps, rcond=SMOOTH)[0]
+        if not offsets[list(faces)].any():
+            continue
+        for smooth in SMOOTH:
+            place = body.vertices[row]
+            for _ in range(NEWTON_STEPS):
+                each = [true[face].misses(place[None]) for face in sorted(faces)]
+                gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
+                place = place - np.linalg.lstsq(normals, gaps, rcond=smooth)[0]
+            off = max(abs(true[face].misses(place[None])[0][0]) for face in faces)
+            if off <= DEFAULT.snap * body.size:
+                break
+        places[row] = place
     return places
 
 
