@@ -355,12 +355,13 @@ class SizedFaces:
         """Return the faces at all sizes, (k,), before they are scaled about the seed, and that uniform scale."""
         values = np.asarray(place, float)[self.columns]
         scale = 1.0 + float(self._uniform @ values)
-        lengths, shifts = (own @ values / scale for own in (self.moves.lengths, self.moves.shifts))
+        moves = self.moves.lengths, self.moves.shifts, self.moves.rings
+        lengths, shifts, rings = (own @ values / scale for own in moves)
         patches = list[Patch]()
         for k, own in enumerate(self.faces.patches):
             row = int(self.faces.rows[np.flatnonzero(self.faces.owners == k)[0]])
             if self.faces.is_round[k]:
-                surface = own.surface.offset(own.side * float(lengths[row]), shifts[row])
+                surface = own.surface.offset(own.side * float(lengths[row]), shifts[row], float(rings[row]))
             else:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))

@@ -1,9 +1,13 @@
-"""How faces of bodies move with sizes: plane ones outward, round ones with their surface."""
+"""How faces of bodies move with sizes: plane ones outward, round ones with their surface, and fillets with these.
+
+A fillet keeps its radius and stays tangent: where the faces that it joins move, its axis or ring goes with them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +16,31 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.measures import units
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept
+from fcdm_opt.geometry.tessellation import TANGENT, RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
+
+CHAIN = 4  # fillets that follow one another, at most
+
+
+class Tangency(NamedTuple):
+    """A corner at which a round face is tangent to another face.
+
+    Attributes
+    ----------
+    other : int
+        Row of `Body.faces` of the other.
+    normal, across : (3,) array
+        Outward normal there, and the direction away from the axis of the round face.
+    other_across : (3,) array
+        That from the axis of the other, where it is round.
+    """
+
+    other: int
+    normal: Array
+    across: Array
+    other_across: Array
 
 
 class MovesOfFaces(NamedTuple):
@@ -27,6 +53,10 @@ class MovesOfFaces(NamedTuple):
         How far the true face that each row of `Body.faces` stands for moves outward a unit of each size.
     shifts : (faces, 3, k) array
         How it is shifted besides.
+    rings : (faces, k) array
+        How much wider its ring gets, of a torus.
+    axes : (faces, 2, 3) array
+        A point of the axis, and the axis, of a round face.
     turns : (k, 3, 3) array
         Scales: a point X moves by U (X - s) a unit of each.
     """
@@ -34,6 +64,8 @@ class MovesOfFaces(NamedTuple):
     seed: Array
     lengths: Array
     shifts: Array
+    rings: Array
+    axes: Array
     turns: Array
 
     @classmethod
@@ -47,30 +79,50 @@ class MovesOfFaces(NamedTuple):
         """
         offsets = offsets_of_faces(facets, sizes) if offsets is None else offsets
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3) if turns is None else turns
-        lengths, shifts = offsets.copy(), np.zeros((len(offsets), 3, len(sizes)))
-        for _, rows in round_surfaces(facets):
-            for k, size in enumerate(sizes):
-                moved = _moved_surface(facets, rows, offsets[:, k])
+        lengths, shifts, rings = offsets.copy(), np.zeros((len(offsets), 3, len(sizes))), np.zeros_like(offsets)
+        axes = np.zeros((len(offsets), 2, 3))
+        for own, rows in round_surfaces(facets):
+            axes[list(rows)] = own.origin, own.axis
+        for k, size in enumerate(sizes):
+            for (_, rows), moved in zip(round_surfaces(facets), _moves(facets, offsets[:, k]), strict=True):
                 if moved is None:
                     raise InputError(
                         f"a round face of body '{facets.name}' would no longer be one",
                         key=f"size '{size.name}'.faces", found=size.faces, allowed="all of it",
                     )  # fmt: skip
-                lengths[list(rows), k], shifts[list(rows), :, k] = moved[0], moved[1:]
-        return cls(facets.seed, lengths, shifts, turns)
+                own_rows = list(rows)
+                lengths[own_rows, k], shifts[own_rows, :, k], rings[own_rows, k] = moved[0], moved[1:4], moved[4]
+        return cls(facets.seed, lengths, shifts, rings, axes, turns)
 
     def at(self, point: Array, rows: Sequence[int], normals: Array) -> Array:
         """Return how a point moves a unit of each size with the faces of some rows that meet there, (3, k)."""
         own = list(rows)
-        off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, self.shifts[own])
-        along = self.shifts[own[0]] if len(own) == 1 else 0.0 * self.shifts[own[0]]
+        across = np.array([_across(self.axes[row], point) for row in own]).reshape(-1, 3)
+        moved = self.shifts[own] + across[:, :, None] * self.rings[own][:, None]
+        off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, moved)
+        along = moved[0] if len(own) == 1 else 0.0 * moved[0]
         move = along + np.linalg.lstsq(normals, off - normals @ along)[0]
         return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
 
 
+def _across(axis: Array, point: Array) -> Array:
+    """Return the unit direction from an axis, (2, 3), to a point; 0 where there is none."""
+    local = point - axis[0]
+    return units(local - (local @ axis[1]) * axis[1]) if axis[1].any() else np.zeros(3)
+
+
 def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
-    """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
-    return np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+    """Return how far each face of the body moves outward a unit of each size, (faces, k).
+
+    Those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned.
+    """
+    offsets = np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+    for k in range(len(sizes)):
+        for surface, move in _followed(body, offsets[:, k]).items():
+            rows = list(round_surfaces(body)[surface][1])
+            if not move[4]:
+                offsets[rows, k] = body.face_planes[0][rows] @ move[1:4]
+    return offsets
 
 
 def rows_moved(body: Body, made: Body, offsets: Array) -> Ints | None:
@@ -90,22 +142,95 @@ def moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
     Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
     """
     found = list[tuple[Swept, tuple[int, ...]]]()
-    for surface, rows in round_surfaces(body):
-        moved = _moved_surface(body, rows, offsets)
+    for (surface, rows), moved in zip(round_surfaces(body), _moves(body, offsets), strict=True):
         if moved is None:
             return None
-        found.append((surface.offset(side_of(body, surface, rows[0]) * float(moved[0]), moved[1:]), rows))
+        away = side_of(body, surface, rows[0]) * float(moved[0])
+        found.append((surface.offset(away, moved[1:4], float(moved[4])), rows))
     return tuple(found)
 
 
+def _moves(body: Body, offsets: Array) -> list[Array | None]:
+    """Return how each round face moves: outward, shifted, and its ring wider, (5,); None where it is no longer one."""
+    moves = [_moved_surface(body, rows, offsets) for _, rows in round_surfaces(body)]
+    for k, move in _followed(body, offsets).items():
+        moves[k] = move
+    return moves
+
+
+def _followed(body: Body, offsets: Array) -> dict[int, Array]:
+    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`.
+
+    Those that can, with their radius kept, of at least two others; no more than so many in a row.
+    """
+    found, rounds = dict[int, Array](), round_surfaces(body)
+    if not rounds or not offsets.any():
+        return found
+    surface_of = {row: k for k, (_, rows) in enumerate(rounds) for row in rows}
+    moves = {k: _moved_surface(body, rows, offsets) for k, (_, rows) in enumerate(rounds)}
+    for _ in range(CHAIN):
+        before = dict(found)
+        for k, tangencies in _tangencies(body).items():
+            if offsets[list(rounds[k][1])].any():
+                continue
+            wanted, unknowns = list[float](), list[Array]()
+            for own in tangencies:
+                other = surface_of.get(own.other, -1)
+                move = found.get(other, moves.get(other))
+                if other < 0 or move is None:
+                    wanted.append(float(offsets[own.other]))
+                else:
+                    wanted.append(float(move[0] + own.normal @ (move[1:4] + move[4] * own.other_across)))
+                unknowns.append(np.append(own.normal, own.normal @ own.across if rounds[k][0].ring else 0.0))
+            columns, speeds = np.array(unknowns), np.array(wanted)
+            if not speeds.any():
+                continue
+            answer = np.asarray(np.linalg.lstsq(columns, speeds, rcond=DEFAULT.nominal)[0], float)
+            answer[np.abs(answer) <= DEFAULT.nominal * np.abs(speeds).max()] = 0.0
+            if np.abs(columns @ answer - speeds).max() <= DEFAULT.snap * np.abs(speeds).max():
+                found[k] = np.append(0.0, answer)
+        if before.keys() == found.keys() and all(np.array_equal(before[k], found[k]) for k in found):
+            break
+    return found
+
+
+@lru_cache(maxsize=16)
+def _tangencies(body: Body) -> dict[int, list[Tangency]]:
+    """Return where each round face of a body is tangent to others, of those that are to at least two."""
+    rounds, (corners, owners) = round_surfaces(body), body.face_triangles
+    surface_of = {row: k for k, (_, rows) in enumerate(rounds) for row in rows}
+    around = dict[tuple[float, ...], dict[int, Array]]()  # by corner, the faces there: rows and outward normals
+    for triangle, row in zip(corners.tolist(), owners.tolist(), strict=True):
+        for point in map(tuple, triangle):
+            around.setdefault(point, {})[row] = body.face_planes[0][row]
+    found = dict[int, list[Tangency]]()
+    for point, faces in around.items():
+        place, each = np.array(point), dict[int, tuple[int, Array]]()
+        for row, normal in faces.items():
+            k = surface_of.get(row, -1 - row)
+            if k >= 0:
+                looks = rounds[k][0].misses(place[None])[1][0]
+                normal = looks * math.copysign(1.0, looks @ normal)
+            each[k] = row, normal
+        for k in (own for own in each if own >= 0 and len(each) > 1):
+            for other, (row, normal) in each.items():
+                if other != k and 2.0 * (1.0 - normal @ each[k][1]) <= TANGENT:
+                    ends = [
+                        _across(np.array(rounds[own][0][:2]), place) if own >= 0 else np.zeros(3) for own in (k, other)
+                    ]
+                    found.setdefault(k, []).append(Tangency(row, each[k][1], *ends))
+    others = {k: {surface_of.get(own.other, -1 - own.other) for own in those} for k, those in found.items()}
+    return {k: those for k, those in found.items() if len(others[k]) > 1}
+
+
 def _moved_surface(body: Body, rows: Sequence[int], offsets: Array) -> Array | None:
-    """Return by what length a round face is moved outward, and how it is shifted besides, (4,); None of other moves."""
+    """Return by what length a round face is moved outward, how it is shifted besides, and 0, (5,); None else."""
     own, normals = offsets[list(rows)], body.face_planes[0][list(rows)]
     if np.ptp(own) <= DEFAULT.nominal * body.size:
-        return np.array([own[0], 0.0, 0.0, 0.0])
+        return np.array([own[0], 0.0, 0.0, 0.0, 0.0])
     columns = np.column_stack([np.ones(len(rows)), normals])
     answer = np.asarray(np.linalg.lstsq(columns, own)[0], float)
-    return answer if np.abs(columns @ answer - own).max() <= DEFAULT.nominal * body.size else None
+    return np.append(answer, 0.0) if np.abs(columns @ answer - own).max() <= DEFAULT.nominal * body.size else None
 
 
 def side_of(body: Body, surface: Swept, row: int) -> float:

@@ -33,7 +33,7 @@ from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
-SMOOTH = 0.02, 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
+SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 HARDLY = 1e-3  # of a body's size: a small change of a length
 MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
 FEW = 4  # corners of a box of sizes that tell whether cuts follow
@@ -272,24 +272,37 @@ def _on_true_faces(body: Body, offsets: Array) -> Body | None:
     It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
     is round, what its faces are is not known, or it would change its shape.
     """
+    moved = _moved_faces(body, offsets)
+    if moved is None or not (body.triangles or len(body.parts) == 1):
+        return None
+    rounds, true = moved
+    places = _corners_on(true, body, offsets)
+    if places is None:
+        return None
+    try:
+        made = _of_same_parts(body, places)
+        if made is None and body.triangles:
+            return _cut_again(body, places, rounds, true)
+    except InputError:
+        return None
+    if made is None:
+        return None
+    errors = errors_about(made, rounds, np.zeros((len(made.faces), 2)))
+    return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
+
+
+def _moved_faces(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept]] | None:
+    """Return the round surfaces of a body whose faces moved outward, and the surface of each face; None of no round."""
     rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
-    plane = sorted({*range(len(body.faces))}.difference(*(rows for _, rows in rounds or ())))
-    if not rounds or errors is None or not body.triangles or errors[plane].any():
+    if not rounds or errors is None:
         return None
     normals, points = body.face_planes
     true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
     for surface, rows in rounds:
         for row in rows:
             true[row] = surface
-    places = _corners_on(true, body, offsets)
-    try:
-        made = _of_same_parts(body, places)
-        if made is None:
-            return _cut_again(body, places, rounds, [true[row] for row in plane])
-    except InputError:
-        return None
-    errors = errors_about(made, rounds, np.zeros((len(made.faces), 2)))
-    return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
+    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
+    return (rounds, true) if all(known) else None
 
 
 def _of_same_parts(body: Body, places: Array) -> Body | None:
@@ -302,24 +315,34 @@ def _of_same_parts(body: Body, places: Array) -> Body | None:
     parts = [[rows[point] for point in map(tuple, part.vertices.tolist())] for part in body.parts]
     if len(rows) < len(body.vertices) or not set().union(*parts) <= {label - 1 for label in body.corners}:
         return None
-    surface = _surface(body, places)
     with suppress(InputError):  # of a part that has a point inside now
-        made = Body._made(places, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
-        filled = volume_and_centroid(surface.points[surface.triangles])[0]
-        off = abs(sum(part.volume_and_centroid[0] for part in made.parts) - filled)
-        if made.faces == body.faces and off <= DEFAULT.nominal * filled:
+        rows = [np.array(part) for part in parts]
+        if len(parts) == 1:
+            faces = Body._made(places, rows, None, body.seed, body.name).faces
+            same = {frozenset(face) for face in faces} == {frozenset(face) for face in body.faces}
+            placed = body.parts[0].placed(places[parts[0]], body.seed)
+            return replace(body, vertices=frozen(places), parts=(placed,)) if same else None
+        surface = _surface(body, places)
+        made = Body._made(places, rows, None, body.seed, body.name, surface=surface)
+        if made.faces == body.faces and _fills(made, surface):
             return replace(made, unit=body.unit)
     return None
 
 
-def _cut_again(body: Body, places: Array, rounds: RoundFaces, plane: Sequence[Swept]) -> Body | None:
+def _fills(body: Body, surface: Surface) -> bool:
+    """Tell whether the volumes of a body's parts add up to that within a surface."""
+    volume = volume_and_centroid(surface.points[surface.triangles])[0]
+    return abs(sum(part.volume_and_centroid[0] for part in body.parts) - volume) <= DEFAULT.nominal * volume
+
+
+def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> Body | None:
     """Return a body with its corners elsewhere, cut into convex parts again; None where a face is none of its own."""
     used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
     triangles = np.array(inverse, np.int64).reshape(-1, 3)
     made = Body.from_mesh(
         places[used], triangles, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit
     )
-    found = _faces_on([*(surface for surface, _ in rounds), *plane], made)
+    found = _faces_on([*(surface for surface, _ in rounds), *(own for own in true if own.flat)], made)
     if found is None or not all(found[: len(rounds)]):
         return None
     surfaces = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
@@ -327,30 +350,43 @@ def _cut_again(body: Body, places: Array, rounds: RoundFaces, plane: Sequence[Sw
     return replace(made, surfaces=surfaces, facet_errors=errors, notes=body.notes, deviation=body.deviation)
 
 
-def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array:
+def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | None:
     """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3).
 
-    As near to all of them as can be where tangent ones no longer meet, as a bore and the fillet at its end.
+    None where faces that meet as drawn no longer do, as a plane and a fillet of another radius.
     """
-    triangles, owners = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles[1]
-    places, around = body.vertices.copy(), [set[int]() for _ in body.vertices]
-    for face, corners in zip(owners.tolist(), triangles.tolist(), strict=True):
-        for row in corners:
-            around[row].add(face)
+    places, around = body.vertices.copy(), _around(body)
+    shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
     for row, faces in enumerate(around):
-        if not offsets[list(faces)].any():
+        if not offsets[list(faces)].any() and faces.isdisjoint(shifted):
             continue
-        for smooth in SMOOTH:
-            place = body.vertices[row]
-            for _ in range(NEWTON_STEPS):
-                each = [true[face].misses(place[None]) for face in sorted(faces)]
-                gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
-                place = place - np.linalg.lstsq(normals, gaps, rcond=smooth)[0]
-            off = max(abs(true[face].misses(place[None])[0][0]) for face in faces)
-            if off <= DEFAULT.snap * body.size:
-                break
+        place = _carried(body.vertices[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
+        for _ in range(NEWTON_STEPS):
+            each = [true[face].misses(place[None]) for face in sorted(faces)]
+            gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
+            place = place - np.linalg.lstsq(normals, gaps, rcond=SMOOTH)[0]
+        if max(abs(true[face].misses(place[None])[0][0]) for face in faces) > DEFAULT.snap * body.size:
+            return None
         places[row] = place
     return places
+
+
+def _around(body: Body) -> list[set[int]]:
+    """Return the rows of the faces at each vertex; none where it is no corner of the solid."""
+    around = [set[int]() for _ in body.vertices]
+    for face, labels in enumerate(body.faces):
+        for label in labels:
+            around[label - 1].add(face)
+    return around
+
+
+def _carried(point: Array, *surfaces: tuple[Swept, Swept]) -> Array:
+    """Return a point shifted as a surface was, and as its ring got wider."""
+    for drawn, moved in surfaces:
+        _, across, far = drawn.about(point[None])
+        wider = (moved.ring - drawn.ring) * across[0] / far[0] if moved.ring != drawn.ring else 0.0
+        point = point + moved.origin - drawn.origin + wider
+    return point
 
 
 def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
@@ -495,9 +531,41 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
         return None if turns else (body.vertices - body.seed) @ size.directions()
     if body.is_surface:
         return _surface_moves(body, offsets_of_faces(body, (size,))[:, 0])
-    moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
+    scaled = _scaled(body, made)
+    if round_surfaces(scaled):
+        lengths = {own: value for own, value in made.items() if own.is_length and value}
+        rates = _rates_on_true_faces(
+            scaled, offsets_of_faces(body, tuple(lengths)) @ np.array([*lengths.values()]), size
+        )
+        if rates is not None:
+            return rates
+    moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
+
+
+def _rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
+    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round.
+
+    Points of cuts go with the nearest corner.
+    """
+    moved = _moved_faces(body, offsets)
+    places = None if moved is None else _corners_on(moved[1], body, offsets)
+    if moved is None or places is None:
+        return None
+    moves, around = MovesOfFaces.of(body, (size,)), _around(body)
+    rows = np.array([row for row, faces in enumerate(around) if faces])
+    rates = np.zeros_like(places)
+    for row in rows.tolist():
+        faces = sorted(around[row])
+        if not (moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings))):
+            continue
+        looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
+        out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
+        rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
+    for row in set(range(len(rates))).difference(rows.tolist()):
+        rates[row] = rates[rows[norms(body.vertices[rows] - body.vertices[row]).argmin()]]
+    return rates
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:

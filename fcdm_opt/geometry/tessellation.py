@@ -122,9 +122,9 @@ class Swept(NamedTuple):
             return np.zeros(3)
         return self.axis if self.line[1] == 0.0 else units(point - self.origin + self.radius / self.line[1] * self.axis)
 
-    def offset(self, length: float, shift: Array) -> Self:
-        """Return it moved away from axis or tube by a length, and shifted."""
-        return self._replace(origin=self.origin + shift, radius=self.radius + length)
+    def offset(self, length: float, shift: Array, wider: float = 0.0) -> Self:
+        """Return it moved away from axis or tube by a length, shifted, and its ring wider."""
+        return self._replace(origin=self.origin + shift, ring=self.ring + wider, radius=self.radius + length)
 
     def about(self, points: Array) -> tuple[Array, Array, Array]:
         """Return how far points are along the axis, where across it, and how far across."""

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
-from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.resizing import Resizing, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
@@ -594,6 +594,17 @@ def test_a_shaft_with_chamfer_and_keyway_that_was_made_smaller_did_not_fit_its_h
     assert rim == pytest.approx(np.full(32, 14.9965), rel=1e-12)
 
 
+def test_a_bearing_seat_was_refused_at_another_diameter_as_it_is_cut_at_its_shoulder() -> None:
+    """The cut's corners go with the cylinder: the parts of the one drawn are those of the one made."""
+    seat = fo.joined(fo.Cylinder(6.0, 4.0, facets=16), fo.Cylinder(4.0, 9.0, facets=16), name="seat")
+    size = fo.Size("diameter", "static", faces=["cylinder radius 4"], each=0.5)
+    made = resized(seat, {size: -0.02})
+    assert made.faces == seat.faces
+    radii = np.hypot(*made.vertices[[label - 1 for label in made.corners], :2].T)
+    assert np.unique(radii.round(12)).tolist() == [3.99, 6.0]
+    assert volume(made) == pytest.approx(8.0 * math.sin(math.pi / 8.0) * (36.0 * 4.0 + 3.99**2 * 5.0), rel=1e-7)
+
+
 def test_a_bush_with_chamfers_had_cuts_between_its_parts_among_its_faces() -> None:
     """Made at other sizes, its answers were those of facets, 0.012058, and a map of the fit was undecided."""
     (drawn,) = fo.load_problems(Path(__file__).parents[2] / "problems" / "round" / "bush.toml")
@@ -603,3 +614,22 @@ def test_a_bush_with_chamfers_had_cuts_between_its_parts_among_its_faces() -> No
     solution = fo.solve(problem, effort="quick")
     assert solution.usable
     assert solution.amount == pytest.approx((0.0105 + 0.0135) / 2.0, rel=1e-9)
+
+
+def test_a_fillet_stayed_where_it_was_when_the_shaft_that_it_ends_got_thinner() -> None:
+    """It keeps its radius and stays tangent: its ring gets as much smaller, so that a plane at 45 degrees is as far."""
+    rounded = fo.joined(
+        fo.Cylinder(5.0, 10.0, facets=16), fo.Torus(4.0, 1.0, centre=(0, 0, 10), facets=16),
+        fo.Cylinder(4.0, 11.0, facets=16), name="shaft",
+    )  # fmt: skip
+    ramp = fo.Body.convex([(x, y, z) for y in (-9, 9) for x, z in ((2, 14), (14, 2), (14, 14))], name="ramp")
+    size = fo.Size("diameter", "movable", faces=["cylinder radius 5"], each=0.5, tolerance=(-0.1, 0.1))
+    problem = fo.Problem(rounded, ramp, sizes=[size], made={"diameter": -0.02}, goal="touch", motion=X)
+    (ring,) = (surface.ring for surface, _ in round_surfaces(problem.movable) if surface.ring)
+    assert ring == pytest.approx(3.99, rel=1e-12)
+    assert problem.movable.faces == rounded.faces
+    solution = fo.solve(problem)
+    assert solution.usable
+    assert solution.amount == pytest.approx(16.0 - (3.99 + 10.0) - math.sqrt(2.0), rel=1e-9)
+    assert solution.amount_low == pytest.approx(solution.amount, rel=1e-4)
+    assert solution.sensitivity.sizes["diameter"] == pytest.approx(-0.5, rel=1e-6)
