@@ -19,7 +19,6 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
-from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
@@ -28,12 +27,10 @@ from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept
+from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.true_resizing import on_true_faces, rates_on_true_faces, surface_with_corners
 from fcdm_opt.tolerances import DEFAULT
 
-NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
-SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 HARDLY = 1e-3  # of a body's size: a small change of a length
 MOST_FOR_RULES = 2_000  # triangles of a solid that is cut in more ways than one
 FEW = 4  # corners of a box of sizes that tell whether cuts follow
@@ -245,7 +242,7 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
     else:
-        round_one = _on_true_faces(scaled, offsets)
+        round_one = on_true_faces(scaled, offsets)
         if round_one is not None:
             return round_one
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
@@ -264,146 +261,6 @@ def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
         return made
     surfaces = tuple((own, tuple(np.flatnonzero(np.isin(rows, of)).tolist())) for own, of in surfaces)
     return replace(made, surfaces=surfaces, facet_errors=errors_about(made, surfaces, errors[rows]))
-
-
-def _on_true_faces(body: Body, offsets: Array) -> Body | None:
-    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces.
-
-    It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
-    is round, what its faces are is not known, or it would change its shape.
-    """
-    moved = _moved_faces(body, offsets)
-    if moved is None or not (body.triangles or len(body.parts) == 1):
-        return None
-    rounds, true = moved
-    places = _corners_on(true, body, offsets)
-    if places is None:
-        return None
-    try:
-        made = _of_same_parts(body, places)
-        if made is None and body.triangles:
-            return _cut_again(body, places, rounds, true)
-    except InputError:
-        return None
-    if made is None:
-        return None
-    errors = errors_about(made, rounds, np.zeros((len(made.faces), 2)))
-    return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
-
-
-def _moved_faces(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept]] | None:
-    """Return the round surfaces of a body whose faces moved outward, and the surface of each face; None of no round."""
-    rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
-    if not rounds or errors is None:
-        return None
-    normals, points = body.face_planes
-    true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
-    for surface, rows in rounds:
-        for row in rows:
-            true[row] = surface
-    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
-    return (rounds, true) if all(known) else None
-
-
-def _of_same_parts(body: Body, places: Array) -> Body | None:
-    """Return a body with its corners elsewhere and the same parts; None where some have points within the solid.
-
-    Or where they no longer fill it: with corners moved each lies in its convex hull, so that these fill the solid where
-    their volumes add up to its own.
-    """
-    rows = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
-    parts = [[rows[point] for point in map(tuple, part.vertices.tolist())] for part in body.parts]
-    if len(rows) < len(body.vertices) or not set().union(*parts) <= {label - 1 for label in body.corners}:
-        return None
-    with suppress(InputError):  # of a part that has a point inside now
-        rows = [np.array(part) for part in parts]
-        if len(parts) == 1:
-            faces = Body._made(places, rows, None, body.seed, body.name).faces
-            same = {frozenset(face) for face in faces} == {frozenset(face) for face in body.faces}
-            placed = body.parts[0].placed(places[parts[0]], body.seed)
-            return replace(body, vertices=frozen(places), parts=(placed,)) if same else None
-        surface = _surface(body, places)
-        made = Body._made(places, rows, None, body.seed, body.name, surface=surface)
-        if made.faces == body.faces and _fills(made, surface):
-            return replace(made, unit=body.unit)
-    return None
-
-
-def _fills(body: Body, surface: Surface) -> bool:
-    """Tell whether the volumes of a body's parts add up to that within a surface."""
-    volume = volume_and_centroid(surface.points[surface.triangles])[0]
-    return abs(sum(part.volume_and_centroid[0] for part in body.parts) - volume) <= DEFAULT.nominal * volume
-
-
-def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> Body | None:
-    """Return a body with its corners elsewhere, cut into convex parts again; None where a face is none of its own."""
-    used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
-    triangles = np.array(inverse, np.int64).reshape(-1, 3)
-    made = Body.from_mesh(
-        places[used], triangles, decomposition="exact", seed=body.seed, name=body.name, unit=body.unit
-    )
-    found = _faces_on([*(surface for surface, _ in rounds), *(own for own in true if own.flat)], made)
-    if found is None or not all(found[: len(rounds)]):
-        return None
-    surfaces = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
-    errors = errors_about(made, surfaces, np.zeros((len(made.faces), 2)))
-    return replace(made, surfaces=surfaces, facet_errors=errors, notes=body.notes, deviation=body.deviation)
-
-
-def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | None:
-    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3).
-
-    None where faces that meet as drawn no longer do, as a plane and a fillet of another radius.
-    """
-    places, around = body.vertices.copy(), _around(body)
-    shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
-    for row, faces in enumerate(around):
-        if not offsets[list(faces)].any() and faces.isdisjoint(shifted):
-            continue
-        place = _carried(body.vertices[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
-        for _ in range(NEWTON_STEPS):
-            each = [true[face].misses(place[None]) for face in sorted(faces)]
-            gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
-            place = place - np.linalg.lstsq(normals, gaps, rcond=SMOOTH)[0]
-        if max(abs(true[face].misses(place[None])[0][0]) for face in faces) > DEFAULT.snap * body.size:
-            return None
-        places[row] = place
-    return places
-
-
-def _around(body: Body) -> list[set[int]]:
-    """Return the rows of the faces at each vertex; none where it is no corner of the solid."""
-    around = [set[int]() for _ in body.vertices]
-    for face, labels in enumerate(body.faces):
-        for label in labels:
-            around[label - 1].add(face)
-    return around
-
-
-def _carried(point: Array, *surfaces: tuple[Swept, Swept]) -> Array:
-    """Return a point shifted as a surface was, and as its ring got wider."""
-    for drawn, moved in surfaces:
-        _, across, far = drawn.about(point[None])
-        wider = (moved.ring - drawn.ring) * across[0] / far[0] if moved.ring != drawn.ring else 0.0
-        point = point + moved.origin - drawn.origin + wider
-    return point
-
-
-def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
-    """Return which faces of a body are of each surface: their corners are on it. None where one is of none.
-
-    Of several surfaces, as of a cone at a plane's rim, that which looks most as the face does.
-    """
-    looks, found = made.face_planes[0], [list[int]() for _ in surfaces]
-    on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * made.size for own in surfaces])
-    for face, labels in enumerate(made.faces):
-        rows = np.array(labels) - 1
-        middle, there = made.vertices[rows].mean(axis=0)[None], np.flatnonzero(on[:, rows].all(axis=1)).tolist()
-        if not there:
-            return None
-        alike = [abs(surfaces[k].misses(middle)[1][0] @ looks[face]) for k in there]
-        found[there[int(np.argmax(alike))]].append(face)
-    return found
 
 
 def _facets_within(
@@ -459,7 +316,7 @@ def _surface_resized(body: Body, offsets: Array) -> Body:
     """
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     places = (body.vertices + _surface_moves(body, offsets))[: triangles.max() + 1]  # the parts' apexes come after
-    surface = _surface(body, places)
+    surface = surface_with_corners(body, places)
     made = _same_pyramids(body, places, triangles)
     if made is None:
         anew = pyramids(places, surface.triangles, body.name)
@@ -534,7 +391,7 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     scaled = _scaled(body, made)
     if round_surfaces(scaled):
         lengths = {own: value for own, value in made.items() if own.is_length and value}
-        rates = _rates_on_true_faces(
+        rates = rates_on_true_faces(
             scaled, offsets_of_faces(body, tuple(lengths)) @ np.array([*lengths.values()]), size
         )
         if rates is not None:
@@ -542,30 +399,6 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
-
-
-def _rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
-    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round.
-
-    Points of cuts go with the nearest corner.
-    """
-    moved = _moved_faces(body, offsets)
-    places = None if moved is None else _corners_on(moved[1], body, offsets)
-    if moved is None or places is None:
-        return None
-    moves, around = MovesOfFaces.of(body, (size,)), _around(body)
-    rows = np.array([row for row, faces in enumerate(around) if faces])
-    rates = np.zeros_like(places)
-    for row in rows.tolist():
-        faces = sorted(around[row])
-        if not (moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings))):
-            continue
-        looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
-        out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
-        rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
-    for row in set(range(len(rates))).difference(rows.tolist()):
-        rates[row] = rates[rows[norms(body.vertices[rows] - body.vertices[row]).argmin()]]
-    return rates
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -659,7 +492,7 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
     surface = None
     if body.triangles and len(found) > 1:
         with _at(body, moving.sizes, values):
-            surface = _surface(body, numbered[0])
+            surface = surface_with_corners(body, numbered[0])
             _check_filled(body, found, surface)
     return _CornersOfParts(found, *numbered, surface)
 
@@ -690,33 +523,6 @@ def _at(body: Body, sizes: Sequence[Size], values: Array) -> Iterator[None]:
         names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
         raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-
-
-def _surface(body: Body, rows: Array) -> Surface:
-    """Return the surface of a solid whose corners are elsewhere; refuse it where faces meet others than as drawn."""
-    from manifold3d import triangulate
-
-    normals, triangles = body.face_planes[0], list[Ints]()
-    for face, own in enumerate(body.triangles):
-        own_corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
-        flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
-        loops = [[v for v in loop if v in own_corners] for loop in rims(own)]
-        places = np.concatenate(loops)
-        triangles.append(places[np.array(triangulate([rows[loop] @ flat.T for loop in loops]))])
-    found, owners = np.concatenate(triangles), np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
-    corners = rows[found]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = (across * normals[owners]).sum(axis=1) / 2.0
-    broad = np.flatnonzero(areas > DEFAULT.planarity * body.size**2)
-    crossing = first_crossing(rows / body.size, found[broad], DEFAULT.planarity)
-    if crossing is not None:
-        one, two = sorted(owners[broad[[crossing.one, crossing.two]]].tolist())
-        raise InputError(f"faces meet otherwise than as drawn: F{one + 1}, F{two + 1}")
-    if len(broad) < len(areas):
-        face = int(owners[areas.argmin()])
-        gone = np.bincount(owners, areas)[face] <= DEFAULT.planarity * body.size**2
-        raise InputError(f"face F{face + 1} {'vanishes' if gone else 'meets itself'}")
-    return Surface.of(rows, found, owners)
 
 
 def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
