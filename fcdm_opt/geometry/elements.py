@@ -226,11 +226,14 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         if frozenset(map(tuple, ends.tolist())) in hidden:
             return own, None
         candidates, along = np.flatnonzero(flat[i] & flat[j]), np.flatnonzero(collinear[i] & collinear[j])
+        near = surface.near(candidates, ends)
+        if not len(near) and not len(along):
+            return own, None
         lengths, middles = surface.stretches(ends, candidates, along)
         on = surface.along_edges(middles, along)[1]
         free = ~on.any(axis=1)  # the faces beside a true edge are not what the part's edge lies on
         shares = {edge_names[k]: float(lengths[each].sum()) for k, each in zip(along.tolist(), on.T, strict=True)}
-        for face in surface.near(candidates, ends).tolist():
+        for face in near.tolist():
             shares[face_names[face]] = float(lengths[free][surface.lies_on(face, middles[free])].sum())
         return chosen(own, shares, DEFAULT.nominal, ends)
 
@@ -242,8 +245,8 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         outline, own = points[loop], Element("F", label(loop))
         if own.vertices in whole:
             return own, None
-        on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ unit_normals(outline) > 0)
-        near = surface.near(np.flatnonzero(on), outline)
+        on = np.flatnonzero(flat[[place[row] for row in loop]].all(axis=0))
+        near = surface.near(on[surface.planes[0][on] @ unit_normals(outline) > 0], outline) if len(on) else on
         shares = {face_names[k]: surface.area_within(k, outline) for k in near.tolist()}
         least = DEFAULT.nominal * np.ptp(outline, axis=0).max() / surface.size
         return chosen(own, shares, least, outline)

@@ -162,20 +162,17 @@ def _of_same_parts(body: Body, places: Array) -> Body | None:
     Or where they no longer fill it: with corners moved each lies in its convex hull, so that these fill the solid where
     their volumes add up to its own.
     """
-    rows = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
-    parts = [[rows[point] for point in map(tuple, part.vertices.tolist())] for part in body.parts]
-    if len(rows) < len(body.vertices) or not set().union(*parts) <= {label - 1 for label in body.corners}:
+    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
+    parts = [np.array([row_of[point] for point in map(tuple, part.vertices.tolist())]) for part in body.parts]
+    if len(row_of) < len(body.vertices) or not set(np.concatenate(parts) + 1) <= set(body.corners):
         return None
+    surface = surface_with_corners(body, places) if len(parts) > 1 else None
     with suppress(InputError):  # of a part that has a point inside now
-        rows = [np.array(part) for part in parts]
-        if len(parts) == 1:
-            faces = Body._made(places, rows, None, body.seed, body.name).faces
-            same = {frozenset(face) for face in faces} == {frozenset(face) for face in body.faces}
+        made = Body._made(places, parts, None, body.seed, body.name, surface=surface)
+        if surface is None and {frozenset(face) for face in made.faces} == {frozenset(face) for face in body.faces}:
             placed = body.parts[0].placed(places[parts[0]], body.seed)
-            return replace(body, vertices=frozen(places), parts=(placed,)) if same else None
-        surface = surface_with_corners(body, places)
-        made = Body._made(places, rows, None, body.seed, body.name, surface=surface)
-        if made.faces == body.faces and _fills(made, surface):
+            return replace(body, vertices=frozen(places), parts=(placed,))
+        if surface is not None and made.faces == body.faces and _fills(made, surface):
             return replace(made, unit=body.unit)
     return None
 
