@@ -15,6 +15,7 @@ from fcdm_opt.design.compensation.compensation_map import compensation_map
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.stack.stack_up import stack_up
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.primitives import Box, Cylinder, cut
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Translation
 from fcdm_opt.problem.problem import Problem
@@ -67,6 +68,9 @@ def sized() -> None:
     corners, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
     surface = Body.from_mesh(corners, triangles, decomposition="surface", name="slab")
     solve(Problem(peg, surface, target=(1.06, 1.0), goal="touch", motion=ASIDE))
+    pin, bore = Cylinder(0.9, 2.0, facets=12), Cylinder(1.0, 2.0, base=(0.0, 0.0, -0.5), facets=12)
+    block = cut(Box((4.0, 4.0, 1.0), centre=(0.0, 0.0, 0.5)), bore, name="block")
+    solve(Problem(pin, block, target=(1.0, 1.0), goal="touch", motion=ASIDE))
 
 
 def _larger(motion: Motion) -> Problem:

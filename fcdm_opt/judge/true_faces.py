@@ -15,24 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.patches import TrueFaces
-from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept
+from fcdm_opt.judge.face_kernels import heights, on_face, points_of_edges, to_segments
 from fcdm_opt.tolerances import DEFAULT
 
 GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
 FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
 AROUND = -1.0, -0.5, 0.0, 0.5, 1.0  # of its width: the next, which is less wide, leaves none between
-ROUNDING = 1e-12  # of areas, and of a chord how far off surfaces a point counts as on them
-SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that is none
 FEWEST, FEWEST_OF_DEEPEST = 6, 12  # times at least, of faces that are not and that are the deepest known
 NEARLY = 1e-3  # of the band: by so much less deep points may yet be the deepest
 SLACK = 1e-9  # of the band: nearer to a rim a point is on it
-TIMES_ONTO = 8  # that points are brought onto two surfaces
-SMOOTH = 1e-9  # square of the angle at which a surface goes on in the next one
-ROUND = 1e-6  # of a chord: by so much its ends differ in height and radius about an axis that it is round of
 BENT = 1e-12  # of a chord: an edge that leaves it by less is straight
 BOWED = 1.5  # times what an edge leaves its chord at three places: it does nowhere by more
 KEPT, LATE, OF_EACH = 16, 4, 2  # points about which it is made finer, of each two surfaces, and of each triangle
@@ -78,51 +72,57 @@ class _Surfaces(NamedTuple):
 
     Attributes
     ----------
-    origin, axis : (..., 3) array
-    line : (..., 2) array
-        nan where it is swept by a circle.
-    ring, radius : (...) array
+    numbers : (..., 10) array
+        See `face_kernels`.
     """
 
-    origin: Array
-    axis: Array
-    line: Array
-    ring: Array
-    radius: Array
+    numbers: Array
 
     @classmethod
     def of(cls, swept: Sequence[Swept]) -> _Surfaces:
         """Return them as arrays."""
-        made = [own._replace(line=own.line or (np.nan, np.nan)) for own in swept]
-        return cls(*(np.array(each, float) for each in zip(*made, strict=True)))
+        each = [[*own.origin, *own.axis, *(own.line or (np.nan, np.nan)), own.ring, own.radius] for own in swept]
+        return cls(np.array(each, float).reshape(-1, 10))
+
+    def placed(self, pose: Array, scale: float, seed: Array) -> _Surfaces:
+        """Return them scaled about a seed, then moved by a 4x4 transform."""
+        made, turn = self.numbers.copy(), pose[:3, :3].T
+        made[:, :3] = (seed + scale * (made[:, :3] - seed)) @ turn + pose[:3, 3]
+        made[:, 3:6] = made[:, 3:6] @ turn
+        made[:, 8:] *= scale
+        return _Surfaces(made)
+
+    @property
+    def axis(self) -> Array:
+        """Unit directions of the axes, (..., 3)."""
+        return self.numbers[..., 3:6]
+
+    @property
+    def line(self) -> Array:
+        """The lines that they are swept by, (..., 2); nan where it is by a circle."""
+        return self.numbers[..., 6:8]
+
+    @property
+    def ring(self) -> Array:
+        """Rings of the circles that they are swept by, (...)."""
+        return self.numbers[..., 8]
 
     def of_each(self, which: Ints | int) -> _Surfaces:
         """Return those of some numbers."""
-        return _Surfaces(*(each[which] for each in self))
-
-    def about(self, points: Array) -> tuple[Array, Array]:
-        """Return how far points are along the axis of a surface, and where across it."""
-        local = points - self.origin
-        z = np.einsum("...i,...i->...", local, self.axis)
-        return z, local - z[..., None] * self.axis
+        return _Surfaces(self.numbers[which])
 
     def height(self, points: Array) -> tuple[Array, Array]:
         """Return how far points are off a surface, and the directions there: from the nearest point of its profile."""
-        z, radial = self.about(points)
-        r = np.sqrt(np.einsum("...i,...i->...", radial, radial))
-        out = radial / np.where(r > 0.0, r, 1.0)[..., None]
-        a, b = self.line[..., 0], self.line[..., 1]  # the line a r - b z = radius, a and b of length 1
-        height, directions = a * r - b * z - self.radius, a[..., None] * out - b[..., None] * self.axis
-        bowed = np.isnan(a)
-        if bowed.any():  # a circle of this radius about (ring, 0) in the half-plane of r and z
-            extent = np.sqrt((r - self.ring) ** 2 + z**2)
-            safe = np.where(extent > 0.0, extent, 1.0)
-            direction = ((r - self.ring) / safe)[..., None] * out + (z / safe)[..., None] * self.axis
-            height, directions = (
-                np.where(bowed, extent - self.radius, height),
-                np.where(bowed[..., None], direction, directions),
-            )
-        return height, directions
+        numbers = self.numbers
+        if numbers.ndim > 1:
+            shape = np.broadcast_shapes(numbers.shape[:-1], points.shape[:-1])
+            numbers, points = np.broadcast_to(numbers, (*shape, 10)), np.broadcast_to(points, (*shape, 3))
+        off, directions = heights(_rows(numbers, 10), _rows(points, 3))
+        return off.reshape(points.shape[:-1]), directions.reshape(points.shape)
+
+
+def _rows(numbers: Array, columns: int) -> Array:
+    return np.ascontiguousarray(numbers).reshape(-1, columns)
 
 
 class _BentEdges(NamedTuple):
@@ -167,13 +167,7 @@ class _There:
         self.edges = ends[self.neighbours != self.owners[:, None]]  # chords, each off its edge by no more than a facet
         self.bow = scale * max(deviation_of(faces.body))
         self._known = dict[int, _BentEdges]()
-        drawn = _Surfaces.of([own.surface for own in faces.patches])
-        self.surfaces = drawn._replace(
-            origin=there(drawn.origin),
-            axis=drawn.axis @ pose[:3, :3].T,
-            ring=scale * drawn.ring,
-            radius=scale * drawn.radius,
-        )
+        self.surfaces = _Surfaces.of([own.surface for own in faces.patches]).placed(pose, scale, seed)
         self.sides = np.array([own.side for own in faces.patches])
 
     def points(self, k: int, which: Ints, shares: Array) -> Array:
@@ -207,24 +201,11 @@ class _There:
         """
         if not len(feet):
             return np.zeros(0, bool)
-        surface = self.surfaces.of_each(k)
-        normals = self.sides[k] * surface.height(feet)[1]
-        found = np.ones(len(feet), bool) if over else _over(feet, normals, self.corners[self.owners == k])
         m, start, end, room, _ = self._bent_edges(k)
-        low, high = np.minimum(start, end) - room - slack, np.maximum(start, end) + room + slack
-        i, e = overlapping_between(feet, feet, low, high).T
-        along = end[e] - start[e]
-        length = np.linalg.norm(along, axis=1)
-        share = np.einsum("ni,ni->n", feet[i] - start[e], along) / length**2
-        between = (share >= 0.0) & (share <= 1.0)
-        i, e, along, length, share = (each[between] for each in (i, e, along, length, share))
-        chord = start[e] + share[:, None] * along
-        out = np.cross(along, normals[i]) / length[:, None]
-        curve = _on_edge(surface, self.surfaces.of_each(m[e]), start[e], end[e], share[:, None])
-        off, bow = (np.einsum("ni,ni->n", each - chord, out) for each in (feet[i], curve))
-        found[i[(off >= -slack) & (off <= bow + slack)]] = True  # on the chord itself triangles tell either
-        found[i[(off <= slack) & (off > bow + slack)]] = False
-        return found
+        numbers, triangles = self.surfaces.numbers, self.corners[self.owners == k]
+        return on_face(
+            numbers[k : k + 1], self.sides[k], feet, triangles, over, numbers[m], start, end, room.ravel(), slack
+        )
 
     def off_triangles(self, k: int, along: Array | None) -> float:
         """Return how far points of a face may be off its triangles, along a direction where one is given."""
@@ -263,7 +244,7 @@ class _There:
             rows = np.flatnonzero(near[:, m] & ~found)
             found[rows] = self.has(m, points[rows] - height[rows, m, None] * directions[rows, m], slack)
         rows = np.flatnonzero(~found & (depth > 2.0 * self.bow + slack))  # where faces end at a concave edge
-        found[rows] = distances(points[rows], self.edges).min(axis=0, initial=np.inf) < depth[rows] - self.bow - slack
+        found[rows] = to_segments(points[rows], self.edges) < depth[rows] - self.bow - slack
         return found
 
 
@@ -285,38 +266,7 @@ def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Ar
 
     The surfaces are those of all, or one for each chord.
     """
-    along = end - start
-    points = start + share * along
-    if not len(points):
-        return points
-    length = np.linalg.norm(along, axis=1)
-    middle, half = 0.5 * (start + end), (share - 0.5) * along
-    flat = (0.0, -1.0)
-    for surface in (one, two):  # about an axis of which they are round: where they go on in each other no more is told
-        z, far = zip(*(surface.about(own) for own in (start, middle, end)), strict=True)
-        r = [np.linalg.norm(own, axis=1) for own in far]
-        alike = np.maximum(np.abs(z[0] - z[2]), np.abs(r[0] - r[2])) <= ROUND * length
-        square = r[0] ** 2 - np.einsum("ni,ni->n", half, half)
-        alike &= (square > 0.0) & (r[1] > ROUND * r[0]) & (surface.line != flat).any(axis=-1)
-        stretch = np.sqrt(np.where(alike, square, 0.0)) / np.where(alike, r[1], 1.0)
-        bowed = middle + half + (stretch - 1.0)[:, None] * far[1]
-        off = [np.maximum(*(np.abs(own.height(at)[0]) for own in (one, two))) for at in (bowed, points)]
-        points = np.where((alike & (off[0] < off[1]))[:, None], bowed, points)
-    along = along / np.maximum(length, np.finfo(float).tiny)[:, None]
-    for _ in range(TIMES_ONTO):
-        found = (surface.height(points) for surface in (one, two))
-        height, directions = (np.stack(own, axis=1) for own in zip(*found, strict=True))
-        if np.abs(height).max(initial=0.0) <= ROUNDING * length.max(initial=0.0):
-            break
-        across = directions - np.einsum("nki,ni->nk", directions, along)[..., None] * along[:, None]
-        (a, b), (_, c) = np.einsum("nki,nli->kln", across, across)
-        whole = np.maximum(a + c, np.finfo(float).tiny)
-        det = a * c - b * b
-        smooth = det <= SMOOTH * whole**2  # then as of one surface
-        inverse = np.array([[c, -b], [-b, a]]) / np.where(smooth, 1.0, det)
-        inverse = np.where(smooth, np.array([[a, b], [b, c]]) / whole**2, inverse)
-        points = points - np.einsum("nki,kln,nl->ni", across, inverse, height)
-    return points
+    return points_of_edges(_rows(one.numbers, 10), _rows(two.numbers, 10), start, end, share.ravel())
 
 
 def _deepest(own: _There, other: _There, band: float, without: _Closed, known: float) -> float:
@@ -423,23 +373,3 @@ def _best(order: Ints, which: Ints, most: int) -> Ints:
             if len(kept) == most:
                 break
     return np.array(kept)
-
-
-def _over(feet: Array, directions: Array, triangles: Array) -> Flags:
-    """Tell which points of a surface have one of its triangles below or above them."""
-    found = np.zeros(len(feet), bool)
-    sides = triangles - np.roll(triangles, 1, axis=1)
-    area, longest = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1), np.einsum("tki,tki->tk", sides, sides)
-    triangles = triangles[area > SLIVER * longest.max(axis=1)]  # of others their neighbours tell as much
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    room = 0.25 * (high - low).max(axis=1, keepdims=True)  # a surface leaves its triangle by less
-    if not len(feet):
-        return found
-    i, t = overlapping_between(feet, feet, low - room, high + room).T
-    arms = triangles[t] - feet[i, None]
-    turns = np.cross(arms, np.roll(arms, -1, axis=1))
-    sides = np.einsum("nki,ni->nk", turns, directions[i])
-    sides[np.abs(sides) <= ROUNDING * np.einsum("nki,nki->nk", arms, arms).max(axis=1, keepdims=True)] = 0.0
-    met = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
-    found[i[met]] = True
-    return found
