@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -139,11 +140,14 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
 
 
 def _around(body: Body) -> list[set[int]]:
-    """Return the rows of the faces at each vertex; none where it is no corner of the solid."""
+    """Return the rows of the faces at each vertex; none of cuts alone."""
     around = [set[int]() for _ in body.vertices]
     for face, labels in enumerate(body.faces):
         for label in labels:
             around[label - 1].add(face)
+    for face, triangles in enumerate(body.triangles):  # points on edges that go on straight, too
+        for row in chain.from_iterable(triangles):
+            around[row].add(face)
     return around
 
 
