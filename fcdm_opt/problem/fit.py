@@ -19,7 +19,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
-from fcdm_opt.geometry.solids import contains, depth_as_drawn, kept_as_surface
+from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -39,7 +39,7 @@ ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn 
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
-fits, and meshes of round faces out of phase."""
+fits, and meshes of round faces out of phase. Bodies that are apart by less are meant to touch."""
 
 
 def drawn_bodies(problem: Problem) -> tuple[Body, Body]:
@@ -138,11 +138,16 @@ def holds(problem: Problem) -> bool:
 
     Parts that overlap as drawn by more than a hair hold nothing; nor do solids kept as surfaces, whose parts are thin.
     """
-    drawn = drawn_bodies(problem)
-    hair = HAIR * min(body.size for body in drawn)
-    if kept_as_surface(*drawn) and depth_as_drawn(*drawn, problem.nominal_pair) > hair:
+    if kept_as_surface(*drawn_bodies(problem)) and overlap_as_drawn(problem) > 1.0:
         return False
     return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+
+
+def overlap_as_drawn(problem: Problem) -> float:
+    """Return how deep the parts overlap as drawn, in hairs, see `HAIR`; negative where they are apart, by that."""
+    drawn = drawn_bodies(problem)
+    solids = PlacedSolids(*drawn, problem.nominal_pair, REST)
+    return (solids.depth or -solids.distance) / (HAIR * min(body.size for body in drawn))
 
 
 def _enclose(normals: Array) -> bool:

@@ -11,12 +11,10 @@ import re
 
 import numpy as np
 
-from fcdm_opt import pacing
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -25,7 +23,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
-from fcdm_opt.show.verdict import name_of
+from fcdm_opt.show.verdict import gone_through
 from fcdm_opt.tolerances import DEFAULT
 
 NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
@@ -157,12 +155,7 @@ def _large(solution: Solution) -> list[str]:
     """Return a warning where a motion goes through other bodies, or is so large that it may have."""
     if not solution.status.found or solution.transform is None or solution.status.name == "OUTSIDE_FIT":
         return []
-    problem, parameters = solution.problem, tuple(solution.parameters.values())
-    through = [
-        name_of(problem, 1) if other is None else f"keep-out {other.name}"
-        for other in (None, *problem.keep_out)
-        if any(parameters) and pacing.in_time(goes_through, problem, parameters, other, late=False)
-    ]
+    problem, through = solution.problem, gone_through(solution)
     poses = (np.eye(4), np.eye(4), solution.transform)
     bodies, scales = (problem.movable, problem.static, problem.movable), solution.pair[[0, 1, 0]]
     rest, other, end = (own.placed_vertices(*at) for own, *at in zip(bodies, scales, poses, strict=True))

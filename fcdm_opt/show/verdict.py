@@ -13,6 +13,7 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.show.texts import (
     CLOSED,
     DIGITS,
@@ -80,7 +81,9 @@ def _refused_text(solution: Solution) -> str:
         return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
     if solution.status.name == "OUTSIDE_FIT":
         more = _without_clearance(problem) if problem.goal == "clear" and problem.clearance > 0.0 else ""
-        return more or "does not fit: the only motion found takes it out of the place it is drawn in"
+        through = listed(gone_through(solution))
+        where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
+        return more or f"does not fit: the only motion found {where}"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
 
 
@@ -108,7 +111,19 @@ def answer_text(solution: Solution) -> str:
         row += f"pair made {solution.pair_state}; {outcome_text(solution)}"
     else:
         row += f": {outcome_text(solution)}"
-    return f"{head}{verdict_text(solution)}\n{row}"
+    through = listed(gone_through(solution)) if solution.usable else ""
+    words = [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
+    return "\n".join([f"{head}{verdict_text(solution)}", row, *words])
+
+
+def gone_through(solution: Solution) -> list[str]:
+    """Return the names of what body 1 goes through on the straight way of its motion, as far as there is time."""
+    problem, parameters = solution.problem, tuple(solution.parameters.values())
+    return [
+        name_of(problem, 1) if other is None else f"keep-out {other.name}"
+        for other in (None, *problem.keep_out)
+        if any(parameters) and pacing.in_time(goes_through, problem, parameters, other, late=False)
+    ]
 
 
 def _done(problem: Problem, values: Sequence[float]) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from itertools import pairwise, product
@@ -357,14 +358,31 @@ def test_a_box_in_a_corner_is_not_held_by_it(requirement: str, goal: str) -> Non
     assert fo.solve(problem).usable
 
 
-def test_a_box_sent_through_a_thin_slab_was_never_held_by_it() -> None:
-    """That it ends on the other side is remarked on: a contact, but no fit."""
+def test_a_block_was_sent_through_the_slab_it_stands_on() -> None:
+    """No shift along z leads there but through the slab, which is said however little that holds the block."""
     box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)), block((-5.0, 5.0), (-5.0, 5.0), (-0.5, 0.0))
-    asked: dict[str, Any] = {"goal": "touch", "motion": UP, "limits": {"TZ": (-9.0, -0.2)}}
-    solution = fo.solve(fo.Problem(fo.Body.convex(box), fo.Body.convex(slab), target=(1.0, 1.0), **asked))
-    assert solution.parameters["TZ"] == pytest.approx(-2.5, abs=1e-9)
+    asked: dict[str, Any] = {"motion": UP, "limits": {"TZ": (-9.0, -0.2)}}
+    bodies = fo.Body.convex(box, name="block"), fo.Body.convex(slab, name="slab")
+    for goal in ("touch", "clear"):
+        solution = fo.solve(fo.Problem(*bodies, target=(1.0, 1.0), goal=goal, **asked))
+        assert solution.parameters["TZ"] == pytest.approx(-2.5, abs=1e-9)
+        assert solution.status is Status.OUTSIDE_FIT
+        assert "the only motion found goes straight through slab" in str(solution)
+        assert not fo.verify(dataclasses.replace(solution, status=Status.SOLVED)).passed
+
+
+def test_why_a_block_goes_through_its_slab_was_not_told() -> None:
+    """Under a lid, and with no room for the clearance on its own side: its constraints are named, none below 0."""
+    box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 1.5)), block((-5.0, 5.0), (-5.0, 5.0), (-1.0, 0.0))
+    lid = fo.KeepOut(fo.Body.convex(block((-4.0, 4.0), (-4.0, 4.0), (1.6, 2.5)), name="lid"))
+    asked: dict[str, Any] = {"goal": "clear", "clearance": 0.3, "motion": UP, "target": (1.0, 1.0), "keep_out": [lid]}
+    problem = fo.Problem(fo.Body.convex(box), fo.Body.convex(slab), **asked, limits={"TZ": (-5.0, 5.0)})
+    solution = fo.solve(problem)
     assert solution.usable
-    assert remarks(solution)[0].startswith("a large motion")
+    assert str(solution).endswith("straight there it goes through keep-out lid, and no other way is looked for")
+    found = fo.conflicts(problem.changed(limits={"TZ": (-5.0, 1.0)}), deviation=False)
+    cures = {own.name: own.value for own in found.relaxations if own.cures}
+    assert cures["clearance"] == pytest.approx(0.1, rel=0.01)
 
 
 def test_what_excludes_what_does_not_ask_for_a_fit() -> None:

@@ -323,7 +323,7 @@ class ClashSearch:
         # twice what the judge lets pass, of the constraint itself and of the contact: a longer motion opens it
         longer = 1.0 + self.problem.size / self.problem.turning_length if constraint.parameter else 1.0
         fuzz, best, best_by = 2.0 * constraint.slack * longer, common.solution, math.inf
-        low, high = 0.0, excesses(self.problem, best)[constraint.name]
+        low, high = 0.0, min(excesses(self.problem, best)[constraint.name], constraint.most)
         nearest = self._nearest(constraint, high)
         high = min(high, nearest)
         impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
