@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.fixed_pose.clearances import Clearances
-    from fcdm_opt.design.whatif.budget import Budgets
+    from fcdm_opt.design.whatif.budget import Budget, Budgets
     from fcdm_opt.design.whatif.compare import Comparison
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
@@ -277,18 +277,28 @@ def print_budgets(budgets: Budgets) -> None:
             "tolerance": budget.tolerance_text(DIGITS),
             "amount there": amount_text(budget.amount),
             "above it": budget.end.value,
-            "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
+            "smaller ones": _smaller(budget),
         }
         for budget in budgets.values()
     ]
     reasons: dict[str, list[str]] = {}
     for budget in budgets.values():
-        reasons.setdefault(budget.reason, []).append(budget.requirement)
-    notes = [f"{budget.requirement}: {budget.sizes_text(DIGITS)}" for budget in budgets.values() if budget.sizes]
-    notes += [f"{each.requirement}, above: {each.advice}" for each in budgets.values() if each.advice != each.end.value]
+        if budget.tolerance or budget.end.name == "TIME":
+            reasons.setdefault(budget.reason, []).append(budget.requirement)
+    notes = [f"{one.requirement}: {one.sizes_text(DIGITS)}" for one in budgets.values() if one.sizes and one.tolerance]
+    notes += [
+        f"{each.requirement}, {'above' if each.bracket[1] else 'as drawn'}: {each.advice}"
+        for each in budgets.values()
+        if each.advice != each.end.value
+    ]
     notes += dict.fromkeys(filter(None, (each.closed_text for each in budgets.values())))
     notes += [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
+
+
+def _smaller(budget: Budget) -> str:
+    """Return how it is known that smaller tolerances are good, where there are any."""
+    return "-" if not budget.tolerance else "proved" if budget.proved else f"sampled, {budget.points} points"
 
 
 def print_costs(costs: Costs) -> None:

@@ -179,8 +179,22 @@ def test_beyond_with_another_motion_may_have_no_budget() -> None:
     found = one(problems("example1")["A"], 0.02, "B")
     assert (found.tolerance, found.end) == (0.0, End.NO_MOTION)
     assert found.bracket == (0.0, SMALLEST)
-    assert found.solution is None
+    assert found.amount == 0.0
+    assert str(found) == "B: only as drawn; above, there is no motion"
+
+
+@pytest.mark.parametrize(
+    ("goal", "limit", "letter"), [("touch", 0.05, "A"), ("clear", 0.04, "D"), ("clear", None, "A")]
+)
+def test_parts_that_are_not_good_as_drawn_were_good_up_to_0_percent(goal: str, limit: Any, letter: str) -> None:
+    """The cube is drawn 0.1 from the wall: 0.1 to touch it, 0.05 to be clear by 0.15."""
+    clear = {"clearance": 0.15} if goal == "clear" else {}
+    problem = apart(0.1, goal=goal, **clear, limits={"TX": (-0.01, 0.01)} if limit is None else None)
+    found = one(problem, limit, letter)
+    assert (found.tolerance, found.bracket, found.solution) == (0.0, (0.0, 0.0), None)
     assert np.isnan(found.amount)
+    why = End.NO_MOTION if limit is None else End.LIMIT
+    assert str(found) == f"{letter}: not even as drawn: {why.value} (proved)"
 
 
 def asked(problem: Problem, letter: str) -> Order:

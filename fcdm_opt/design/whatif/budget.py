@@ -9,6 +9,7 @@ contacts change, and where the amount comes near the limit.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, lru_cache
@@ -80,19 +81,20 @@ class Budget(Plain):
         A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
         assembly's parts "made" (which way they are off), "larger" or "smaller".
     tolerance : float
-        All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells). Of sizes the
-        largest deviation of a length (of a scale, where there are no lengths), those of the others in proportion.
+        All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
+        may be good all the same, see `bracket`. Of sizes the largest deviation of a length (of a scale, where there are
+        no lengths), those of the others in proportion.
     table : (2, 2) or (k, 2) array
         What it means for each body, minus and plus, or each size, least and largest deviation: `tolerance` times the
         shape. Of an assembly's scales twice the deviation of each part.
     end : End
         What is wrong just above it; or that the time given was over, so that larger ones may be good.
     solution : Solution or None
-        At `tolerance`, None where that is 0 and the question does not hold there.
+        At `tolerance`, None where that is 0 and the parts as drawn are not good, or the question does not hold there.
     above : Solution or None
         At the upper end of the bracket, None where the largest tolerance looked at is good.
     bracket : (float, float)
-        The last tolerance found good and the first found bad.
+        The last tolerance found good and the first found bad; both 0 where parts as drawn are not good.
     limit : float or None
     points : int
         Tolerances that were solved.
@@ -141,7 +143,9 @@ class Budget(Plain):
         return not self.sizes or self.requirement in OF_SCALES
 
     def tolerance_text(self, digits: int = 6) -> str:
-        """Return the tolerance in words: a share of the scales, or a deviation of sizes."""
+        """Return the tolerance in words: a share of the scales, or a deviation of sizes; whether that is none."""
+        if self.end is not End.TIME and not self.tolerance:
+            return "not even as drawn" if self.solution is None else "only as drawn"
         return _measured(self.tolerance, self.of_scales, self.unit, digits)
 
     def sizes_text(self, digits: int = 6) -> str:
@@ -189,6 +193,10 @@ class Budget(Plain):
         if self.end is End.TIME and self.solution is None:
             return f"{self.requirement}: not known, {self.advice}"
         line = f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
+        if self.bracket[1] == 0.0:
+            line = f"{self.requirement}: {self.tolerance_text()}: {self.advice}{' (proved)' * self.end_proved}"
+        elif not self.tolerance:
+            line = f"{self.requirement}: {self.tolerance_text()}; above, {self.advice}"
         return "; ".join(filter(None, (line, self.closed_text)))
 
 
@@ -546,6 +554,10 @@ class _Tolerances:
             if self.hurried < np.inf:
                 why += f", but from {_measured(self.hurried, of_scales, self.problem.unit, 3)} on"
                 why += f" not at these: {LOOKS * self.cells} were looked at by then"
+        with suppress(InputError):  # of questions that do not hold of parts as drawn
+            if low is None:
+                drawn = self.at(0.0)
+                low, high = (drawn, high) if drawn.good else (None, drawn)
         return self._result(low, high, lie, why, spacing)
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
