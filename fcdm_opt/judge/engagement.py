@@ -4,10 +4,10 @@ A *fit* is more than a contact: a peg in its hole, a nut in its rail, a hook on 
 from all parts of the other body at once. A box that stands on a slab, or in a corner, is none: it may be moved away as
 far as one likes, but not through the slab. A motion leaves the fit in one of two ways.
 
-- It goes *through* the other body, one that holds it or that it meets as drawn: on lines along the motion, material of
-  the other body that lies ahead as drawn lies behind after it. The solids are looked at as wholes, so that it makes no
-  difference how they are cut into convex parts, or whether they are; and only where as much of them passes as their
-  sizes do not explain.
+- It goes *through* the other body, one that holds it or, where no contact is tracked, meets it as drawn: on lines along
+  the motion, material of the other body that lies ahead as drawn lies behind after it. The solids are looked at as
+  wholes, so that it makes no difference how they are cut into convex parts, or whether they are; and only where as much
+  of them passes as their sizes do not explain.
 - It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
   drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
   way out. Drawing a part out on an open way is no re-positioning either. Where two widths of the parts made do not go
@@ -33,7 +33,7 @@ from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
 from fcdm_opt.judge.passing import passes, past_after
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit, overlap_as_drawn
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
@@ -65,8 +65,9 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     q, bodies = np.array(parameters), (problem.movable, problem.static)
     if not q.any():
         return False
-    if (through := goes_through(problem, parameters)) and abs(overlap_as_drawn(problem)) <= 1.0:
-        return True  # where the parts meet as drawn, held or not
+    through, tracking = goes_through(problem, parameters), problem.goal in TRACKING or problem.contacts
+    if through and not tracking and abs(overlap_as_drawn(problem)) <= 1.0:
+        return True  # the parts meet as drawn, held or not; of a contact that is tracked `path` says what is asked
     if all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
     return (through or _any_comes_off(problem, _poses(problem, q[None])[0])) and holds(problem)
