@@ -353,6 +353,12 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
+def evidence_of(problem: Problem) -> ProofData | None:
+    """Return what shows the least amount of a problem, found anew; None where there is none, or no time is left."""
+    task = Task.of(problem)
+    return _proved(problem, task, _least_motion(task, "auto"), _How("auto", True, "proved", None))[1]
+
+
 def _by_multipliers(problem: Problem, answer: Answer, seconds: float | None) -> tuple[Answer, ProofData] | None:
     """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do in that time."""
     with pacing.within(seconds, share=1.0):

@@ -5,6 +5,7 @@ Motions that are known to do are checked by the fifteen axes of two boxes, which
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from itertools import product
@@ -170,6 +171,23 @@ def test_what_lies_beyond_reach_is_proved_impossible_not_only_not_found() -> Non
     proof = [check for check in fo.verify(solution, proof=True).checks if check.name.startswith("proof")]
     assert proof
     assert all(check.passed for check in proof)
+
+
+@pytest.mark.parametrize("more", [None, fo.Translation("z")])
+def test_a_bound_that_no_evidence_was_kept_of_failed_where_its_proof_was_asked_for(more: fo.Motion | None) -> None:
+    """A bar is turned onto a post: what is claimed of the smallest turn is shown anew, what is not so is refused."""
+    posts = [*shifted(CUBE, (3.0, 2.0, 0.0)), *shifted(CUBE, (-3.0, 2.5, 0.0))]
+    bar, post = body(np.array(CUBE) * [4.0, 0.5, 0.5], name="bar"), body(posts, name="posts")
+    turn = fo.Rotation("z") if more is None else fo.Rotation("z") >> more
+    problem = fo.Problem(bar, post, target=(1.0, 1.0), goal="touch", motion=turn)
+    solution = fo.solve(problem)
+    assert solution.evidence is None
+    assert solution.gap < 0.02
+    assert fo.verify(solution, proof=True).passed
+    other = fo.solve(problem.changed(limits={"RZ": (-math.pi / 2.0, -0.1)}))
+    assert other.amount > 1.01 * solution.amount
+    forged = dataclasses.replace(other, problem=problem)
+    assert [own.name for own in fo.verify(forged, proof=True).failed] == ["proof: lower bound"]
 
 
 @pytest.mark.parametrize("way", [(0.4, 0.3, 0.2), (1.9, 1.9, 1.9), (2.1, 2.2, 0.0), (2.3, 2.2, 2.4)])
