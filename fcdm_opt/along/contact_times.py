@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import Reach, checked_direction, ray_of, reach
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
@@ -87,7 +88,8 @@ class ContactTimes(Plain):
         Between spans, and where a span is only grazed.
         Of an assembly those of all two parts together: overlapping where any do.
     keep_outs : dict of str to tuple of StateSpan
-        The same for each keep-out, by its name; of an assembly for every two parts, not both fixed, and for each part
+        The same for each keep-out, by its name, "overlapping" where it is nearer than its clearance (of facets, where
+        faces are round); of an assembly for every two parts, not both fixed, and for each part
         and keep-out, "PART - NAME".
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
@@ -164,8 +166,8 @@ def contact_times(
     Raises
     ------
     InputError
-        For a direction, a pair or a limit that is none, and for keep-outs with a clearance, or kept as a surface and
-        with a range of scales.
+        For a direction, a pair or a limit that is none, and for keep-outs kept as a surface and with a range of scales,
+        or with a clearance where it is not known how fast the motion moves corners.
 
     Notes
     -----
@@ -185,7 +187,12 @@ def contact_times(
     pair = frozen(pair)
     bodies = exact_where(_of_bodies(problem, pair), lambda own: _touching_poses(_times(own, along, pair, limit)))
     asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
-    keep_outs = {name: contact_times(own, along, limit=limit).spans for name, own in asked.items()}
+    keep_outs = {
+        own.name: _times_clear(asked[own.name], along, own.clearance, limit)
+        if own.clearance
+        else contact_times(asked[own.name], along, limit=limit).spans
+        for own in problem.keep_out
+    }
     found = _times(problem if bodies.exact_at is None else bodies, along, pair, limit)
     return replace(found, keep_outs=keep_outs)
 
@@ -219,6 +226,45 @@ def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> 
     return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved)
 
 
+def _times_clear(problem: Problem, along: Array, clearance: float, limit: float | None) -> tuple[StateSpan, ...]:
+    """Return when two bodies are nearer than a clearance: no sooner than corners move by what lacks or is left of it.
+
+    Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
+    """
+    from scipy.optimize import brentq
+
+    pair, spans, slack = problem.target, list[StateSpan](), problem.contact_slack
+    fastest = 2.0 * moving_at_most(problem, along, pair)(0.0, 1.0)[1]
+    if not 0.0 < fastest < math.inf:
+        what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
+        raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
+
+    def spare(x: float) -> float:
+        pose = problem.motion.transform(x * along, problem.movable.seed, problem.static.seed)
+        solids = PlacedSolids(problem.movable, problem.static, pair, pose)
+        return (0.0 if solids.nested else solids.distance) - clearance
+
+    for sign in (-1.0, 1.0):
+        far = reach(problem, sign * along, limit)
+        end, floor = min(_span_of(problem, along, pair, far) + clearance / fastest, far.x), DEFAULT.march * problem.size
+        x, start, here, least = 0.0, 0.0, spare(0.0), floor
+        state: State = "overlapping" if here < -slack else "apart"
+        for _ in range(STEPS):
+            if x >= end:
+                break
+            pacing.check()
+            least = 2.0 * least if abs(here) <= slack else floor
+            ahead = min(x + max(abs(here), least) / fastest, end)
+            there = spare(sign * ahead)
+            if (there < -slack) != (state == "overlapping"):
+                at = float(brentq(lambda own, sign=sign: spare(sign * own), x, ahead)) if here * there < 0.0 else x
+                spans.append(StateSpan(state, *sorted((sign * start, sign * at))))
+                start, state = at, "apart" if state == "overlapping" else "overlapping"
+            x, here = ahead, there
+        spans.append(StateSpan(state, *sorted((sign * start, sign * x))))
+    return tuple(_of_solids(problem, along, pair, sorted(spans, key=lambda own: (own.low, own.high)), [])[0])
+
+
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
     """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
     each, still = dict[str, ContactTimes](), dict[str, State]()
@@ -232,7 +278,7 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
         else:
             still[name] = _at_rest(problem)
             for own in problem.keep_out:
-                there = _at_rest(_with_keep_out(problem, own, problem.target))
+                there = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
                 kept[f"{pair[0]} - {own.name}"] = (StateSpan(there, -np.inf, np.inf),)
     low = max((own.spans[0].low for own in each.values()), default=0.0)
     high = min((own.spans[-1].high for own in each.values()), default=0.0)
@@ -257,8 +303,9 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
     return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), every, proved)
 
 
-def _at_rest(problem: Problem) -> State:
-    return "overlapping" if problem.curve.gap(problem.target) < -problem.contact_slack else "apart"
+def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
+    gap = problem.curve.distance(problem.target) if clearance else problem.curve.gap(problem.target)
+    return "overlapping" if gap < clearance - problem.contact_slack else "apart"
 
 
 def _to_first_contacts(
@@ -312,9 +359,6 @@ def _of_solids(
 
 def _with_keep_out(problem: Problem, keep_out: KeepOut, pair: Array) -> Problem:
     """Return the question about the movable body and a keep-out, at all of its scales."""
-    if keep_out.clearance:
-        what = "a range tells when bodies touch, and this keep-out is to be kept clear of by more"
-        raise InputError(what, key="keep_out", found=keep_out.name, allowed="a keep-out without clearance")
     low, high = keep_out.ends
     if keep_out.body.is_surface and low < high:
         what = "of this keep-out only the surface is kept, and it has a range of scales"

@@ -244,7 +244,9 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         one, two, widest = movable.parts[i], static.parts[j], int(separations.argmax())
         contact = located(one, two, pose, contact_at(one, two, rows[widest, :3], pose, rho), rho)
         if _across(one, two, contact, separations) > tight:  # of a face so narrow that all of it is about as high
-            contact = located(one, two, pose, contact_between(one, two, pose, *_corners(one, two, sites[widest])), rho)
+            contact = located(
+                one, two, pose, contact_between(one, two, pose, *site_corners(one, two, sites[widest])), rho
+            )
         found.append(Meeting((i, j), contact))
         near = len(touching) > 1 and abs(separations[widest]) <= tight
         near = near and _across(one, two, contact, separations) <= tight
@@ -435,7 +437,7 @@ def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Arr
     return deep
 
 
-def _corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
+def site_corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
     """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
     kind, own, other = site.tolist()
     return one.vertices_of(_LETTERS[kind][0], own), two.vertices_of(_LETTERS[kind][1], other)

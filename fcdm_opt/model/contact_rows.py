@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.contact import feature_of_site
+from fcdm_opt.curve.contact import feature_of_site, site_corners
+from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.lazy_import import imported
@@ -243,11 +244,39 @@ Nearest = dict[Parts, tuple[tuple[int, int, int], Array]]
 
 
 def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], Array]:
-    """Return the features of a part pair that are furthest apart, as a site, and their normal."""
+    """Return the features of a part pair that are furthest apart, as a site, and their normal.
+
+    Of several along one normal, as of faces in parallel, those that are least aside of one another.
+    """
     sites, rows, separations = task.separations(parts, task.pose(q))
-    widest = int(np.argmax(separations))
-    kind, i, j = (int(x) for x in sites[widest])
-    return (kind, i, j), rows[widest, :3]
+    tie, widest = DEFAULT.tie * task.size, int(np.argmax(separations))
+    one, other, T = task.movable.parts[parts[0]], task.obstacles[parts[1]], task.transform(q)
+    moved = (one.seed + task.target[0] * (one.vertices - one.seed)) @ T[:3, :3].T + T[:3, 3]
+    near, found = other.placed(np.zeros(3)), list[tuple[float, tuple[int, int, int], Array]]()
+    for row in [widest, *np.flatnonzero(separations >= separations[widest] - tie).tolist()]:
+        (kind, i, j), normal = sites[row].tolist(), rows[row, :3]
+        level = [(kind, i, j)]
+        if kind == F1V2:
+            level = [(kind, i, k) for k in np.flatnonzero(near @ normal <= near[j] @ normal + tie).tolist()]
+        elif kind == V1F2:
+            level = [(kind, k, j) for k in np.flatnonzero(moved @ normal >= moved[i] @ normal - tie).tolist()]
+        for site in level:
+            own, its = site_corners(one, other.part, np.array(site))
+            aside = _aside(normal, moved[list(own)], near[list(its)])
+            found.append((aside if aside > tie else 0.0, site, normal))
+            if not found[-1][0]:
+                return site, normal
+    return min(found, key=lambda each: each[0])[1:]
+
+
+def _aside(normal: Array, one: Array, two: Array) -> float:
+    """Return how far the corners of one element are from those of another as seen along a normal; 0 where they meet."""
+    sides = np.concatenate([own - np.roll(own, 1, axis=0) for own in (one, two)])
+    lines = np.concatenate([sides - (sides @ normal)[:, None] * normal, np.cross(sides, normal)])
+    lengths = np.linalg.norm(lines, axis=1)
+    lines = lines[lengths > 0.0] / lengths[lengths > 0.0, None]
+    a, b = one @ lines.T, two @ lines.T
+    return float(np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0)).max(initial=0.0))
 
 
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:

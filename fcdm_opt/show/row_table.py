@@ -45,7 +45,7 @@ def rows_text(rows: ContactRows) -> str:
 
 
 def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:
-    """Return the cells of a row: of several numbers that are to be positive the least, no slopes of several others."""
+    """Return the cells of a row: of a plane what it leaves between the parts, no slopes of several numbers."""
     import casadi
 
     name = next(own for own in ("gap", "aligned", "apart", "rho") if own in row.function.name_out())
@@ -53,7 +53,9 @@ def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:
     out = casadi.vec(row(q=q, **({"plane": row.start} if len(row.start) else {}))[name])
     values, slopes = (own.full() for own in casadi.Function("row", [q], [out, casadi.jacobian(out, q)])(rows.at))
     if name == "apart":
-        values, slopes = (own[[values.argmin()]] for own in (values, slopes))
+        count = row.numbers["movable"].shape[1]  # of the corners on one side of the plane: what both sides leave
+        both = [int(values[:count].argmin()), count + int(values[count:].argmin())]
+        values, slopes = (own[both].sum(axis=0, keepdims=True) for own in (values, slopes))
     steep = zip(rows.parameters, slopes[0].tolist(), strict=True)
     terms = (f"{parameter} {x:+.4g}" for parameter, x in steep if abs(x) > 1e-12)
     return {

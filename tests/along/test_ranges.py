@@ -313,6 +313,23 @@ def test_contact_times_of_a_cube_that_passes_through_another():
     assert fo.contact_times(facing, scale_pair=(3.5, 1.0)).spans[1].state == "overlapping"
 
 
+def test_contact_times_of_a_keep_out_with_a_clearance_were_refused():
+    """A cube passes a post 0.3 beside its way: nearer than 0.5 from where corner and side are that far apart."""
+    corners = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    cube, table = fo.Body.convex(corners), fo.Body.convex(9.0 * corners + (0.0, 0.0, -10.0), name="table")
+    post = fo.Body.convex(0.5 * corners + (3.5, 1.8, 0.0), name="post")
+    asked = fo.Problem(cube, table, target=(1.0, 1.0), goal="clear", motion=fo.Translation("x"))
+    for clearance, ends in ((0.5, (1.6, 5.4)), (0.2, ())):
+        kept = asked.changed(keep_out=[fo.KeepOut(post, clearance=clearance)])
+        spans = fo.contact_times(kept).keep_outs["post"]
+        near = [(own.low, own.high) for own in spans if own.state == "overlapping"]
+        assert near == ([pytest.approx(ends, abs=1e-6)] if ends else [])
+    post = fo.KeepOut(fo.Body.convex(corners * (0.5, 0.2, 0.5) + (1.8, 0.0, 0.0)), clearance=0.1)
+    turned = asked.changed(motion=fo.Rotation("z"), keep_out=[post])
+    first = fo.contact_times(turned).free[1]  # the side x = 1 comes to 0.1 from the post's corner (1.3, -0.2)
+    assert 1.3 * math.cos(first) - 0.2 * math.sin(first) == pytest.approx(1.1, abs=1e-6)
+
+
 def test_contact_times_of_a_bar_that_turns():
     bar = box_shape((-2, "-0.25", -1), (2, "0.25", 1), seed=(0, 0, 0)).body("bar")
     post = box_shape((1, 1, -1), (3, 3, 1)).body("post")

@@ -158,7 +158,7 @@ def test_a_root_within_limits_that_exclude_rest_was_not_found() -> None:
     low, high = (ScaledPair(one, two).signed_distance((1, 1), asked.motion.transform([angle], one.seed, two.seed))
                  for angle in (-1.4511, -1.4512))  # fmt: skip
     assert low * high < 0
-    assert solve(asked).status is Status.SOLVED
+    assert solve(asked).verified
 
 
 @pytest.mark.parametrize("motion", [X >> Rotation("y") >> Rotation("z"), SIX], ids=["three", "six"])

@@ -42,6 +42,18 @@ def test_functions_have_names_and_take_everything_as_input():
         assert left == ({"q", "plane"} if row is clearance else {"q"})
 
 
+def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart_had_no_clearance():
+    """A small block 3 above a large slab, over its middle and over its edge: a corner of the block that is over it."""
+    for x in (0.0, 3.0):
+        block = fo.Body.convex(0.5 * CUBE + (x, 0.0, 3.5), name="block")
+        rows = fo.contact_rows(fo.Problem(block, TABLE, target=(1.0, 1.0), goal="touch", motion=SHIFT))
+        kind, number, *names = rows.contacts[0].name.split(" ", 2)
+        assert (kind, names) == ("corner", ["of block, top face of table"])
+        assert np.abs(block.vertices[int(number) - 1, :2]).max() <= 3.0
+        lines = [line for line in str(rows).splitlines() if line.startswith(("contacts", "clearances"))]
+        assert all(" +3 " in line for line in lines)
+
+
 def test_rows_of_one_kind_share_their_function():
     one, two = (fo.contact_rows(asked(target=(rho, 1.0))) for rho in (1.02, 1.03))
     assert one.contacts[0].function is two.contacts[0].function
