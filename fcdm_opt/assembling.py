@@ -66,7 +66,7 @@ class _Met(NamedTuple):
     """How a group of contacts that share motions is met: parameters by part, none without a motion.
 
     `bound` is of the weighted amount of the group's parts, `open_` what meshes leave open of it; `contacts` are the
-    solutions by their pairs, `shared` the pairs where they share motions.
+    solutions by their pairs, `shared` the pairs where they share motions, `names` those of all.
     """
 
     status: Status
@@ -77,6 +77,14 @@ class _Met(NamedTuple):
     contacts: dict[tuple[str, str], Solution]
     open_: tuple[float, float] = (nan, nan)
     shared: tuple[tuple[str, str], ...] = ()
+    names: tuple[str, ...] = ()
+
+    @property
+    def why_not(self) -> str:
+        """Which contacts are not met, in words."""
+        more = " together" * (len(self.names) > 1)
+        unmet = f"cannot be met{more}" if self.status is Status.INFEASIBLE else f"not met{more}: {self.status.words}"
+        return f"contact{'s' * bool(more)} {', '.join(self.names)} {unmet}"
 
 
 class _Solving:
@@ -111,7 +119,7 @@ class _Solving:
         groups, met = list(_groups(self._assembly, pairs)), list[_Met]()
         for group in groups:
             with pacing.sharing(1.0 / (len(groups) - len(met))):
-                met.append(self._met(group))
+                met.append(self._met(group)._replace(names=tuple(map(str, group))))
         return met
 
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
@@ -219,10 +227,11 @@ class _Solving:
         told: dict[str, Any] = {"assembly": assembly, "stages": tuple(stages), "active": tuple(active)}
         if self._certify:
             told["evidence"] = tuple(SharedBound(group.shared, group.bound) for group in groups if group.shared)
-        failed = [group.status for group in groups if not group.q]
+        failed = [group for group in groups if not group.q]
         if failed:
-            status = Status.INFEASIBLE if Status.INFEASIBLE in failed else failed[0]
-            return AssemblySolution(status=status, lower_bound=bound, **told)
+            worst = next((group.status for group in failed if group.status is Status.INFEASIBLE), failed[0].status)
+            told["active"] = tuple(why for group in failed for why in (group.why_not, *group.active))
+            return AssemblySolution(status=worst, lower_bound=bound, **told)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}

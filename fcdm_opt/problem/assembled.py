@@ -63,6 +63,18 @@ class AssemblySensitivity(Plain):
     motion_by_size: Mapping[str, Array]
 
 
+class ByPart(dict[str, Any]):
+    """What is known of each part, by its name; `why` there is nothing, where that is so."""
+
+    def __init__(self, known: Mapping[str, Any], why: str = "") -> None:
+        super().__init__(known)
+        self._why = why
+
+    def __missing__(self, name: str) -> Any:
+        what = f"there are {', '.join(self)}" if self else f"no motion was found{self._why}"
+        raise KeyError(f"{name!r}; {what}")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AssemblySolution(Bounded):
     """Answer to an `Assembly`.
@@ -75,7 +87,8 @@ class AssemblySolution(Bounded):
     parameters : dict
         Of each part's motion by name (length units, radians), by part; empty where no motion was found.
     transforms : dict
-        Pose change of each part in the world, (4, 4), by part; empty likewise.
+        Pose change of each part in the world, (4, 4), by part; empty likewise. Another name is a `KeyError` that says
+        what there is.
     amounts : dict
         Amount of each part's motion, length units, not weighted.
     amount : float
@@ -114,6 +127,12 @@ class AssemblySolution(Bounded):
     stages: tuple[str, ...] = ()
     evidence: tuple[SharedBound, ...] | None = None
 
+    def __post_init__(self) -> None:
+        """Keep what is known by part so that a name which is none says what there is."""
+        why = "" if self.parameters else f": {self.status.words}"
+        for key in ("parameters", "transforms", "amounts"):
+            object.__setattr__(self, key, ByPart(getattr(self, key), why))
+
     def __str__(self) -> str:
         """Return the verdict in words."""
         name, told = self.assembly.name, imported("show.assemblies:assembly_verdict")(self)
@@ -143,9 +162,9 @@ class AssemblySolution(Bounded):
 
     @property
     def _why_not(self) -> str:
-        """Which part leaves its fit, and where, or which widths do not go together."""
+        """Which part leaves its fit, and where, or which widths do not go together, or contacts that are not met."""
         if self.status is not Status.OUTSIDE_FIT:
-            words = verdict(self.assembly)
+            words = verdict(self.assembly) or "; ".join(self.active * (not self.status.found))
             return words[:1].upper() + words[1:]
         checks = self.certificate.checks if self.certificate else ()
         return next((check.note for check in checks if check.name == IN_PLACE), "")

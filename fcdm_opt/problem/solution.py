@@ -159,7 +159,11 @@ class Certificate(Plain, NotebookRepr):
 
     @property
     def passed(self) -> bool:
-        """Whether there are checks and every one passed."""
+        """Whether there are checks and every one passed: of a motion; without any, the check that there is one fails.
+
+        That none is possible is proved where the status says so: its bound is infinite, and `verify(proof=True)` looks
+        at what shows that.
+        """
         return bool(self.checks) and all(check.passed for check in self.checks)
 
     @property
@@ -449,7 +453,8 @@ class Solution(Bounded):
         Between these the least amount is for the parts whose round faces are cylinders, cones, spheres and so on, as
         far as the facets that stand for them leave it open: the amount for bodies that the true ones hold, and for
         bodies that hold them. Both are `amount` where all faces that matter are plane; nan where it is not known, and
-        of effort "quick", which does not look; infinite where the larger bodies may not do at all, or neither does.
+        of effort "quick", which does not look; infinite where the larger bodies may not do at all, or neither does:
+        both, beside the `amount` of a motion that leaves the fit, where nothing keeps the true parts in it.
         Worked out when first read or printed, as that takes further solves; within a time that is given at once.
     rho : (2,) array or None
         The tracked contact point after the motion; for "touch" and "clear" the target pair.

@@ -982,3 +982,26 @@ def test_a_motion_that_two_proofs_are_about_counts_once() -> None:
     forged = replace(loop, contacts=contacts, evidence=(fewer,), lower_bound=most)
     checks = {check.name: check for check in fo.verify(forged, proof=True).checks}
     assert checks["proof: lower bound"].value <= 0.01
+
+
+def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_none(monkeypatch) -> None:
+    """The tip is 0.3 above the arm, and may go 0.1; the arm meets the base."""
+    ends = {"base": ((-5, -5, -1), (5, 5, 0)), "arm": ((-1, -1, 0.2), (1, 1, 1)), "tip": ((-0.5, -0.5, 1.3), (1, 1, 2))}
+    parts = [fo.Body.convex(block(*own), name=name) for name, own in ends.items()]
+    asked = {"motions": {"arm": fo.Translation("z"), "tip": fo.Translation("z") >> fo.Translation("x")}}
+    contacts = [{"parts": pair, "goal": "touch"} for pair in (("arm", "base"), ("tip", "arm"))]
+    assembly = fo.Assembly(parts, contacts, **asked, limits={"tip": {"TZ": (-0.1, 0.1)}})
+    solution = fo.solve(assembly)
+    assert solution.status is Status.INFEASIBLE
+    assert str(solution).startswith("Contact tip - arm cannot be met. Proved impossible")
+    assert solution.active == ("contact tip - arm cannot be met",)
+    with pytest.raises(KeyError, match="'arm'; no motion was found: impossible"):
+        solution.transforms["arm"]
+    found = fo.solve(assembly.with_limits("tip.TZ", (-1.0, 1.0)))
+    with pytest.raises(KeyError, match="'hand'; there are base, arm, tip"):
+        found.transforms["hand"]
+    monkeypatch.setattr("fcdm_opt.design.whatif.compare.families", lambda: {"translation z": fo.Translation("z")})
+    monkeypatch.setattr("fcdm_opt.design.whatif.compare.contained", dict)
+    rows = {row.name: row for row in fo.compare(found.assembly).table}
+    assert rows["as given"].amount == pytest.approx(found.amount)
+    assert rows["as given"].to_dict()["motion"] == "; ".join(f"{part} {told}" for part, told in found.motions.items())

@@ -60,7 +60,8 @@ class FamilyRow(PlainMotion):
     Attributes
     ----------
     name : str
-    motion : Motion
+    motion : Motion or None
+        None of an assembly as given, whose parts have a motion each.
     solution : Solution, AssemblySolution or None
         None where the question does not hold for the family.
     dropped : tuple of str
@@ -74,7 +75,7 @@ class FamilyRow(PlainMotion):
     plain_names: ClassVar[tuple[str, ...]] = ("status", "dropped", "tied", "note")
 
     name: str
-    motion: Motion
+    motion: Motion | None
     solution: Bounded | None
     dropped: tuple[str, ...] = ()
     tied: tuple[str, ...] = ()
@@ -183,19 +184,21 @@ def compare(
     return Comparison(problem=problem, length=problem.turning_length, table=tuple(table))
 
 
-def _usual(problem: Any) -> dict[str, Motion]:
-    usual = families()
-    if isinstance(problem, Assembly) or any(problem.motion.steps == motion.steps for motion in usual.values()):
-        return usual
-    return {OWN: problem.motion, **usual}
+def _usual(problem: Any) -> dict[str, Motion | None]:
+    """Return the usual families, and what is asked where that is none of them."""
+    usual, several = families(), isinstance(problem, Assembly)
+    own = [*problem.motions.values()] if several else [problem.motion]
+    if any(all(motion.steps == each.steps for each in own) for motion in usual.values()):
+        return {**usual}
+    return {OWN: None if several else problem.motion, **usual}
 
 
-def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion]:
+def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion | None]:
     """Return checked motions by name, those without one named by their parameters."""
     if not isinstance(motions, Mapping | Iterable) or isinstance(motions, str | Motion | np.ndarray):
         found = type(motions).__name__
         raise InputError("no motions", key="motions", found=found, allowed="a mapping or a sequence of Motion")
-    made: dict[str, Motion] = {}
+    made: dict[str, Motion | None] = {}
     pairs = motions.items() if isinstance(motions, Mapping) else ((None, motion) for motion in motions)
     for k, (name, motion) in enumerate(pairs, 1):
         if not isinstance(motion, Motion):
@@ -209,11 +212,11 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
     return made
 
 
-def _row(problem: Any, name: str, motion: Motion, certify: bool) -> FamilyRow:
+def _row(problem: Any, name: str, motion: Motion | None, certify: bool) -> FamilyRow:
     """Return a family solved, or why it cannot be asked."""
     row = FamilyRow(name=name, motion=motion, solution=None)
     try:
-        asked, dropped = problem.with_motion(motion)
+        asked, dropped = (problem, ()) if motion is None else problem.with_motion(motion)
         return replace(row, solution=solve(asked, certify=certify), dropped=dropped)
     except InputError as reason:
         return replace(row, note=str(reason))
