@@ -230,7 +230,7 @@ class _Solving:
         failed = [group for group in groups if not group.q]
         if failed:
             worst = next((group.status for group in failed if group.status is Status.INFEASIBLE), failed[0].status)
-            told["active"] = tuple(why for group in failed for why in (group.why_not, *group.active))
+            told["active"] = tuple(why for group in failed for why in group.active or (group.why_not,))
             return AssemblySolution(status=worst, lower_bound=bound, **told)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}

@@ -75,6 +75,8 @@ IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
 SHORTEST = 1e-4  # seconds that a call counts at least
 LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
+NOTICED = 2.0  # seconds of compiling after which a library call says why it takes long
+NOTICE = "compiling numerical kernels, for a minute or two in all; kept for later runs: fcdm-opt warmup compiles all"
 LITTLE = 400000  # entries of all its arrays up to which it is light
 PLACES = 1 << 16  # of kernels in what processes share
 _left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
@@ -517,10 +519,10 @@ _ALL: WeakKeyDictionary[_Compiled, None] = WeakKeyDictionary()
 
 
 class _Progress(event.Listener):
-    """Tells whoever listens how far compiling is, else a log that is silent unless asked for."""
+    """Tells whoever listens how far compiling is, else a log: once as a warning, which is seen."""
 
     def __init__(self) -> None:
-        self._depth, self._start = 0, 0.0
+        self._depth, self._start, self._took, self._process = 0, 0.0, 0.0, os.getpid()
 
     def on_start(self, event: Any) -> None:
         """Note that a function is about to be compiled."""
@@ -538,6 +540,9 @@ class _Progress(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             pacing.exclude_time(perf_counter() - self._start)
+            before, self._took = self._took, self._took + perf_counter() - self._start
+            if before < NOTICED <= self._took and os.getpid() == self._process and not pacing.has_listeners():
+                logging.getLogger("fcdm_opt").warning(NOTICE)
             if pacing.has_listeners():
                 self._tell()
 

@@ -358,8 +358,8 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         exists=not reasons,
         reasons=tuple(reasons),
         parameters=problems[0].motion.names,
-        scales={name: x for name, (x, _) in zip(scales, each[:rates], strict=True)},
-        sizes={name: x for name, (x, _) in zip(sizes, each[rates:], strict=True)},
+        scales={name: x + 0.0 for name, (x, _) in zip(scales, each[:rates], strict=True)},
+        sizes={name: x + 0.0 for name, (x, _) in zip(sizes, each[rates:], strict=True)},
         motion_by_scale={name: frozen(own) for name, (_, own) in zip(scales, each[:rates], strict=True)},
         motion_by_size={name: frozen(own) for name, (_, own) in zip(sizes, each[rates:], strict=True)},
     )

@@ -561,9 +561,10 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
 
 
 def rounding_line(bodies: Sequence[Body]) -> str:
-    """Return which line of a file takes facets for round faces, and where it goes; "" where none does."""
-    names = dict.fromkeys(body.name or "the part" for body in bodies if may_be_rounded(body))
-    return f'a line "round = true" below the "file" of {" and of ".join(names)} takes them as round' if names else ""
+    """Return which line of a file, or call, takes facets for round faces; "" where nothing does."""
+    names = " and of ".join(dict.fromkeys(body.name or "the part" for body in bodies if may_be_rounded(body)))
+    line = f'a line "round = true" below the "file" of {names}, from Python body.rounded(), takes them as round'
+    return line if names else ""
 
 
 def may_be_rounded(body: Body) -> bool:

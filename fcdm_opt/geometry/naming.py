@@ -30,6 +30,7 @@ STEEP = 0.9  # cosine: two cones side by side that are turned less against one a
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 NUMBERED = 24  # corners of a body up to which one is told by its number
+ROUNDED = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
 NEAR_FACE = 1e-3  # of the size: so near to a face is what stands for it
 ENDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z, below and above: as drawings have them, where the front view looks
@@ -83,7 +84,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
         if surface.line is not None and surface.line[1] != 0.0:
             ends = corners[np.isin(owners, rows)].reshape(-1, 3) - surface.origin
             away = norms(ends - (ends @ surface.axis)[:, None] * surface.axis)
-            name = f"{ROUND_KINDS[4 + inside]} radius {away.min():.4g} to {away.max():.4g}"
+            name = f"{ROUND_KINDS[4 + inside]} radius {_ends(away)}"
             found.append(Round(name, surface, faces))
         elif surface.line is not None or not surface.ring:
             kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
@@ -343,8 +344,14 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
     steep, start = np.polyfit(np.abs(along), away, 1)
     line = np.array([1.0, steep]) / np.hypot(1.0, steep)
     surface = Swept(apex - start / steep * axis, axis, (float(line[0]), float(line[1])), 0.0, 0.0)
-    name = f"{'cone' if outward else 'countersink'} radius {away.min():.4g} to {away.max():.4g}"
+    name = f"{'cone' if outward else 'countersink'} radius {_ends(away)}"
     return Round(name, surface, faces)
+
+
+def _ends(radii: Array) -> str:
+    """Return the least and the largest radius in words; one that is rounding is 0."""
+    least, most = float(radii.min()), float(radii.max())
+    return f"{least if least > ROUNDED * most else 0.0:.4g} to {most:.4g}"
 
 
 def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:

@@ -575,8 +575,9 @@ class Screw(Straight):
     def __post_init__(self) -> None:
         if isinstance(self.axis, str):
             if self.axis != "seeds":
-                allowed = '"seeds" or (point, direction)'
-                raise InputError("unknown axis", key="Screw.axis", found=self.axis, allowed=allowed)
+                line = AXES.get(self.axis, (0.0, 0.0, 1.0))
+                allowed = f'"seeds", or a line as (point, direction): (body.seed, {line}) is one through a seed'
+                raise InputError("a screw is about a line", key="Screw.axis", found=self.axis, allowed=allowed)
         elif np.shape(self.axis) != (2, 3):
             raise InputError("a line is (point, direction)", key="Screw.axis", found=self.axis)
         else:

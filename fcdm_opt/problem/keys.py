@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import reduce
 from operator import rshift
 from pathlib import Path
@@ -449,16 +450,24 @@ class ProblemFile(Entry, title="Problem file"):
 
     def problems(self, made_of: Callable[..., Made], file: Path | None = None) -> tuple[Made, ...]:
         """Return what `Problem` makes of each case's arguments; `file` is where the contents come from."""
-        parts = self._parts(file)
-        made = []
-        for key, case in self.named_cases(file).items():
+        cases = self.named_cases(file)
+        for key, case in cases.items():  # what is wrong there is said before meshes are read
+            with self._placing(case, key, file):
+                case.arguments(self.defaults)
+        parts, made = self._parts(file), list[Made]()
+        for key, case in cases.items():
             pacing.at(f"looking how the parts of {key} lie")
             pacing.check()
-            try:
+            with self._placing(case, key, file):
                 made.append(made_of(**case.asked(parts, self.defaults)))
-            except InputError as reason:
-                raise self._placed(reason, case, key).within(file=file) from reason
         return tuple(made)
+
+    @contextmanager
+    def _placing(self, case: Case, key: str, file: Path | None) -> Iterator[None]:
+        try:
+            yield
+        except InputError as reason:
+            raise self._placed(reason, case, key).within(file=file) from reason
 
     def _placed(self, reason: InputError, case: Case, place: str) -> InputError:
         """Return what is wrong in a case, placed where the key stands: in the case, or in the defaults."""
@@ -486,6 +495,8 @@ class ProblemFile(Entry, title="Problem file"):
             with placed(file=home, key=f"bodies.{role}"):
                 return entry.body(role, folder)
 
+        with placed(file=file):
+            sizes = each("size", [entry.size for entry in self.size])
         movable, static = bodies
         files = (Path(folder or "") / str(entry.file) for _, entry in (movable, static))
         both, others = process_pool.both(read, (movable, static), files), list[KeepOut]()
@@ -493,7 +504,6 @@ class ProblemFile(Entry, title="Problem file"):
             for k, entry in enumerate(self.keep_out, 1):
                 with placed(key=f"keep_out[{k}]"):
                     others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
-            sizes = each("size", [entry.size for entry in self.size])
             kept = {keep_out.name: keep_out for keep_out in keep_outs(others)}
             return Parts(both[0], both[1], kept, unit, tuple(sizes))
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fcdm_opt import Body, Problem, Size, Translation, decision_curve
+from fcdm_opt import Body, Problem, Size, Translation, decision_curve, solve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
@@ -196,3 +196,16 @@ def test_a_line_of_contact_was_as_long_as_the_piece_that_is_exact_there() -> Non
     np.testing.assert_allclose(line[np.argsort(line[:, 1])], [[0, -10, 0], [0, 10, 0]], atol=1e-9)
     ball = true_faces(Sphere(5.0, centre=(0, 0, 5), facets=12))
     assert line_of_contact((ball, faces[1]), (1.0, 1.0), np.eye(4), np.zeros(3)) is None
+
+
+def test_the_tip_of_a_cone_had_a_radius_and_facets_stood_for_round_faces_where_these_meet_others() -> None:
+    turns = np.arange(48) * np.pi / 24.0
+    ring = np.column_stack([4.0 * np.cos(turns), 4.0 * np.sin(turns), np.zeros(48)])
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    cone = Body.convex(np.vstack([ring, [0.0, 0.0, 5.0]]) @ turn.T + [1.1, 2.2, -3.3])
+    assert "cone radius 0 to 4" in names_of_faces(cone).values()
+    plate = cut(Box((20, 20, 10), name="plate"), Cylinder(8, 20, base=(0, 0, -10)))
+    bore = Size("bore", "static", faces="bore radius 8", each=-1.0, tolerance=0.1)
+    asked = {"motion": Translation("x"), "goal": "touch", "sizes": [bore], "made": {"bore": 2.5}}
+    with pytest.raises(InputError, match=r"faces meet otherwise than as drawn: face F\d+, the bore of radius 8"):
+        solve(Problem(Cylinder(7, 30, base=(0, 0, -15)), plate, **asked))

@@ -418,7 +418,7 @@ def test_a_step_that_brings_the_seed_onto_the_other_leaves_no_screw_axis():
         (lambda: Rotation("z", "centroid"), "unknown centre"),
         (lambda: Rotation("z", (1, 2)), "three"),
         (lambda: Rotation("z", (1, 2, math.nan)), "finite"),
-        (lambda: Screw("z"), "unknown axis"),
+        (lambda: Screw("z", 0.5), r"a screw is about a line.*\(body.seed, \(0.0, 0.0, 1.0\)\)"),
         (lambda: Screw((1, 2, 3)), "line"),
         (lambda: Screw(((0, 0, 0), (0, 0, 0))), "zero"),
         (lambda: Screw("seeds", "loose"), "unknown pitch"),

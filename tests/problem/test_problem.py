@@ -7,6 +7,7 @@ import json
 import math
 import re
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.keys import ARGUMENTS, Arguments, Case
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.solver import solve
 
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -519,3 +520,15 @@ def test_the_same_feature_twice_is_refused() -> None:
     label = str(peaks().nominal_features[0])
     with pytest.raises(InputError, match="parallel"):
         peaks(features=(label, label))
+
+
+@pytest.mark.parametrize("wrong", ["limits = { TQ = [0.0, 1.0] }", 'name = "A"'])
+def test_meshes_were_read_before_keys_of_cases_were_looked_at(wrong: str, tmp_path: Path) -> None:
+    """A file that is not there would be told first."""
+    bodies = "".join(f'[bodies.{role}]\nfile = "none.stl"\nunit = "mm"\n' for role in ("movable", "static"))
+    named = "" if wrong.startswith("name") else 'name = "B"\n'
+    text = f'{bodies}[defaults]\nmotion = [{{ translation = "z" }}]\n[[case]]\nname = "A"\n[[case]]\n{named}{wrong}\n'
+    (tmp_path / "asked.toml").write_text(text, "utf-8")
+    with pytest.raises(InputError) as refused:
+        load_problems(tmp_path / "asked.toml")
+    assert refused.value.key in ("case[2] 'B'.limits.TQ", "case[2] 'A'.name")

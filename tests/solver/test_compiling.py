@@ -9,7 +9,9 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ import pytest
 from conftest import PLAIN
 from documents import ROOT
 
-from fcdm_opt import compiling
+from fcdm_opt import compiling, pacing
 from fcdm_opt.compiling import kernel, light, stamp_of, step
 from fcdm_opt.curve import kernels
 
@@ -326,3 +328,22 @@ def test_rivals_in_the_charts_ran_as_plain_python() -> None:
                 called |= {f"{path.name}: {call.func.id}"} if call.func.id in inner else set()
     assert len(files) > 200
     assert not called
+
+
+def test_a_library_call_that_compiles_for_seconds_said_nothing(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Once, and not where somebody listens, as on the command line."""
+    clock = iter(range(1000))
+    monkeypatch.setattr(compiling, "perf_counter", lambda: 0.9 * next(clock))
+    monkeypatch.setattr(compiling, "_ALL", {None: None})
+    monkeypatch.setattr(compiling._Progress, "_tell", lambda self: None)
+    compiled = SimpleNamespace(data={"dispatcher": None})
+    for listening, notes in ((nullcontext(), 1), (pacing.listening(lambda *told: None), 0)):
+        caplog.clear()
+        progress = compiling._Progress()
+        with listening:
+            for _ in range(6):
+                progress.on_start(compiled)
+                progress.on_end(compiled)
+        assert [own.message for own in caplog.records] == [compiling.NOTICE] * notes

@@ -447,7 +447,7 @@ def stack_up(
     if problem.keep_out:
         what = "a stack-up is of the gap of two bodies, and does not look at keep-outs"
         found = [own.name for own in problem.keep_out]
-        raise InputError(what, key="keep_out", found=found, allowed="problem.changed(keep_out=())")
+        raise InputError(what, key="keep_out", found=found, allowed="none: a case without them")
     between = (getattr(problem, "clearance", 0.0), np.inf) if limits is None else interval(limits, "limits")
     if isinstance(problem, Assembly):
         if pose is not None:
