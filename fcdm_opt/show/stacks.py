@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.spread import GapYield
     from fcdm_opt.design.stack.stack_up import SizeShare, StackUp
 
+MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
 DRAWN, DRAWN_ZERO = "as drawn", 2e-3
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, corners of a face that
@@ -75,17 +76,24 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
 
 
 def print_faces(body: Body, role: str) -> None:
-    """Print the faces of a body, as sizes name them; the facets of a cylinder as one."""
+    """Print the faces of a body, as sizes name them; the facets of a cylinder, or of a torus, as one."""
     print_text(f"{role}: body '{body.name}'")
     for told in told_solids((body,)):
         print_text(told)
-    rows, round_places = [], _round_places(body)
-    for name, own in groupby(sorted(listed_faces(body), key=_place), key=lambda face: face["name"]):
+    rows, round_places, whole = [], _round_places(body), body.full_body or body
+    rings = [own for own in whole.surfaces or () if own[0].ring]
+    tori = {
+        whole.faces[row]: f"torus radius {surface.radius:.4g}{f' no. {k}' * (len(rings) > 1)}"
+        for k, (surface, own_rows) in enumerate(rings, 1)
+        for row in own_rows
+    }
+    listed = [{**face, "name": tori.get(tuple(face["vertices"]), face["name"])} for face in listed_faces(body)]
+    for name, own in groupby(sorted(listed, key=_place), key=lambda face: face["name"]):
         face, *others = own
         if others:
             area = sum(one["area"] or 0.0 for one in (face, *others))
             covered = f"{area:.6g}" if face["area"] is not None else ""
-            axis, plane = round_places[tuple(sorted(face["vertices"]))]
+            axis, plane = round_places.get(tuple(sorted(face["vertices"])), ("", "round its ring"))
             plane = f"{plane}, {len(others) + 1} facets"
             rows.append({"face": face["face"], "name": name, "normal": axis, "plane": plane, "area": covered})
             continue
@@ -93,7 +101,9 @@ def print_faces(body: Body, role: str) -> None:
         covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
-    print_rows(rows, numbers=("area",), optional=("area",))
+    print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",))
+    if len(rows) > MOST_LISTED:
+        print_text(f"... and {len(rows) - MOST_LISTED} more: --json lists all")
 
 
 def _round_places(body: Body) -> dict[Label, tuple[str, str]]:

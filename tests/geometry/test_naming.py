@@ -18,8 +18,9 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
-from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, cut
+from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut
 from fcdm_opt.geometry.resizing import _by_features
+from fcdm_opt.show.stacks import print_faces
 
 
 def ring(radius: float, count: int, z: float) -> np.ndarray:
@@ -209,3 +210,13 @@ def test_the_tip_of_a_cone_had_a_radius_and_facets_stood_for_round_faces_where_t
     asked = {"motion": Translation("x"), "goal": "touch", "sizes": [bore], "made": {"bore": 2.5}}
     with pytest.raises(InputError, match=r"faces meet otherwise than as drawn: face F\d+, the bore of radius 8"):
         solve(Problem(Cylinder(7, 30, base=(0, 0, -15)), plate, **asked))
+
+
+def test_facets_of_a_torus_were_listed_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:
+    ring = Torus(10, 3, name="ring", facets=24)
+    print_faces(ring, "movable")
+    (line,) = (own for own in capsys.readouterr().out.splitlines() if "torus" in own)
+    assert line.split()[:-1] == ["F1", *f"torus radius 3 round its ring, {len(ring.faces)} facets".split()]
+    print_faces(ring.faceted(), "movable")
+    listed = capsys.readouterr().out.splitlines()
+    assert listed[-1] == f"... and {len(ring.faces) - 200} more: --json lists all"
