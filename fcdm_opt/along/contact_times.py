@@ -239,7 +239,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
         what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
         raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
 
-    def spare(x: float) -> float:
+    def excess(x: float) -> float:
         pose = problem.motion.transform(x * along, problem.movable.seed, problem.static.seed)
         solids = PlacedSolids(problem.movable, problem.static, pair, pose)
         return (0.0 if solids.nested else solids.distance) - clearance
@@ -247,7 +247,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     for sign in (-1.0, 1.0):
         far = reach(problem, sign * along, limit)
         end, floor = min(_span_of(problem, along, pair, far) + clearance / fastest, far.x), DEFAULT.march * problem.size
-        x, start, here, least = 0.0, 0.0, spare(0.0), floor
+        x, start, here, least = 0.0, 0.0, excess(0.0), floor
         state: State = "overlapping" if here < -slack else "apart"
         for _ in range(STEPS):
             if x >= end:
@@ -255,9 +255,9 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
             pacing.check()
             least = 2.0 * least if abs(here) <= slack else floor
             ahead = min(x + max(abs(here), least) / fastest, end)
-            there = spare(sign * ahead)
+            there = excess(sign * ahead)
             if (there < -slack) != (state == "overlapping"):
-                at = float(brentq(lambda own, sign=sign: spare(sign * own), x, ahead)) if here * there < 0.0 else x
+                at = float(brentq(lambda own, sign=sign: excess(sign * own), x, ahead)) if here * there < 0.0 else x
                 spans.append(StateSpan(state, *sorted((sign * start, sign * at))))
                 start, state = at, "apart" if state == "overlapping" else "overlapping"
             x, here = ahead, there

@@ -529,8 +529,8 @@ def _at(body: Body, sizes: Sequence[Size], values: Array) -> Iterator[None]:
 
 def _named(body: Body, face: int, more: str = "") -> str:
     """Return a face by its number, one of the facets of a round face as that."""
-    told = told_element(body, Element("F", body.faces[face]))
-    return with_article(told) if is_round(told) else f"face F{face + 1}{more}"
+    label = told_element(body, Element("F", body.faces[face]))
+    return with_article(label) if is_round(label) else f"face F{face + 1}{more}"
 
 
 def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:

@@ -89,19 +89,19 @@ def test_a_range_without_collision_went_through_keep_outs(scale: Any, free: tupl
 
 
 def test_a_range_refuses_keep_outs_that_it_cannot_answer_for() -> None:
-    with pytest.raises(InputError, match="kept clear of by more"):
-        fo.contact_times(touching(keep_out=(fo.KeepOut(POST, clearance=0.1),)))
     name = next(name for name, (cells, *_) in VOXELS.items() if len(cells) > 1)
     hollow = fo.Body.from_mesh(*surface_of(VOXELS[name][0]), decomposition="surface", name="shell")
     with pytest.raises(InputError, match="only the surface is kept, and it has a range of scales"):
         fo.contact_times(touching(keep_out=(fo.KeepOut(hollow, (0.9, 1.1)),)))
 
 
-def test_what_a_range_cannot_answer_leaves_the_rest_of_it() -> None:
+def test_what_a_range_cannot_answer_leaves_the_rest_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a keep-out with a clearance where it is not known how fast a motion moves corners."""
+    monkeypatch.setattr("fcdm_opt.along.contact_times.moving_at_most", lambda *own: lambda *ends: (None, np.inf))
     asked = ["range", str(PROBLEMS / "bracket.toml"), "--case", "A flush above the ribs", "--json"]
     (case,) = json.loads(CliRunner().invoke(app, asked).stdout)["files"][0]["cases"]
     assert case["events"]
-    assert "kept clear of by more" in case["contact_times"]["error"]
+    assert "to be kept clear of" in case["contact_times"]["error"]
 
 
 # ----------------------------------------------------------------------------------------------------- several contacts
