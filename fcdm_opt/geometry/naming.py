@@ -30,7 +30,7 @@ STEEP = 0.9  # cosine: two cones side by side that are turned less against one a
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 NUMBERED = 24  # corners of a body up to which one is told by its number
-ROUNDED = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
+TIP = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
 NEAR_FACE = 1e-3  # of the size: so near to a face is what stands for it
 ENDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z, below and above: as drawings have them, where the front view looks
@@ -351,7 +351,7 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
 def _ends(radii: Array) -> str:
     """Return the least and the largest radius in words; one that is rounding is 0."""
     least, most = float(radii.min()), float(radii.max())
-    return f"{least if least > ROUNDED * most else 0.0:.4g} to {most:.4g}"
+    return f"{least if least > TIP * most else 0.0:.4g} to {most:.4g}"
 
 
 def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
