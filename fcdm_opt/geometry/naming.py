@@ -348,6 +348,12 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
     return Round(name, surface, faces)
 
 
+def numbered_face(body: Body, face: int, more: str = "") -> str:
+    """Return a face by its number, one of the facets of a round face as that."""
+    label = told_element(body, Element("F", body.faces[face]))
+    return with_article(label) if is_round(label) else f"face F{face + 1}{more}"
+
+
 def _ends(radii: Array) -> str:
     """Return the least and the largest radius in words; one that is rounding is 0."""
     least, most = float(radii.min()), float(radii.max())

@@ -19,11 +19,10 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
-from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
-from fcdm_opt.geometry.naming import is_round, told_element, with_article
+from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
@@ -168,7 +167,7 @@ class Resizing:
         face, body = int(own.faces[facet]), f"of body '{self.body.name}'"
         if face < 0:
             return f"a cut {body}"
-        return f"{_named(self.body, face, f' ({direction(own.part.normals[facet])})')} {body}"
+        return f"{numbered_face(self.body, face, f' ({direction(own.part.normals[facet])})')} {body}"
 
     def inclined(self) -> str:
         """Return a face that a scale along an axis turns, "" where none is turned."""
@@ -525,12 +524,6 @@ def _at(body: Body, sizes: Sequence[Size], values: Array) -> Iterator[None]:
         names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
         raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
-
-
-def _named(body: Body, face: int, more: str = "") -> str:
-    """Return a face by its number, one of the facets of a round face as that."""
-    label = told_element(body, Element("F", body.faces[face]))
-    return with_article(label) if is_round(label) else f"face F{face + 1}{more}"
 
 
 def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
