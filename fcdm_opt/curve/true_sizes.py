@@ -29,6 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
+KEPT = 16  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
 
@@ -99,7 +100,7 @@ def made_at(
     return dict(zip(names, values, strict=True))
 
 
-class _TrueContact(NamedTuple):
+class TrueContact(NamedTuple):
     """Points of the true faces that come nearest, where both are at some sizes, and the faces that meet there."""
 
     gap: float
@@ -113,18 +114,18 @@ class _TrueContact(NamedTuple):
         return frozenset(product(*self.patches))
 
 
-def _off_edges(contacts: Sequence[_TrueContact], slack: float) -> list[_TrueContact]:
+def _off_edges(contacts: Sequence[TrueContact], slack: float) -> list[TrueContact]:
     """Return contacts without those at edges of faces that are as near off these: at a concave edge none is told."""
-    found = list[_TrueContact]()
+    found = list[TrueContact]()
     for own in contacts:
         if not any(other.pairs < own.pairs and other.gap <= own.gap + slack for other in contacts):
             found.append(own)
     return found
 
 
-def _of_each_faces(contacts: Sequence[_TrueContact]) -> list[_TrueContact]:
+def _of_each_faces(contacts: Sequence[TrueContact]) -> list[TrueContact]:
     """Return the nearest contact of each two faces: at edges only where faces meet nowhere else."""
-    found, known = list[_TrueContact](), set[tuple[int, int]]()
+    found, known = list[TrueContact](), set[tuple[int, int]]()
     for own in sorted(contacts, key=lambda own: sum(map(len, own.patches))):
         if not own.pairs & known:
             found.append(own)
@@ -193,8 +194,8 @@ class TrueSizes:
         assert two is not None
         return one, two
 
-    def apart(self, pose: Array) -> list[tuple[int, int]]:
-        """Return part pairs that are not looked at: far apart at all sizes, or of pieces that meet others."""
+    def apart(self, pose: Array | None = None) -> list[tuple[int, int]]:
+        """Return part pairs that are not looked at: far apart at all sizes at a pose, or of pieces that meet others."""
         pieces, firsts = list[list[int | None]](), list[int]()
         for body, points in zip(self.bodies, self.points, strict=True):
             own = () if body.exact is None else body.exact.pieces
@@ -202,7 +203,8 @@ class TrueSizes:
             at, near = [body.vertices[piece.first - 1] for piece in own], DEFAULT.tie * self.size
             numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
             pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
-        meeting, far = {*zip(*pieces, strict=True)}, self._far(pose)
+        meeting = {*zip(*pieces, strict=True)}
+        far = np.zeros([len(body.parts) for body in self.bodies], bool) if pose is None else self._far(pose)
         return [
             (i, j) for i, j in np.ndindex(far.shape)
             if far[i, j] or ((i >= firsts[0] or j >= firsts[1]) and (
@@ -258,7 +260,7 @@ class TrueSizes:
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
         self.deepest = []
         for place, gap in claimed:
-            found = self._nearest(pose, place, gap)
+            found = self.nearest(pose, place, gap)
             self.deepest.append((found[0].gap, found[0].normal) if found else None)
             nearest = _off_edges([own for own in found if own.gap < gap - slack], slack)
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
@@ -272,16 +274,16 @@ class TrueSizes:
         self.bodies = self._exact()
         return any(len(a.parts) < len(b.parts) for a, b in zip(before, self.bodies, strict=True))
 
-    def _nearest(self, pose: Array, place: Array, gap: float) -> list[_TrueContact]:
+    def nearest(self, pose: Array, place: Array, gap: float) -> list[TrueContact]:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
         made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
         band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
-        found = list[_TrueContact]()
+        found = list[TrueContact]()
         for own in nearest_on_faces(made, scales, pose, band):
             if own.gap >= gap:
                 break
             patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
-            contact = _TrueContact(own.gap, own.points, own.normal, patches)
+            contact = TrueContact(own.gap, own.points, own.normal, patches)
             if contact.pairs <= self.permanent:
                 continue
             if self._stands(made, contact, pose, place):
@@ -290,7 +292,7 @@ class TrueSizes:
                 found.append(contact)
         return found
 
-    def _stands(self, made: Sequence[TrueFaces], own: _TrueContact, pose: Array, place: Array) -> bool:
+    def _stands(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""
         rates = np.zeros(len(self.sizes))
         for role, side in ((0, -1.0), (1, 1.0)):
@@ -303,7 +305,7 @@ class TrueSizes:
         ends = np.sort(rates[:, None] * box, axis=1).sum(axis=0)
         return bool(np.abs(start + ends).max() <= DEFAULT.tie * self.size)
 
-    def _drawn(self, role: int, own: _TrueContact) -> Array:
+    def _drawn(self, role: int, own: TrueContact) -> Array:
         """Return the point as drawn that a contact's point at sizes is of."""
         patches = true_faces(self.facets[role]).patches
         return onto(own.points[role][None], [patches[k].surface for k in own.patches[role]])[0]
@@ -328,7 +330,7 @@ class SizedFaces:
     """
 
     def __init__(self, body: Body, sizes: Sequence[Size], columns: list[int]) -> None:
-        self.faces, self.columns = true_faces(body), columns
+        self.faces, self.columns, self._made = true_faces(body), columns, dict[bytes, tuple[TrueFaces, float]]()
         self.moves = MovesOfFaces.of(body, [sizes[k] for k in columns])
         self._uniform = np.array([float(sizes[k].scale == "xyz") for k in columns])
         first, self._places = distinct_rows(self.faces.corners.reshape(-1, 3))
@@ -353,6 +355,11 @@ class SizedFaces:
 
     def at(self, place: Array) -> tuple[TrueFaces, float]:
         """Return the faces at all sizes, (k,), before they are scaled about the seed, and that uniform scale."""
+        if (key := np.asarray(place, float).tobytes()) not in self._made:
+            self._made = {**dict([*self._made.items()][-KEPT:]), key: self._at(place)}
+        return self._made[key]
+
+    def _at(self, place: Array) -> tuple[TrueFaces, float]:
         values = np.asarray(place, float)[self.columns]
         scale = 1.0 + float(self._uniform @ values)
         moves = self.moves.lengths, self.moves.shifts, self.moves.rings

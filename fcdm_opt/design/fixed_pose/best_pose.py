@@ -16,6 +16,7 @@ from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
+from fcdm_opt.design.fixed_pose.polishing import polished
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import true_extremes, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
@@ -336,11 +337,16 @@ class _Best(NamedTuple):
     fitted: bool
 
 
-def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool) -> _Best:
-    """Return the best pose for a worst gap: inside its window, where there is one."""
+def _best(
+    worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool, start: Array | None = None
+) -> _Best:
+    """Return the best pose for a worst gap, inside its window where there is one; of those near rest and `start`."""
     problem, effort = worst.problem, effort if worst.scene.covers else 0
     slack = problem.contact_slack
     first = best = better(worst, np.zeros(len(worst.limits)))
+    if start is not None:
+        other = found_at(worst, start)
+        best = min(best, other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
     if fitted and best.off.value <= 0.0:
         what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
         raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
@@ -383,20 +389,49 @@ def _of_gap(
     It is looked for anew while contacts that were left out are open at the pose found, and while bodies are not exact
     where gaps are extreme there; where that comes to no end, of the bodies' facets.
     """
-    true, opened = true_sizes(problem, scales), list[Array]()
-    for turn in range(2 * ROUNDS):
-        true = true if turn < ROUNDS else None
+    true, opened, places, start = true_sizes(problem, scales), list[Array](), list[Array](), None
+    proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
+    exact, effort = False, most if true is None else 0
+    for _ in range(2 * ROUNDS):
         pacing.at("searching for the best pose")
         worst = Worst.of(problem, scales, *window, true)
         worst.leave_out_permanent(opened)
-        proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
-        found = best(worst, effort=most * proves)
+        found = best(worst, effort=effort, start=start)
         q, extremes = found.found.q, found.found.off.extremes
-        if scales is None and turn < ROUNDS and worst.opened(q):
+        if scales is None and worst.opened(q):
             opened.append(q)
-        elif true is None or true_extremes(true, transforms_of(problem, q)[""], extremes, own=scales is None):
+            continue
+        pose = transforms_of(problem, q)[""]
+        exact = true is None or true_extremes(true, pose, extremes, own=scales is None) is not None
+        if exact and effort == most * proves:
             break
-    return found if true is None or (proves and most) else found._replace(bound=min(found.value, 0.0), done=False), true
+        effort = most * proves * exact
+        if exact or true is None:
+            continue
+        places += [end.rho - (scales is not None) for end in extremes[:2]]
+        start, gaps = polished(worst, true, found.found, places)
+        true.refined(transforms_of(problem, start)[""], gaps)
+    if exact and (true is None or (proves and most)):
+        return found, true
+    found = found if exact or true is None else _at_last(problem, scales, window, found, true)
+    return found._replace(bound=min(found.value, 0.0), done=False), true
+
+
+def _at_last(
+    problem: Problem, scales: Sizes | None, window: tuple[float, float], found: _Best, true: TrueSizes
+) -> _Best:
+    """Return what a pose is worth on true faces, of bodies made exact there alone."""
+    q = found.found.q
+    for _ in range(ROUNDS):
+        worst = Worst.of(problem, scales, *window, true)
+        worst.leave_out_permanent()
+        at = found_at(worst, q)
+        if true_extremes(true, transforms_of(problem, q)[""], at.off.extremes, own=scales is None) is not None:
+            break
+    inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
+    status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
+    value = amount_of(problem, q) if inside else at.off.excess
+    return found._replace(worst=worst, found=at, status=status, value=value)
 
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:

@@ -7,7 +7,7 @@ deepest part pair where they overlap. That of sizes by name is the largest separ
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
@@ -103,6 +103,8 @@ class SizedBodies:
         Whether rows are known at all poses of a cell, however large.
     permanent : mapping of (int, int) to Feature
         Part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count.
+    apart : collection of (int, int)
+        Others that do not count.
     """
 
     names: tuple[str, ...] = SCALES
@@ -112,9 +114,10 @@ class SizedBodies:
     nearest: float = np.inf
     covers: bool = True
     permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})
+    apart: Collection[tuple[int, int]] = ()
 
-    def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
-        self.movable, self.static, self.sizes = movable, static, sizes
+    def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
+        self.movable, self.static, self.sizes, self.apart = movable, static, sizes, apart
         self.size = max(movable.size, static.size)
 
     def pose(self, transform: Array) -> Array:
@@ -130,7 +133,7 @@ class SizedBodies:
     def counted(self) -> Flags:
         """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
         found = np.ones((len(self.starts[0]) - 1, len(self.starts[1]) - 1), np.bool_)
-        for own in self.permanent if found.size else ():
+        for own in (*self.permanent, *self.apart) if found.size else ():
             found[own] = False
         return found
 
@@ -156,8 +159,8 @@ class SizedBodies:
 class Scales(SizedBodies):
     """Two bodies of which all parts are known, scaled about their seeds."""
 
-    def __init__(self, movable: Body, static: Body, sizes: Sizes) -> None:
-        super().__init__(movable, static, sizes)
+    def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
+        super().__init__(movable, static, sizes, apart)
         self.packed = (*movable.packed, *static.packed)
         bodies = movable, static
         self.vertices = [np.concatenate([part.vertices - body.seed for part in body.parts]) for body in bodies]
@@ -293,8 +296,11 @@ class OwnSizes(SizedBodies):
         Least and largest shift of the movable body that is asked about, where it does not turn.
     """
 
-    def __init__(self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None) -> None:
-        super().__init__(movable, static, Sizes(tolerance_boxes(own)))
+    def __init__(
+        self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None,
+        apart: Collection[tuple[int, int]] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(movable, static, Sizes(tolerance_boxes(own)), apart)
         self.own, self.names, self.places = own, tuple(size.name for size in own), places
         self.reach, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
@@ -317,7 +323,7 @@ class OwnSizes(SizedBodies):
         ranges = around if self.places is None else self.places - transform[:3, 3:]
         found = TouchingSizes.of(
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
-            without=self.permanent,
+            without={*self.permanent, *self.apart},
         )  # fmt: skip
         self._kept = [found]
         return found, np.zeros(3)
@@ -325,7 +331,8 @@ class OwnSizes(SizedBodies):
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return them, by their rows."""
         transform = self._transform(pose)
-        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, permanent=False)
+        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, permanent=False,
+                              without=self.apart)  # fmt: skip
         middle = self.sizes.middle
         rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
         return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}

@@ -94,7 +94,8 @@ class Worst:
         if sizes is not None:
             near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
             bodies = (problem.movable, problem.static) if true is None else true.bodies
-            return cls(problem, Scales(*bodies, sizes), low, high, keep_out=near)
+            scaled = Scales(*bodies, sizes, apart=() if true is None else true.apart())
+            return cls(problem, scaled, low, high, keep_out=near)
         motion, request = problem.motion, problem.request
         movable, static = (request["movable"], request["static"]) if true is None else true.bodies
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
@@ -114,7 +115,8 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        scene, names = OwnSizes(movable, static, problem.sizes, places), [size.name for size in problem.sizes]
+        apart = () if true is None else true.apart()
+        scene, names = OwnSizes(movable, static, problem.sizes, places, apart), [size.name for size in problem.sizes]
         kept = (own for own, _ in _kept_clear(problem, scene.sizes, names, own=True, places=places))
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
