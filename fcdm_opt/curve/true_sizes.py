@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes
+from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.bodies import Body
@@ -54,11 +54,25 @@ def touching_true_faces(
         if not turn:  # all that may be the nearest at some sizes
             ends.append((np.zeros(len(sizes)), ends[0][1] + 2.0 * at_all.largest_move))
             others = at_all.shifted(ends[0][0]) if every_row else []
-        claimed = [(own, float(found.gap(own))) for own in others]
-        if not at_all.refined(pose, [*claimed, *ends]):
-            return replace(found, permanent_faces=frozenset(at_all.permanent))
-        others = [place for (place, _), own in zip(claimed, at_all.deepest, strict=False) if own is not None]
+        asked = [*((own, float(found.gap(own))) for own in others), *ends]
+        if not at_all.refined(pose, asked):
+            pairs = _without_hidden(found.pairs, found.box)
+            return replace(found, pairs=pairs, permanent_faces=frozenset(at_all.permanent))
+        near = zip([place for place, _ in asked], at_all.deepest, strict=True)
+        others = [place for place, own in near if own is not None and (every_row or turn)]
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
+
+
+def _without_hidden(pairs: tuple[PairRows, ...], box: Array) -> tuple[PairRows, ...]:
+    """Return pairs without those of one row that nowhere in the box is less than all others, as beside it on a bore."""
+    kept = [*pairs]
+    for own in pairs:
+        others = [other.values[0] for other in kept if len(other.values) == 1 and other is not own]
+        if len(own.values) == 1 and others:
+            near = DEFAULT.tie * float(np.abs(own.values).max())
+            if least_of(own.values - np.array(others), box)[0] >= -near:
+                kept = [other for other in kept if other is not own]
+    return tuple(kept)
 
 
 def widened(touching: TouchingSizes, sizes: Sequence[Size], *, least: bool = True) -> TouchingSizes:
