@@ -301,10 +301,19 @@ class TrueSizes:
             if contact.pairs <= self.permanent:
                 continue
             if self._stands(made, contact, pose, place):
-                self.permanent |= contact.pairs
+                self.permanent |= self._facing(made, contact, pose)
             else:
                 found.append(contact)
         return found
+
+    def _facing(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array) -> frozenset[tuple[int, int]]:
+        """Return each two of the faces there of which one is square to it: of a rim on a plane not the bore and a pin."""
+        normals = own.normal @ pose[:3, :3], -own.normal
+        facing = [
+            [k for k in patches if faces.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal]
+            for faces, patches, x, n in zip(made, own.patches, own.points, normals, strict=True)
+        ]
+        return frozenset((i, j) for i, j in own.pairs if i in facing[0] or j in facing[1]) or own.pairs
 
     def _stands(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""
