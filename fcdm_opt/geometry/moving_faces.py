@@ -101,7 +101,7 @@ class MovesOfFaces(NamedTuple):
         moved = self.shifts[own] + across[:, :, None] * self.rings[own][:, None]
         off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, moved)
         along = moved[0] if len(own) == 1 else 0.0 * moved[0]
-        move = along + np.linalg.lstsq(normals, off - normals @ along)[0]
+        move = along + np.linalg.lstsq(normals, off - normals @ along, rcond=DEFAULT.sharp)[0]  # tangent: the mean
         return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
 
 
