@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -195,10 +196,12 @@ def opened_files(
     assemblies: bool,
     named: Named | None = None,
     first: Callable[[Any], object] | None = None,
+    some: bool = False,
 ) -> list[OpenedFile]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
-    Files of assemblies are refused unless `assemblies` are known what to do with.
+    Files of assemblies are refused unless `assemblies` are known what to do with. Only cases that are wanted are made,
+    with `some` the first that can be.
 
     Raises
     ------
@@ -236,13 +239,19 @@ def opened_files(
             files.append(OpenedFile(path, error=own))
             continue
         try:
-            made = own.assemblies(path) if isinstance(own, AssemblyFile) else own.problems(Problem, path)
-            files.append(OpenedFile(path, own.title, own.note, made))
+            make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, Problem)
+            files.append(OpenedFile(path, own.title, own.note, _made(make, path, own.case, wanted, some=some)))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
-    if not wanted:
-        return files
-    return [replace(file, problems=tuple(each for each in file.problems if each.name in wanted)) for file in files]
+    return files
+
+
+def _made(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
+    """Return the problems of the cases of a file that are wanted, none: of all, or with `some` of the first that can be."""
+    for case in cases[:-1] if some else ():
+        with suppress(InputError):
+            return tuple(make(path, wanted=(case.name,)))
+    return tuple(make(path, wanted=[own.name for own in cases[-1:]] if some else wanted))
 
 
 def _refused(reason: InputError, **place: Any) -> str:
@@ -272,14 +281,16 @@ class Inquiry:
         dark: bool = False,
         first: Callable[[Any], object] | None = None,
         named: Named | None = None,
+        some: bool = False,
     ) -> None:
         row = ROWS.get(manner.get().command)
         several = row is not None and row.assemblies
-        self._opened = opened_files(paths, cases or (), assemblies=several, named=named, first=first)
+        self._opened = opened_files(paths, cases or (), assemblies=several, named=named, first=first, some=some)
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
         self.pictures: Album | None = None
+        self.refused = False  # whether the judge refused what was answered last
         self._written: list[str] = []
         if out is not None and any(file.problems for file in self._opened):
             from fcdm_opt.show.album import Album

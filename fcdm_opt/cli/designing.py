@@ -340,7 +340,7 @@ def faces_command(
     """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
     from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
 
-    inquiry = Inquiry(files, None, as_json=as_json, out=out, dark=dark)
+    inquiry = Inquiry(files, None, as_json=as_json, out=out, dark=dark, some=True)
     for file in inquiry:
         problem = file.problems[0]
         bodies = {role: problem.request[role] for role in ("movable", "static")}
@@ -405,12 +405,13 @@ def stack_command(
             yield "allocation", cheapest, stacks.print_allocation
         if pictures is not None and out is not None and not alike:
             title, stem = f"{file.name}: case {problem.name}", f"{file.path.stem}-{problem.name}-stack"
-            stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title))
+            caption = "NOT VERIFIED, do not use it" * inquiry.refused
+            stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title, caption=caption))
             stacks.write_stack(found, out / f"{stem}.csv")
             inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
             if len(cut or most) == 2:
-                pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title))
+                pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title, caption=caption))
 
     _each_case(inquiry, asked, made=False)
 
@@ -433,7 +434,7 @@ def _each_case(
     known = dict[str, tuple[str, dict[str, Any]]]()
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        of_facets, alike = False, "" if made else _question_key(file, problem)
+        inquiry.refused, of_facets, alike = False, False, "" if made else _question_key(file, problem)
         if alike in known:
             name, answers = known[alike]
             entry |= answers
@@ -452,6 +453,7 @@ def _each_case(
                 printed(answer)
             if key in JUDGED:
                 certificate = verify(answer)
+                inquiry.refused |= not certificate.passed
                 told["certificate"] = certificate.to_dict()
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
                 if not inquiry.as_json:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import reduce
 from operator import rshift
 from pathlib import Path
@@ -135,13 +135,16 @@ class AssemblyFile(Entry, title="Assembly file"):
         file: Path | None = None,
         bodies: Mapping[str, Body] | None = None,
         keep_out: Sequence[KeepOut] | None = None,
+        wanted: Container[str] = (),
     ) -> tuple[Assembly, ...]:
-        """Return the assembly of each case; `file` is where the contents come from, bodies are those built already."""
+        """Return the assembly of each case, or of those wanted; contents come from `file`, bodies may be built already."""
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)
             made = []
             for k, case in enumerate(self.case, 1):
+                if wanted and case.name not in wanted:
+                    continue
                 own: dict[str, Any] = {key: getattr(case, key) for key in MadeEntry.model_fields}
                 if isinstance(case.amount, AmountEntry):
                     names = [f"{part}.{name}" for part, motion in asked["motions"].items() for name in motion.names]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from operator import rshift
@@ -448,14 +448,18 @@ class ProblemFile(Entry, title="Problem file"):
         """Return the checked contents of a file; raises `InputError` as `load_problems`."""
         return read_entry(cls, path, "problem file", "[bodies.movable], [bodies.static] and [[case]]")
 
-    def problems(self, made_of: Callable[..., Made], file: Path | None = None) -> tuple[Made, ...]:
-        """Return what `Problem` makes of each case's arguments; `file` is where the contents come from."""
+    def problems(
+        self, made_of: Callable[..., Made], file: Path | None = None, wanted: Container[str] = ()
+    ) -> tuple[Made, ...]:
+        """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`."""
         cases = self.named_cases(file)
         for key, case in cases.items():  # what is wrong there is said before meshes are read
             with self._placing(case, key, file):
                 case.arguments(self.defaults)
         parts, made = self._parts(file), list[Made]()
         for key, case in cases.items():
+            if wanted and case.name not in wanted:
+                continue
             pacing.at(f"looking how the parts of {key} lie")
             pacing.check()
             with self._placing(case, key, file):
