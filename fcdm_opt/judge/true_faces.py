@@ -141,13 +141,14 @@ class _Closed(NamedTuple):
     room: float
     faces: Collection[tuple[int, int]]
 
-    def has(self, own: _There, other: _There, points: Array) -> Flags:
-        """Tell which points of one body are on two such faces."""
+    def has(self, own: _There, other: _There, points: Array, feet: Array) -> Flags:
+        """Tell which points of one body are on such a face, and their feet on the one that it stands on."""
         found = np.zeros(len(points), bool)
         for i, j in self.faces:
-            off = np.abs([there.surfaces.of_each(k).height(points)[0] for there, k in ((own, i), (other, j))])
+            sides = (own, i, points), (other, j, feet)
+            off = np.abs([there.surfaces.of_each(k).height(at)[0] for there, k, at in sides])
             rows = np.flatnonzero((off.max(axis=0) <= self.room) & ~found)
-            found[rows] = own.has(i, points[rows], self.room) & other.has(j, points[rows], self.room)
+            found[rows] = np.all([there.has_near(k, at[rows], self.room) for there, k, at in sides], axis=0)
         return found
 
 
@@ -206,6 +207,10 @@ class _There:
         return on_face(
             numbers[k : k + 1], self.sides[k], feet, triangles, over, numbers[m], start, end, room.ravel(), slack
         )
+
+    def has_near(self, k: int, feet: Array, slack: float) -> Flags:
+        """Tell which points of a surface are on the face, or no further off an edge than a slack."""
+        return self.has(k, feet, slack) | (distances(feet, self.edges).min(axis=0, initial=np.inf) <= slack)
 
     def off_triangles(self, k: int, along: Array | None) -> float:
         """Return how far points of a face may be off its triangles, along a direction where one is given."""
@@ -310,7 +315,7 @@ def _of_two(
 ) -> float:
     """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
 
-    Minus infinity where they only touch it, at an edge of a contact that does not count.
+    Without points at the edges of a contact that does not count, of which one is a plane face's.
     """
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
@@ -321,7 +326,7 @@ def _of_two(
     deepest, width, slack = -np.inf, 1.0, SLACK * band
     sides = own.corners[triangles] - np.roll(own.corners[triangles], 1, axis=1)
     longest = float(np.linalg.norm(sides, axis=2).max())
-    counted = not without.faces or (own.is_round[j] and other.is_round[k])
+    every = not without.faces or (own.is_round[j] and other.is_round[k])
     for turn in range(TIMES):
         points = own.points(j, which, shares)
         height, directions = surface.height(points)
@@ -339,19 +344,19 @@ def _of_two(
         inside[rows] = own.has(j, points[rows], slack, over=True)
         rows = np.flatnonzero(inside)
         inside[rows] = ~other.nearer(points[rows], k, depth[rows], slack)
+        rows = np.flatnonzero(inside & (depth > known) & (not every))
+        feet = points[rows] - height[rows, None] * directions[rows]
+        inside[rows] = ~without.has(own, other, points[rows], feet)
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
-        if not counted and turn == FEWEST - 1 and deepest >= -without.room:  # when points beside these are not as deep
-            rows = np.flatnonzero(inside & (depth >= -without.room))
-            counted = deepest > without.room or not without.has(own, other, points[rows]).all()
         fewest = FEWEST if deepest < known - NEARLY * band else FEWEST_OF_DEEPEST
         if turn >= fewest and deepest - before <= 1e-12 * float(np.abs(points).max()):
             break
         width *= FINER
         order, most = np.flatnonzero(inside)[np.argsort(-depth[inside])], LATE if turn >= FEWEST else KEPT
         which, shares = _finer(order, which, shares, width, most)
-    return deepest if counted or deepest < -without.room else -np.inf
+    return deepest
 
 
 def _finer(order: Ints, which: Ints, shares: Array, width: float, most: int = KEPT) -> tuple[Ints, Array]:

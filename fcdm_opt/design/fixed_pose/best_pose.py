@@ -44,6 +44,8 @@ MIDDLE = (
     "in Python clearance=(0, math.inf)"
 )
 EFFORT = 20_000  # cells: a second or two for two parameters
+NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
+FAR_ROUNDS = 4  # of such, at most
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
@@ -392,7 +394,7 @@ def _of_gap(
     true, opened, places, start = true_sizes(problem, scales), list[Array](), list[Array](), None
     proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
     exact, effort = False, most if true is None else 0
-    for _ in range(2 * ROUNDS):
+    for turn in range(2 * ROUNDS):
         pacing.at("searching for the best pose")
         worst = Worst.of(problem, scales, *window, true)
         worst.leave_out_permanent(opened)
@@ -409,8 +411,10 @@ def _of_gap(
         if exact or true is None:
             continue
         places += [end.rho - (scales is not None) for end in extremes[:2]]
-        start, gaps = polished(worst, true, found.found, places)
-        true.refined(transforms_of(problem, start)[""], gaps)
+        short = max(end.gap - own[0] for end, own in zip(extremes, true.deepest, strict=False) if own)
+        if short <= NEAR * problem.size or turn >= FAR_ROUNDS:
+            start, gaps = polished(worst, true, found.found, places)
+            true.refined(transforms_of(problem, start)[""], gaps)
     if exact and (true is None or (proves and most)):
         return found, true
     found = found if exact or true is None else _at_last(problem, scales, window, found, true)
