@@ -315,7 +315,7 @@ def _of_two(
 ) -> float:
     """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
 
-    Without points at the edges of a contact that does not count, of which one is a plane face's.
+    Of a plane face without points at the edge of a contact that does not count: minus infinity where there are no others.
     """
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
@@ -326,7 +326,7 @@ def _of_two(
     deepest, width, slack = -np.inf, 1.0, SLACK * band
     sides = own.corners[triangles] - np.roll(own.corners[triangles], 1, axis=1)
     longest = float(np.linalg.norm(sides, axis=2).max())
-    every = not without.faces or (own.is_round[j] and other.is_round[k])
+    counted = not without.faces or (own.is_round[j] and other.is_round[k])
     for turn in range(TIMES):
         points = own.points(j, which, shares)
         height, directions = surface.height(points)
@@ -344,19 +344,22 @@ def _of_two(
         inside[rows] = own.has(j, points[rows], slack, over=True)
         rows = np.flatnonzero(inside)
         inside[rows] = ~other.nearer(points[rows], k, depth[rows], slack)
-        rows = np.flatnonzero(inside & (depth > known) & (not every))
-        feet = points[rows] - height[rows, None] * directions[rows]
-        inside[rows] = ~without.has(own, other, points[rows], feet)
+        feet = points - height[:, None] * directions
+        rows = np.flatnonzero(inside & (depth > known) & (depth < -without.room) & (not counted))
+        inside[rows] = ~without.has(own, other, points[rows], feet[rows])
         if not inside.any():
             break
         before, deepest = deepest, max(deepest, float(depth[inside].max()))
+        if not counted and turn == FEWEST - 1 and deepest >= -without.room:  # when points beside these are not as deep
+            rows = np.flatnonzero(inside & (depth >= -without.room))
+            counted = deepest > without.room or not without.has(own, other, points[rows], feet[rows]).all()
         fewest = FEWEST if deepest < known - NEARLY * band else FEWEST_OF_DEEPEST
         if turn >= fewest and deepest - before <= 1e-12 * float(np.abs(points).max()):
             break
         width *= FINER
         order, most = np.flatnonzero(inside)[np.argsort(-depth[inside])], LATE if turn >= FEWEST else KEPT
         which, shares = _finer(order, which, shares, width, most)
-    return deepest
+    return deepest if counted or deepest < -without.room else -np.inf
 
 
 def _finer(order: Ints, which: Ints, shares: Array, width: float, most: int = KEPT) -> tuple[Ints, Array]:
