@@ -247,7 +247,7 @@ def opened_files(
 
 
 def _made(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
-    """Return the problems of the cases of a file that are wanted, none: of all, or with `some` of the first that can be."""
+    """Return the problems of the cases of a file that are wanted, of all, or of the first that can be made."""
     for case in cases[:-1] if some else ():
         with suppress(InputError):
             return tuple(make(path, wanted=(case.name,)))

@@ -307,7 +307,7 @@ class TrueSizes:
         return found
 
     def _facing(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array) -> frozenset[tuple[int, int]]:
-        """Return each two of the faces there of which one is square to it: of a rim on a plane not the bore and a pin."""
+        """Return each two faces there of which one is square to it: of rims on a plane not bore and pin."""
         normals = own.normal @ pose[:3, :3], -own.normal
         facing = [
             [k for k in patches if faces.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal]

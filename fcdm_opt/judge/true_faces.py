@@ -315,7 +315,7 @@ def _of_two(
 ) -> float:
     """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
 
-    Of a plane face without points at the edge of a contact that does not count: minus infinity where there are no others.
+    Of plane faces without points at the edge of a contact that does not count; minus infinity without others.
     """
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)

@@ -137,7 +137,7 @@ class AssemblyFile(Entry, title="Assembly file"):
         keep_out: Sequence[KeepOut] | None = None,
         wanted: Container[str] = (),
     ) -> tuple[Assembly, ...]:
-        """Return the assembly of each case, or of those wanted; contents come from `file`, bodies may be built already."""
+        """Return the assembly of each case, or of those wanted; contents are of `file`, bodies may be built already."""
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)

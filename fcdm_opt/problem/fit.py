@@ -460,10 +460,10 @@ def _round_widths(
     if any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
         return None
     across = (own - (own @ axes[0]) * axes[0] for own in (np.array(found.normal), apart[0] - apart[1], apart[0]))
-    (normal, line, centres), least = across, DEFAULT.weld * problem.size
+    (normal, line, middles), least = across, DEFAULT.weld * problem.size
     normal, long = normal / norms(normal), float(norms(line))
-    if long <= least and norms(centres) > least:  # of one pitch: none lacks more along another direction
-        normal = centres * np.sign(normal @ centres) / norms(centres)
+    if long <= least and norms(middles) > least:  # of one pitch: none lacks more along another direction
+        normal = middles * np.sign(normal @ middles) / norms(middles)
     elif normal @ line > FEWEST_ROUND * long > least:
         normal = line / long
     widths = float(normal @ apart[0]) + thick[0], thick[1] - float(normal @ apart[1])

@@ -280,3 +280,14 @@ def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> 
     code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=-inf,0.5", *sizes, "--json")
     (case,) = json.loads(text)["files"][0]["cases"]
     assert (code, case["best_pose"]["window"]) == (0, [None, 0.5])
+
+
+def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Path) -> None:
+    text = (PROBLEMS / "slot_and_key.toml").read_text().replace('file = "', f'file = "{PROBLEMS.as_posix()}/')
+    path = tmp_path / "key.toml"
+    path.write_text(text.replace("[[case]]", '[[case]]\nname = "lost"\nmade = { key_width = -20.0 }\n[[case]]', 1))
+    code, told, said = run("stack", path, "--case", "as drawn", "--draws", "1000")
+    assert (code, said.count("lost")) == (0, 0)
+    assert "0.0325" in told
+    assert run("faces", path)[0] == 0
+    assert run("stack", path, "--case", "lost", "--draws", "1000")[0] == 2

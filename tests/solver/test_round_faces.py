@@ -13,6 +13,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
+from fcdm_opt.geometry.moving_faces import MovesOfFaces
 from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
 from fcdm_opt.geometry.true_distance import FacesApart
 from fcdm_opt.judge.engagement import goes_through
@@ -612,3 +613,73 @@ def test_a_rim_between_corners_of_a_wide_cone_was_on_no_face() -> None:
     solution = fo.solve(fo.Problem(plug, socket, motion=fo.Translation("z"), target=(1.004, 1.0), goal="touch"))
     assert solution.amount == pytest.approx(0.004 * top / slope, rel=1e-9)
     assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
+
+
+def test_the_best_pose_of_a_pin_along_two_axes_was_that_of_facets() -> None:
+    """A pin .03 off the middle has from .04 - e to .08 - e; for .03 to .07 it is moved .02, e = .01; .0208 was told."""
+    body = fo.Cylinder(9.95, 30, base=(0.03, 0.0, -5), facets=12, name="pin")
+    hole = fo.cut(
+        fo.Box((40, 40, 20), centre=(0, 0, 10)), fo.Cylinder(10.0, 22, base=(0, 0, -1), facets=12), name="hole"
+    )
+    sizes = [
+        fo.Size("pin", "movable", faces=["cylinder radius 9.95"], each=0.5, tolerance=0.02),
+        fo.Size("bore", "static", faces=["bore radius 10"], each=-0.5, tolerance=(0.0, 0.04)),
+    ]
+    found = fo.best_pose(
+        fo.Problem(body, hole, motion=X >> Y, goal="touch", sizes=sizes, made={}), clearance=(0.03, 0.07)
+    )
+    assert found.passed
+    assert found.on_true_faces
+    assert found.status == "inside the window"
+    assert [*found.parameters.values()] == pytest.approx([-0.02, 0.0], abs=1e-6)
+    assert [found.least.gap, found.most.gap] == pytest.approx([0.03, 0.07], abs=1e-6)
+    assert found.lower_bound <= 0.02
+
+
+@cache
+def pegs() -> tuple[fo.Body, fo.Body]:
+    """Two pegs in two bores, line to line, 60 apart."""
+    base, cover = (
+        fo.Box((90, 40, height), centre=(0, 0, z), name=own) for height, z, own in ((12, 6, "base"), (4, 14, "cover"))
+    )
+    for x in (-30.0, 30.0):
+        base = fo.cut(base, fo.Cylinder(4.0, 12, base=(x, 0, 2), facets=12), name="base")
+        cover = fo.joined(cover, fo.Cylinder(4.0, 8, base=(x, 0, 5), facets=12), name="cover")
+    return cover, base
+
+
+def test_rows_of_two_pegs_were_of_slanted_normals() -> None:
+    """The gap is the least of half the play of one, and of the other less what pitches differ by, not .974 of it."""
+    round_faces = [("movable", "cylinder", 0.5, (-0.014, -0.005)), ("static", "bore", -0.5, (0.0, 0.015))]
+    sizes = [
+        *(
+            fo.Size(f"{kind} {k}", role, faces=[f"{kind} radius 4 no. {k}"], each=each, tolerance=tolerance)
+            for role, kind, each, tolerance in round_faces for k in (1, 2)
+        ),
+        *(
+            fo.Size(f"{kind} pitch", role, faces=[f"{kind} radius 4 no. 2"], along="x", tolerance=0.005)
+            for role, kind, *_ in round_faces
+        ),
+    ]  # fmt: skip
+    cover, base = pegs()
+    stack = fo.stack_up(fo.Problem(cover, base, motion=X, goal="clear", sizes=sizes, made={}))
+    places = np.random.default_rng(3).uniform(*stack.touching.box.T, (40, 6))
+    p1, p2, b1, b2, one, two = places.T
+    truth = np.minimum((b1 - p1) / 2.0, (b2 - p2) / 2.0 - np.abs(one - two))
+    np.testing.assert_allclose(stack.gap(places), truth, atol=1e-9)
+    assert len(stack.rows) == 3
+    assert (0, 0) not in stack.touching.permanent_faces  # peg and bore, whose rims are on the plane that stands
+
+
+def test_pegs_line_to_line_were_as_wide_as_their_facets_are_across() -> None:
+    cover, base = pegs()
+    pitch = fo.Size("pitch", "movable", faces=["cylinder radius 4 no. 2"], along="x", tolerance=0.05)
+    problem = fo.Problem(cover, base, motion=X, goal="clear", sizes=[pitch], made={"pitch": -1e-4})
+    assert "drawn line to line, 52," in str(fo.solve(problem))
+
+
+def test_a_corner_of_a_bore_and_the_fillet_beside_it_went_kilometres_away() -> None:
+    """Where one of two tangent faces moves, the corner between them moves by the mean, not to where planes cross."""
+    moves = MovesOfFaces(np.zeros(3), np.array([[-0.5], [0.0]]), np.zeros((2, 3, 1)), np.zeros((1, 3, 3)))
+    normals = np.array([[-1.0, 0.0, 0.0], [-1.0, 0.0, 1e-6]])
+    assert moves.at(np.array([12.5, 0.0, 1.0]), [0, 1], normals)[:, 0] == pytest.approx([0.25, 0.0, 0.0], abs=1e-6)

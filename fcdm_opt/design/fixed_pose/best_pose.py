@@ -411,7 +411,7 @@ def _of_gap(
         if exact or true is None:
             continue
         places += [end.rho - (scales is not None) for end in extremes[:2]]
-        short = max(end.gap - own[0] for end, own in zip(extremes, true.deepest, strict=False) if own)
+        short = max(end.gap - own[0] for end, own in zip(extremes[:2], true.deepest, strict=True) if own)
         if short <= NEAR * problem.size or turn >= FAR_ROUNDS:
             start, gaps = polished(worst, true, found.found, places)
             true.refined(transforms_of(problem, start)[""], gaps)
