@@ -17,9 +17,9 @@ from fcdm_opt.design.fixed_pose.local_search import Found
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array
 
-STEPS = 50  # of either search
-END = 1e-15  # of what is made small, in the lengths of a search
-WIDE = 10.0  # times what gaps of true faces are less at the pose: points are moved no further
+STEPS = 25  # of either search
+END = 1e-11  # of what is made small, in the lengths of a search
+WIDE = 10.0  # times what gaps of true faces are less at the pose: points move no further, or by the gap
 LATEST = 6  # sizes at which gaps are looked at
 INNER = 0.1  # of what counts as inside a window: by so much it is left
 
@@ -91,7 +91,10 @@ def polished(worst: Worst, true: TrueSizes, found: Found, places: Sequence[Array
     slack, k = worst.problem.contact_slack, len(found.q)
     ends = [end.gap for end in found.off.extremes[:2]]
     short = max((gap - own[0] for own, gap in zip(true.deepest, ends, strict=True) if own), default=0.0)
-    unit, latest = WIDE * short + slack, [*{own.tobytes(): own for own in places}.values()][-LATEST:]
+    unit, latest = (
+        max(WIDE * short, *map(abs, ends)) + slack,
+        [*{own.tobytes(): own for own in places}.values()][-LATEST:],
+    )
     near = _NearPose(worst, true, found.q, latest, unit, max(ends) + 2.0 * unit)
     bounds = np.clip((worst.limits - found.q[:, None]) / near.per[:, None], -1.0, 1.0)
     how = {"method": "SLSQP", "options": {"maxiter": STEPS, "ftol": END}}
