@@ -214,10 +214,10 @@ def on_face(surface, side, feet, triangles, over, others, start, end, room, slac
         found[i] = over or is_over(foot, normal, triangles, wide)
         within, beyond = False, False
         for e in range(len(start)):
-            near, reach = True, room[e] + slack
+            near, margin = True, room[e] + slack
             for x in range(3):
                 low, high = min(start[e, x], end[e, x]), max(start[e, x], end[e, x])
-                near = near and low - reach <= foot[x] <= high + reach
+                near = near and low - margin <= foot[x] <= high + margin
             if not near:
                 continue
             ends = (start[e, 0], start[e, 1], start[e, 2]), (end[e, 0], end[e, 1], end[e, 2])

@@ -210,7 +210,7 @@ class _There:
 
     def has_near(self, k: int, feet: Array, slack: float) -> Flags:
         """Tell which points of a surface are on the face, or no further off an edge than a slack."""
-        return self.has(k, feet, slack) | (distances(feet, self.edges).min(axis=0, initial=np.inf) <= slack)
+        return self.has(k, feet, slack) | (to_segments(feet, self.edges) <= slack)
 
     def off_triangles(self, k: int, along: Array | None) -> float:
         """Return how far points of a face may be off its triangles, along a direction where one is given."""
