@@ -680,6 +680,7 @@ def test_pegs_line_to_line_were_as_wide_as_their_facets_are_across() -> None:
 
 def test_a_corner_of_a_bore_and_the_fillet_beside_it_went_kilometres_away() -> None:
     """Where one of two tangent faces moves, the corner between them moves by the mean, not to where planes cross."""
-    moves = MovesOfFaces(np.zeros(3), np.array([[-0.5], [0.0]]), np.zeros((2, 3, 1)), np.zeros((1, 3, 3)))
+    still = np.zeros((2, 3, 1)), np.zeros((2, 1)), np.zeros((2, 2, 3)), np.zeros((1, 3, 3))
+    moves = MovesOfFaces(np.zeros(3), np.array([[-0.5], [0.0]]), *still)
     normals = np.array([[-1.0, 0.0, 0.0], [-1.0, 0.0, 1e-6]])
     assert moves.at(np.array([12.5, 0.0, 1.0]), [0, 1], normals)[:, 0] == pytest.approx([0.25, 0.0, 0.0], abs=1e-6)
