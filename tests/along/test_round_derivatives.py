@@ -12,11 +12,11 @@ import fcdm_opt as fo
 
 X, Y, Z = map(fo.Translation, "xyz")
 BORE = 10.0
-PLATE = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), fo.Cylinder(BORE, 30.0, base=(0, 0, -5)), name="plate")
+PLATE = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), fo.Cylinder(BORE, 30.0, base=(0, 0, -5), facets=16), name="plate")
 
 
 def in_bore(radius: float, centre: tuple[float, float], motion: fo.Motion, **more) -> fo.Problem:
-    pin = fo.Cylinder(radius, 40.0, base=(*centre, -10), name="pin")
+    pin = fo.Cylinder(radius, 40.0, base=(*centre, -10), facets=16, name="pin")
     sizes = [
         fo.Size("bore", "static", faces="bore radius 10", each=-0.5, tolerance=0.05),
         fo.Size("pin", "movable", faces=f"cylinder radius {radius:g}", each=0.5, tolerance=0.05),
@@ -87,7 +87,7 @@ def test_the_motion_of_a_pin_follows_the_curvature_of_its_bore(radius, centre, w
 def test_a_pin_turned_about_the_normal_of_its_line_of_contact_was_told_of_one_point_of_the_line() -> None:
     """Twisted, either end of the line of contact comes first: "-3.26" for TY, by the height of a corner of facets."""
     holes, pins = (
-        [fo.Cylinder(r, 20.0, base=(x, 0, z)) for r, x in own]
+        [fo.Cylinder(r, 20.0, base=(x, 0, z), facets=16) for r, x in own]
         for own, z in (([(4.0, -20.0), (4.0, 20.0)], -10.0), ([(3.9, -20.15), (3.92, 20.015)], -4.0))
     )
     base, block = fo.cut(fo.Box((64, 30, 10)), *holes), fo.Box((64, 30, 20), centre=(0, 0, 15.1))

@@ -16,7 +16,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Branch
 
 SEED = 41
-PAIRS = 3 if PLAIN else 8
+PAIRS = 3 if PLAIN else 5
 SCALE_PAIRS = 50
 
 

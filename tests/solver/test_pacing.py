@@ -235,9 +235,9 @@ def test_a_command_without_time_says_so(monkeypatch: pytest.MonkeyPatch) -> None
     assert unread.exit_code == 1
     assert "time limit of 1e-09 s was met" in json.loads(unread.stdout)["error"]
 
-    def in_time(*asked: Any) -> Any:
+    def in_time(*asked: Any, **how: Any) -> Any:
         with pacing.unlimited():
-            return read(*asked)
+            return read(*asked, **how)
 
     monkeypatch.setattr(ProblemFile, "problems", in_time)
     none = run.invoke(app, ["solve", str(EXAMPLE), "--time", "1e-9", "--json"])
@@ -256,9 +256,9 @@ def test_a_report_drew_cases_when_its_time_was_over(monkeypatch: pytest.MonkeyPa
     """Each page took its second of drawing whatever was left: what is not begun by then is left out, and said."""
     read, out = ProblemFile.problems, tmp_path / "r.html"
 
-    def in_time(*asked: Any) -> Any:
+    def in_time(*asked: Any, **how: Any) -> Any:
         with pacing.unlimited():
-            return read(*asked)
+            return read(*asked, **how)
 
     monkeypatch.setattr(ProblemFile, "problems", in_time)
     cases = ["close the gap", "slanted", "both made larger"]

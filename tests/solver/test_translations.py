@@ -212,7 +212,11 @@ def test_one_pair_of_many_faces_is_settled(number):
 
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(
-    ("count", "axes"), [(8, "xyz"), (8, "slanted"), (24, "xyz"), (24, "slanted"), (100, "slanted"), (400, "xyz")]
+    ("count", "axes"),
+    [
+        (8, "xyz"), (8, "slanted"), (24, "xyz"), (24, "slanted"), (100, "slanted"),
+        pytest.param(400, "xyz", marks=pytest.mark.slow),
+    ],
 )
 def test_prisms_whose_faces_are_all_parallel_are_shifted_by_the_rational_least(count, axes):
     """Flush on faces, along edges and at corners; parts of 400 corners are too large for the judge to try all edges."""
