@@ -92,9 +92,10 @@ def test_every_item_of_the_list_has_cases() -> None:
 
 
 def test_cases_are_plain_named_once_and_the_same_again() -> None:
-    names = [(case.family, case.name) for case in quick()]
+    cases = quick()
+    names = [(case.family, case.name) for case in cases]
     assert len(set(names)) == len(names)
-    drawn = [json.loads(json.dumps([case.data, case.truth])) for case in quick()]
+    drawn = [json.loads(json.dumps([case.data, case.truth])) for case in cases]
     assert drawn == [[case.data, case.truth] for case in quick()]
     for family, scenes in libraries.FAMILIES.items():
         here, there = (scenes(np.random.default_rng(seed)) for seed in (1, 2))
