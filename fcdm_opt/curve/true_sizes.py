@@ -158,8 +158,8 @@ class TrueSizes:
         The same, exact at the points.
     permanent : set of (int, int)
         Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
-    deepest : list
-        Of the sizes last asked of `refined` the gap of the true faces and its direction, where it is less than claimed.
+    asked, deepest : list
+        The sizes last asked of `refined`, with the gap claimed of them; of each the gap of the true faces and its direction, where it is less than claimed.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sequence[Size]) -> None:
@@ -169,6 +169,7 @@ class TrueSizes:
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
         self.permanent = set[tuple[int, int]]()
         self.deepest = list[tuple[float, Array] | None]()
+        self.asked = list[tuple[Array, float]]()
         self.bodies = self._exact()
 
     @classmethod
@@ -183,6 +184,12 @@ class TrueSizes:
             return cls(movable, static, sizes)
         except InputError:
             return None
+
+    @property
+    def short(self) -> float:
+        """By how much gaps of true faces were less than claimed at most, of the sizes last asked about."""
+        both = zip(self.asked, self.deepest, strict=True)
+        return max((gap - own[0] for (_, gap), own in both if own is not None), default=0.0)
 
     @property
     def largest_move(self) -> float:
@@ -272,21 +279,23 @@ class TrueSizes:
     def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
         slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
-        self.deepest = []
+        self.asked, self.deepest = list(claimed), []
         for place, gap in claimed:
             found = self.nearest(pose, place, gap)
             self.deepest.append((found[0].gap, found[0].normal) if found else None)
             nearest = _off_edges([own for own in found if own.gap < gap - slack], slack)
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
-                both = self._drawn(0, own), self._drawn(1, own)
+                sides = zip(self.faces, own.points, own.patches, strict=True)
+                both = tuple(body.drawn(point, patches, place) for body, point, patches in sides)
                 if all(norms(both[0] - other[0]) > APART * self.size for other in new):
                     new.append(both)
         if not new:
             return False
-        before = self.bodies
+        known, near = list(zip(*self.points, strict=True)), DEFAULT.tie * self.size
+        fresh = [all(norms(np.subtract(both, pair)).max() > near for pair in known) for both in new]
         self.points = [np.vstack([own, *each]) for own, each in zip(self.points, zip(*new, strict=True), strict=True)]
         self.bodies = self._exact()
-        return any(len(a.parts) < len(b.parts) for a, b in zip(before, self.bodies, strict=True))
+        return any(fresh)  # a point known with another one meets this one, too
 
     def nearest(self, pose: Array, place: Array, gap: float) -> list[TrueContact]:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
@@ -328,11 +337,6 @@ class TrueSizes:
         ends = np.sort(rates[:, None] * box, axis=1).sum(axis=0)
         return bool(np.abs(start + ends).max() <= DEFAULT.tie * self.size)
 
-    def _drawn(self, role: int, own: TrueContact) -> Array:
-        """Return the point as drawn that a contact's point at sizes is of."""
-        patches = true_faces(self.facets[role]).patches
-        return onto(own.points[role][None], [patches[k].surface for k in own.patches[role]])[0]
-
 
 def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[list[int], Array]:
     """Return rows of the body's faces that stand for patches at a point, and the normals of these there, (k, 3)."""
@@ -358,7 +362,7 @@ class SizedFaces:
         self._uniform = np.array([float(sizes[k].scale == "xyz") for k in columns])
         first, self._places = distinct_rows(self.faces.corners.reshape(-1, 3))
         points, owners = self.faces.corners.reshape(-1, 3)[first], np.repeat(self.faces.owners, 3)
-        lengths = self.moves._replace(turns=0.0 * self.moves.turns)
+        self._lengths = lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
@@ -381,6 +385,13 @@ class SizedFaces:
         if (key := np.asarray(place, float).tobytes()) not in self._made:
             self._made = {**dict([*self._made.items()][-KEPT:]), key: self._at(place)}
         return self._made[key]
+
+    def drawn(self, point: Array, patches: Sequence[int], place: Array) -> Array:
+        """Return the point as drawn that one of the faces at sizes is of: with the same normals."""
+        made, scale = self.at(place)
+        rates = self._lengths.at(point, *_meeting(made, patches, point))
+        before = point - rates @ np.asarray(place, float)[self.columns] / scale
+        return onto(before[None], [self.faces.patches[k].surface for k in patches])[0]
 
     def _at(self, place: Array) -> tuple[TrueFaces, float]:
         values = np.asarray(place, float)[self.columns]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.curve.true_sizes import SizedFaces
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
@@ -684,3 +685,13 @@ def test_a_corner_of_a_bore_and_the_fillet_beside_it_went_kilometres_away() -> N
     moves = MovesOfFaces(np.zeros(3), np.array([[-0.5], [0.0]]), *still)
     normals = np.array([[-1.0, 0.0, 0.0], [-1.0, 0.0, 1e-6]])
     assert moves.at(np.array([12.5, 0.0, 1.0]), [0, 1], normals)[:, 0] == pytest.approx([0.25, 0.0, 0.0], abs=1e-6)
+
+
+def test_a_point_of_a_shifted_peg_is_drawn_where_its_normal_is_the_same() -> None:
+    """Of what touched at 45 degrees a point beside it was made exact: gaps of two pegs moved aside were 3e-6 off."""
+    pitch = fo.Size("pitch", "movable", faces=["cylinder radius 4 no. 2"], along="x", tolerance=0.5)
+    faces = SizedFaces.of(pegs()[0], "movable", [pitch])
+    normal, place = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0), np.array([0.5])
+    point = np.array([30.5, 0.0, 9.0]) + 4.0 * normal
+    drawn = faces.drawn(point, faces.at(place)[0].at(point), place)
+    assert drawn == pytest.approx(point - (0.5, 0.0, 0.0), abs=1e-12)

@@ -404,15 +404,16 @@ def _of_gap(
             opened.append(q)
             continue
         pose = transforms_of(problem, q)[""]
-        exact = true is None or true_extremes(true, pose, extremes, own=scales is None) is not None
+        exact = (
+            true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None) is not None
+        )
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
         if exact or true is None:
             continue
-        places += [end.rho - (scales is not None) for end in extremes[:2]]
-        short = max(end.gap - own[0] for end, own in zip(extremes[:2], true.deepest, strict=True) if own)
-        if short <= NEAR * problem.size or turn >= FAR_ROUNDS:
+        places += [place for place, _ in true.asked]
+        if true.short <= NEAR * problem.size or turn >= FAR_ROUNDS:
             start, gaps = polished(worst, true, found.found, places)
             true.refined(transforms_of(problem, start)[""], gaps)
     if exact and (true is None or (proves and most)):
@@ -430,7 +431,8 @@ def _at_last(
         worst = Worst.of(problem, scales, *window, true)
         worst.leave_out_permanent()
         at = found_at(worst, q)
-        if true_extremes(true, transforms_of(problem, q)[""], at.off.extremes, own=scales is None) is not None:
+        pose = transforms_of(problem, q)[""]
+        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None) is not None:
             break
     inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
     status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST

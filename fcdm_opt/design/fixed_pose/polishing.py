@@ -14,13 +14,14 @@ from scipy.optimize import minimize
 
 from fcdm_opt.curve.true_sizes import TrueSizes
 from fcdm_opt.design.fixed_pose.local_search import Found
+from fcdm_opt.design.fixed_pose.scene import Scales
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array
 
 STEPS = 25  # of either search
 END = 1e-11  # of what is made small, in the lengths of a search
 WIDE = 10.0  # times what gaps of true faces are less at the pose: points move no further, or by the gap
-LATEST = 6  # sizes at which gaps are looked at
+MOST = 3  # sizes at which gaps are least, and as many at which they are largest, are looked at
 INNER = 0.1  # of what counts as inside a window: by so much it is left
 
 
@@ -90,11 +91,9 @@ def polished(worst: Worst, true: TrueSizes, found: Found, places: Sequence[Array
     """
     slack, k = worst.problem.contact_slack, len(found.q)
     ends = [end.gap for end in found.off.extremes[:2]]
-    short = max((gap - own[0] for own, gap in zip(true.deepest, ends, strict=True) if own), default=0.0)
-    unit, latest = (
-        max(WIDE * short, *map(abs, ends)) + slack,
-        [*{own.tobytes(): own for own in places}.values()][-LATEST:],
-    )
+    unit, known = max(WIDE * true.short, *map(abs, ends)) + slack, np.unique(places, axis=0)
+    order = np.argsort(found.off.rows.gaps(known + isinstance(worst.scene, Scales)), kind="stable")
+    latest = [*known[np.unique(np.append(order[:MOST], order[-MOST:]))]]
     near = _NearPose(worst, true, found.q, latest, unit, max(ends) + 2.0 * unit)
     bounds = np.clip((worst.limits - found.q[:, None]) / near.per[:, None], -1.0, 1.0)
     how = {"method": "SLSQP", "options": {"maxiter": STEPS, "ftol": END}}

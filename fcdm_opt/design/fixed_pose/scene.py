@@ -397,15 +397,20 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
     return TrueSizes.of(movable, static, scales)
 
 
-def true_extremes(true: TrueSizes, transform: Array, extremes: Extremes, *, own: bool) -> Extremes | None:
+def true_extremes(
+    true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool
+) -> Extremes | None:
     """Return the extreme gaps at a pose as the true faces have them; None where the bodies were made exact there anew.
 
-    Small pieces of a round solid lie less deep in another one than the whole of it.
+    Small pieces of a round solid lie less deep in another one than the whole of it. Where sizes shift round faces these
+    may be nearer at either end of these.
     """
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
-    if true.refined(transform, ends):
+    others = [at for place, _ in ends for at in true.shifted(place)] if own else []
+    gaps = rows.gaps(np.array(others)).tolist() if others else []
+    if true.refined(transform, [*ends, *zip(others, gaps, strict=True)]):
         return None
-    found = zip(extremes[:2], true.deepest, strict=True)
+    found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
     return Extremes(least, most, extremes.doubt)
 
@@ -441,7 +446,7 @@ class ScaleGaps(NamedTuple):
             scene.leave_out([pose])
             rows = scene.rows(pose)
             extremes = scene.extremes(rows)
-            exact = extremes if true is None else true_extremes(true, transform, extremes, own=False)
+            exact = extremes if true is None else true_extremes(true, transform, extremes, rows, own=False)
             if exact is not None:
                 break
         return cls(scene, rows, exact or extremes, true)
