@@ -159,7 +159,8 @@ class TrueSizes:
     permanent : set of (int, int)
         Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
     asked, deepest : list
-        The sizes last asked of `refined`, with the gap claimed of them; of each the gap of the true faces and its direction, where it is less than claimed.
+        The sizes last asked of `refined` with the gaps claimed, and of each the gap of the true faces and its
+        direction, where it is less.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sequence[Size]) -> None:
@@ -278,7 +279,7 @@ class TrueSizes:
 
     def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
-        slack, new = DEFAULT.planarity * self.size, list[tuple[Array, Array]]()
+        slack, new = DEFAULT.planarity * self.size, list[tuple[Array, ...]]()
         self.asked, self.deepest = list(claimed), []
         for place, gap in claimed:
             found = self.nearest(pose, place, gap)
