@@ -246,7 +246,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
 
     for sign in (-1.0, 1.0):
         far = reach(problem, sign * along, limit)
-        end, floor = min(_span_of(problem, along, pair, far) + clearance / fastest, far.x), DEFAULT.march * problem.size
+        end, floor = _span_of(problem, along, pair, far, clearance), DEFAULT.march * problem.size
         x, start, here, least = 0.0, 0.0, excess(0.0), floor
         state: State = "overlapping" if here < -slack else "apart"
         for _ in range(STEPS):
@@ -257,7 +257,9 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
             ahead = min(x + max(abs(here), least) / fastest, end)
             there = excess(sign * ahead)
             if (there < -slack) != (state == "overlapping"):
-                at = float(brentq(lambda own, sign=sign: excess(sign * own), x, ahead)) if here * there < 0.0 else x
+                at = x if abs(here) < abs(there) else ahead  # one of which is at the clearance, to rounding
+                if here * there < 0.0:
+                    at = float(brentq(lambda own, sign=sign: excess(sign * own), x, ahead))
                 spans.append(StateSpan(state, *sorted((sign * start, sign * at))))
                 start, state = at, "apart" if state == "overlapping" else "overlapping"
             x, here = ahead, there
@@ -506,14 +508,14 @@ class _OneWay:
         return furthest
 
 
-def _span_of(problem: Problem, along: Array, pair: Array, end: Reach) -> float:
-    """Return how far to look: half of what repeats itself, and no further than bodies can meet."""
+def _span_of(problem: Problem, along: Array, pair: Array, end: Reach, clearance: float = 0.0) -> float:
+    """Return how far to look: half of what repeats itself, no further than bodies can be nearer than a clearance."""
     if end.kind != "unbounded":
         return end.x / 2.0 if end.kind == "whole turn" else end.x
     extents = [
         scale * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
         for body, scale in zip((problem.movable, problem.static), pair, strict=True)
     ]
-    far = sum(extents) + float(np.linalg.norm(problem.static.seed - problem.movable.seed))
+    far = sum(extents) + float(np.linalg.norm(problem.static.seed - problem.movable.seed)) + clearance
     _, moving = ray_of(problem, along).natural_step
     return far / moving if moving > 0 else 1.0

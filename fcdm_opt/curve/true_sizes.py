@@ -260,8 +260,8 @@ class TrueSizes:
     def _within_round(self, own: PairRows) -> bool:
         """Tell whether a row of a part pair is of a facet that is within a round face, or beside one."""
         for role, (body, drawn, place) in enumerate(zip(self.bodies, self.facets, own.parts, strict=True)):
-            assert body.exact is not None
-            if place >= len(body.parts) - len(body.exact.pieces):
+            pieces = 0 if body.exact is None else len(body.exact.pieces)
+            if place >= len(body.parts) - pieces:
                 continue
             flat = {*range(len(drawn.faces))} - {row for _, rows in round_surfaces(drawn) for row in rows}
             part, facets = body.parts[place], body.facet_faces[place]

@@ -455,3 +455,19 @@ def test_the_picture_shows_the_family_and_the_events(tmp_path):
     found = fo.coherent_range(problems("example2")["C"])
     axes = family_figure(found).axes[0]
     assert len(axes.collections) == 1  # the swept area
+
+
+def test_a_keep_out_was_clear_again_before_the_step_that_ended_at_its_clearance() -> None:
+    """A pad 2 aside of a post is nearer than that until it is 2 beyond: from 0 to -(15 + 2 + 5 + 2)."""
+    base, pad, post = (
+        fo.Box(size, centre=middle, name=name)
+        for size, middle, name in (
+            ((100, 40, 10), (0, 0, -5), "base"), ((15, 10, 8), (22.5, 0, 4), "pad"),
+            ((5, 10, 20), (10.5, 0, 10), "post"),
+        )
+    )  # fmt: skip
+    asked = fo.Problem(
+        pad, base, motion=fo.Translation("x"), target=(1, 1), goal="clear", keep_out=[fo.KeepOut(post, clearance=2.0)]
+    )
+    (near,) = (span for span in fo.contact_times(asked, {"TX": 1.0}).keep_outs["post"] if span.state == "overlapping")
+    assert (near.low, near.high) == pytest.approx((-24.0, 0.0), abs=1e-9)

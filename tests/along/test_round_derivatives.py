@@ -12,7 +12,8 @@ import fcdm_opt as fo
 
 X, Y, Z = map(fo.Translation, "xyz")
 BORE = 10.0
-PLATE = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), fo.Cylinder(BORE, 30.0, base=(0, 0, -5), facets=16), name="plate")
+DRILL = fo.Cylinder(BORE, 30.0, base=(0, 0, -5), facets=16)
+PLATE = fo.cut(fo.Box((60, 60, 20), centre=(0, 0, 10)), DRILL, name="plate")
 
 
 def in_bore(radius: float, centre: tuple[float, float], motion: fo.Motion, **more) -> fo.Problem:

@@ -695,3 +695,13 @@ def test_a_point_of_a_shifted_peg_is_drawn_where_its_normal_is_the_same() -> Non
     point = np.array([30.5, 0.0, 9.0]) + 4.0 * normal
     drawn = faces.drawn(point, faces.at(place)[0].at(point), place)
     assert drawn == pytest.approx(point - (0.5, 0.0, 0.0), abs=1e-12)
+
+
+def test_a_roller_on_a_plane_had_no_stack_up() -> None:
+    """Rows of a body that is plane all over are those of its true faces: it is exact at no points."""
+    roller = fo.Cylinder(6, 30, base=(0, 0, -15), facets=12, name="roller")
+    floor = fo.Box((40, 4, 40), centre=(0, -8, 0), name="floor")
+    size = fo.Size("diameter", "movable", faces=["cylinder radius 6"], each=0.5, tolerance=0.1)
+    asked = fo.Problem(roller, floor, sizes=[size], made={}, goal="touch", motion=Y, target=(1, 1))
+    worst = fo.stack_up(asked).worst()
+    assert (worst.least, worst.largest) == pytest.approx((-0.05, 0.05), abs=1e-9)
