@@ -212,6 +212,7 @@ def test_a_ball_that_fits_its_socket_line_to_line_at_one_place_was_said_not_to_f
     assert list(solution.parameters.values()) == [pytest.approx(0.02 * block.seed[2], abs=1e-9)]
 
 
+@pytest.mark.slow
 def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     """A ball in its socket overlaps by its facets, a shaft in its bore faces all ways: the next axis will do."""
     ball = Situation(fo.Sphere(10.0, facets=20), socket(0.0))
@@ -649,6 +650,7 @@ def pegs() -> tuple[fo.Body, fo.Body]:
     return cover, base
 
 
+@pytest.mark.slow
 def test_rows_of_two_pegs_were_of_slanted_normals() -> None:
     """The gap is the least of half the play of one, and of the other less what pitches differ by, not .974 of it."""
     round_faces = [("movable", "cylinder", 0.5, (-0.014, -0.005)), ("static", "bore", -0.5, (0.0, 0.015))]
