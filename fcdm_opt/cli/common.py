@@ -240,13 +240,13 @@ def opened_files(
             continue
         try:
             make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, Problem)
-            files.append(OpenedFile(path, own.title, own.note, _made(make, path, own.case, wanted, some=some)))
+            files.append(OpenedFile(path, own.title, own.note, _cases_of(make, path, own.case, wanted, some=some)))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
     return files
 
 
-def _made(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
+def _cases_of(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
     """Return the problems of the cases of a file that are wanted, of all, or of the first that can be made."""
     for case in cases[:-1] if some else ():
         with suppress(InputError):

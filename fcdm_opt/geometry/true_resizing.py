@@ -44,11 +44,9 @@ def on_true_faces(body: Body, offsets: Array) -> Body | None:
         return None
     try:
         made = _of_same_parts(body, places)
-        if made is None and body.triangles:
-            return _cut_again(body, places, rounds, true)
+        if made is None:
+            made, rounds = _cut_again(body, places, rounds, true)
     except InputError:
-        return None
-    if made is None:
         return None
     errors = errors_about(made, rounds, np.zeros((len(made.faces), 2)))
     return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
@@ -188,8 +186,13 @@ def _fills(body: Body, surface: Surface) -> bool:
     return abs(sum(part.volume_and_centroid[0] for part in body.parts) - volume) <= DEFAULT.nominal * volume
 
 
-def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> Body | None:
-    """Return a body with its corners elsewhere, cut into convex parts again; None where a face is none of its own."""
+def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:
+    """Return a body with its corners elsewhere, cut into convex parts again, and its round faces.
+
+    Raises `InputError` where it is one convex part, or where a face is none of its own.
+    """
+    if not body.triangles:
+        raise InputError("the convex part has other faces")
     used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)
     triangles = np.array(inverse, np.int64).reshape(-1, 3)
     made = Body.from_mesh(
@@ -197,10 +200,8 @@ def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swe
     )
     found = _faces_on([*(surface for surface, _ in rounds), *(own for own in true if own.flat)], made)
     if found is None or not all(found[: len(rounds)]):
-        return None
-    surfaces = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
-    errors = errors_about(made, surfaces, np.zeros((len(made.faces), 2)))
-    return replace(made, surfaces=surfaces, facet_errors=errors, notes=body.notes, deviation=body.deviation)
+        raise InputError("a face is on none of those drawn")
+    return made, tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
 
 
 def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
+from fcdm_opt.geometry.judging import _cross, _dot, _minus, _plus
 
 TIMES_ONTO = 8  # that points are brought onto two surfaces
 ROUNDING = 1e-12  # of areas, and of a chord how far off surfaces a point counts as on them
@@ -17,26 +18,6 @@ SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that 
 SMOOTH = 1e-9  # square of the angle at which a surface goes on in the next one
 ROUND = 1e-6  # of a chord: by so much its ends differ in height and radius about an axis that it is round of
 LEAST = 2.2250738585072014e-308
-
-
-@step
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@step
-def _minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@step
-def _plus(a, share, b):
-    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
-
-
-@step
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @step
