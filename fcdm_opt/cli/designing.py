@@ -405,13 +405,13 @@ def stack_command(
             yield "allocation", cheapest, stacks.print_allocation
         if pictures is not None and out is not None and not alike:
             title, stem = f"{file.name}: case {problem.name}", f"{file.path.stem}-{problem.name}-stack"
-            caption = "NOT VERIFIED, do not use it" * inquiry.refused
-            stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title, caption=caption))
+            title += ": NOT VERIFIED, do not use it" * inquiry.refused
+            stem = pictures.add(stem, stacks.stack_figure(found, drawn, title=title))
             stacks.write_stack(found, out / f"{stem}.csv")
             inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
             if len(cut or most) == 2:
-                pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title, caption=caption))
+                pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title))
 
     _each_case(inquiry, asked, made=False)
 

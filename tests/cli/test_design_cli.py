@@ -11,9 +11,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
+from fcdm_opt.problem.solution import Certificate
+from fcdm_opt.show import stacks
 from fcdm_opt.show.printing import console
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -291,3 +294,24 @@ def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Pat
     assert "0.0325" in told
     assert run("faces", path)[0] == 0
     assert run("stack", path, "--case", "lost", "--draws", "1000")[0] == 2
+
+
+def test_pictures_of_a_stack_up_that_the_judge_refused_did_not_say_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    titles = []
+
+    def drawn(*_: object, title: str, **__: object) -> Figure:
+        titles.append(title)
+        return Figure()
+
+    monkeypatch.setattr(stacks, "stack_figure", drawn)
+    asked = "stack", PROBLEMS / "slot_and_key.toml", "--draws", 1000, "--out", tmp_path
+    run(*asked)
+    assert titles
+    assert "NOT VERIFIED" not in "".join(titles)
+    titles.clear()
+    monkeypatch.setattr(Certificate, "passed", property(lambda _: False))
+    run(*asked)
+    assert titles
+    assert all("NOT VERIFIED" in title for title in titles)
