@@ -22,6 +22,10 @@ WRITTEN = "Write results, tables and pictures into this folder."
 LISTED = 3  # scenes in which a rival is ahead
 
 Quick = Annotated[bool, typer.Option("--quick", help="Take the short form.")]
+Ours = Annotated[
+    bool,
+    typer.Option("--ours", help="Ask our own methods alone: are their answers right? Rivals take most of the time."),
+]
 Compare = Annotated[
     Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")
 ]
@@ -30,6 +34,7 @@ Compare = Annotated[
 def bench_command(
     out: Annotated[Path, option("--out", "DIR", WRITTEN, check=written())],
     quick: Quick = False,
+    ours: Ours = False,
     seed: Seed = 1,
     only: Annotated[
         list[str] | None,
@@ -56,8 +61,10 @@ def bench_command(
         taken = {task: (*own, *rivals.get(task, ())) for task, own in known.items()}
         for task, own in read_methods(path, taken).items():
             rivals[task] = (*rivals.get(task, ()), *own)
+    if ours and rivals:
+        raise InputError("rivals are not asked with --ours", key="--method", found=str(method[0] if method else ""))
     old = _earlier(compare, "bench", out)
-    run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, rivals=rivals, say=say)
+    run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, rivals=rivals, ours=ours, say=say)
     _recorded(run, old, out, partial(results.write, run))
     typer.echo(results.summary(run, most=LISTED))
     raise typer.Exit(NOT_VERIFIED if bench.wrong(run) else SOLVED)
@@ -69,6 +76,7 @@ def stability_command(
         option("--out", "DIR", "Write results, tables, the map and failing inputs there.", check=written()),
     ] = None,
     quick: Quick = False,
+    ours: Ours = False,
     seed: Seed = 1,
     replay: Annotated[
         Path | None, typer.Option("--replay", metavar="FILE", help="Show a saved failing input alone, asked again.")
@@ -92,7 +100,7 @@ def stability_command(
         raise typer.Exit(SOLVED if again.now.outcome == "right" else NOT_VERIFIED)
     assert out is not None
     old = _earlier(compare, "stability", out)
-    found = grid(quick=quick, seed=seed, say=say)
+    found = grid(quick=quick, seed=seed, ours=ours, say=say)
     _recorded(found.run, old, out, found.write)
     typer.echo(found.text)
     raise typer.Exit(NOT_VERIFIED if found.faults else SOLVED)

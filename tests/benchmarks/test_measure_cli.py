@@ -17,7 +17,7 @@ from fcdm_opt.cli.guarding import BAD_INPUT
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks import contacts as contact_methods
 from fcdm_opt_benchmarks import motions, record
-from fcdm_opt_benchmarks.chart import bench
+from fcdm_opt_benchmarks.chart import bench, results
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import ContactAnswer, Method, one_by_one, read_methods
 from fcdm_opt_benchmarks.record import BenchRun, Load
@@ -200,4 +200,12 @@ def test_the_command_takes_rivals(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     line = ["bench", "--quick", "--only", "contact", "--method", str(tmp_path / "rival.py"), "--out", str(tmp_path)]
     assert CliRunner().invoke(app, line).exit_code == 2
     assert [method.name for method in asked["rivals"]["contact"]] == ["half"]
+    refused = CliRunner().invoke(app, [*line, "--ours"])
+    assert refused.exit_code == 2 and "rivals are not asked with --ours" in refused.stderr
+    assert CliRunner().invoke(app, ["bench", "--ours", "--out", str(tmp_path)]).exit_code == 2 and asked["ours"]
 
+
+def test_without_rivals_none_is_said_to_be_slower() -> None:
+    run = bench.bench(quick=True, only=("contact",), ours=True)
+    assert {row["family"] for row in run.tables["chart"]} == {"ours"}
+    assert results.summary(run) == "- One contact: no rival was asked."

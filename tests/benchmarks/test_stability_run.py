@@ -132,6 +132,12 @@ def test_what_the_time_does_not_suffice_for_is_said(short):
     assert "not run 1/1" in table.grid_table(picture.grids(results)[0])
 
 
+def test_ours_alone_are_asked_all_cases(short):
+    results = stability(True, 0, jobs=1, limit=1.0, ours=True, modules=HERE)
+    assert {own.method for own in results} == set(planted.OURS)
+    assert {own.case.name for own in results} == {case.name for case in planted.cases(True, 0)}
+
+
 def test_rows_are_plain(results):
     rows = json.loads(json.dumps([own.row for own in results], allow_nan=False))
     assert Counter(row["outcome"] for row in rows) == Counter(own.outcome for own in results)

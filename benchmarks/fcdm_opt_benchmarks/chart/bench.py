@@ -121,6 +121,7 @@ def bench(
     seed: int = 1,
     only: Collection[str] = PARTS,
     rivals: Mapping[str, Sequence[Method]] = {},
+    ours: bool = False,
     say: Say = lambda text: None,
 ) -> BenchRun:
     """Measure all methods against the exact references.
@@ -135,6 +136,8 @@ def bench(
         Which of `PARTS` to measure; the tables of the others stay empty.
     rivals : mapping
         Task -> further methods, see `read_methods`.
+    ours : bool
+        Ask our own methods alone: whether their answers are right, and no comparison.
     say : callable
         Is told what is measured next.
 
@@ -150,7 +153,8 @@ def bench(
     rng, yardstick = np.random.default_rng(seed), list[float]()
     makers = {"contact": contact_task, "curve": curve_task, "motion": motion_task}
     tasks = [make(quick, seed) for name, make in makers.items() if name in only]
-    tasks = [replace(task, methods=(*task.methods, *rivals.get(task.name, ()))) for task in tasks]
+    methods = {task.name: (*task.methods, *rivals.get(task.name, ())) for task in tasks}
+    tasks = [replace(task, methods=[own for own in methods[task.name] if own.ours or not ours]) for task in tasks]
     chart = [row for task in tasks for row in charted(task, rng, yardstick, say)]
     compared, faults = 0, list[Row]()
     if "curve" in only:

@@ -66,7 +66,9 @@ def summary(run: BenchRun, *, most: int | None = None) -> str:
         if not rows:
             continue
         title = TASKS[task].capitalize()
-        if task == "motion":
+        if all(row["family"] == "ours" for row in rows):
+            lines.append(f"- {title}: no rival was asked.")
+        elif task == "motion":
             lines += _losses(
                 rows, ahead(rows, task, REACHED), most, f"{title}: {{}} reaches our amount faster, not verified"
             )

@@ -52,7 +52,7 @@ class StabilityRun:
         return made
 
 
-def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: None) -> StabilityRun:
+def grid(*, quick: bool, seed: int, ours: bool = False, say: Callable[[str], None] = lambda text: None) -> StabilityRun:
     """Ask all methods all cases.
 
     Parameters
@@ -61,6 +61,8 @@ def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: No
         The short form.
     seed : int
         Of what is drawn at random.
+    ours : bool
+        Ask our own methods alone.
     say : callable
         Is told how far it is.
     """
@@ -70,7 +72,7 @@ def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: No
         if done % STEP == 0 or done == count:
             say(f"{done} of {count} answers")
 
-    results = stability(quick, seed, progress=progress)
+    results = stability(quick, seed, ours=ours, progress=progress)
     settings = {"limit": LIMITS[quick], "budget": BUDGETS[quick]}
     settings["not_run"] = sum(own.outcome == NOT_RUN for own in results)
     seconds = perf_counter() - start

@@ -111,6 +111,7 @@ def stability(
     budget: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     modules: Sequence[str] = MODULES,
+    ours: bool = False,
 ) -> list[Result]:
     """Ask all methods all cases.
 
@@ -128,6 +129,8 @@ def stability(
         Called with the number of answers so far and in all.
     modules : sequence of str
         Dotted names of modules of cases.
+    ours : bool
+        Ask our own methods alone.
 
     Returns
     -------
@@ -139,10 +142,11 @@ def stability(
     for name in modules:
         home = import_module(name)
         found = home.cases(quick, seed)
-        asked = {method: [case for case in found if home.applies(method, case)] for method in home.METHODS}
+        methods = [method for method in home.METHODS if method in home.OURS or not ours]
+        asked = {method: [case for case in found if home.applies(method, case)] for method in methods}
         queues += [_Queue(name, method, method in home.OURS, _mixed(own)) for method, own in asked.items() if own]
         for case in found:
-            for method in home.METHODS:
+            for method in methods:
                 places.setdefault((name, case.family, case.name, method), len(places))
     limit = LIMITS[quick] if limit is None else limit
     _Lanes(queues, limit, progress).run(jobs or _cores(), BUDGETS[quick] if budget is None else budget, start)
