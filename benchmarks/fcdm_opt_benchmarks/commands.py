@@ -24,7 +24,7 @@ LISTED = 3  # scenes in which a rival is ahead
 Quick = Annotated[bool, typer.Option("--quick", help="Take the short form.")]
 Ours = Annotated[
     bool,
-    typer.Option("--ours", help="Ask our own methods alone: are their answers right? Rivals take most of the time."),
+    typer.Option("--ours", help="Ask our own methods alone: whether they are right, without rivals."),
 ]
 Compare = Annotated[
     Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")

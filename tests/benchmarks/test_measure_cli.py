@@ -201,8 +201,10 @@ def test_the_command_takes_rivals(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert CliRunner().invoke(app, line).exit_code == 2
     assert [method.name for method in asked["rivals"]["contact"]] == ["half"]
     refused = CliRunner().invoke(app, [*line, "--ours"])
-    assert refused.exit_code == 2 and "rivals are not asked with --ours" in refused.stderr
-    assert CliRunner().invoke(app, ["bench", "--ours", "--out", str(tmp_path)]).exit_code == 2 and asked["ours"]
+    assert refused.exit_code == 2
+    assert "rivals are not asked with --ours" in refused.stderr
+    assert CliRunner().invoke(app, ["bench", "--ours", "--out", str(tmp_path)]).exit_code == 2
+    assert asked["ours"]
 
 
 def test_without_rivals_none_is_said_to_be_slower() -> None:
