@@ -46,5 +46,4 @@ class NotebookRepr:
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook."""
-        made: str = imported("show.cards:card_of")(self)
-        return made
+        return imported("show.cards:card_of")(self)

@@ -143,5 +143,4 @@ class _Above:
     def write(self, text: str) -> int:
         """Write it where no bar is."""
         self._sign.hide()
-        written: int = self._stream.write(text)
-        return written
+        return self._stream.write(text)

@@ -174,10 +174,7 @@ def _walked(
     shares = np.array_split(poses, max(1, min(threads, len(poses) // LEAST_SHARE)))
 
     def work(share: Array) -> tuple[Ints, Ints, Ints, Ints, Array, Array]:
-        found: tuple[Ints, Ints, Ints, Ints, Array, Array] = kernels.walk_many(
-            *packed, share, seeds, limits, DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
-        )
-        return found
+        return kernels.walk_many(*packed, share, seeds, limits, DEFAULT.planarity, DEFAULT.point, DEFAULT.sign)
 
     if len(shares) == 1:
         return work(shares[0])

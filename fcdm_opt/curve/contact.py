@@ -459,8 +459,7 @@ def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
     """Return the vertices on which n.x is largest."""
     local = part.vertices - part.seed
     heights = local @ n
-    top: list[int] = np.flatnonzero(heights >= heights.max() - slack * np.abs(local).max()).tolist()
-    return top
+    return np.flatnonzero(heights >= heights.max() - slack * np.abs(local).max()).tolist()
 
 
 def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Array:

@@ -540,8 +540,7 @@ def checked_box(box: Sequence[Sequence[float]]) -> Box:
 
 def relative_pose(movable: Body, static: Body, transform: Array) -> Array:
     """Return (R row by row, d = s_2 - moved s_1), (12,): what the kernels take."""
-    pose: Array = kernels.relative_pose(transform, movable.seed, static.seed)
-    return pose
+    return kernels.relative_pose(transform, movable.seed, static.seed)
 
 
 def _pair(rho: ArrayLike) -> Array:

@@ -241,8 +241,7 @@ def inside(region: Region, base: Array, travel: Array) -> tuple[float, float]:
     """Return the open interval of s in which base + s travel lies inside the open region (lo >= hi if none)."""
     if region.status != "bounded":
         return (-np.inf, np.inf) if region.status == "full" else (0.0, 0.0)
-    interval: tuple[float, float] = kernels.interval(region.unit_lines, base, travel, LIMITS)
-    return interval
+    return kernels.interval(region.unit_lines, base, travel, LIMITS)
 
 
 def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:

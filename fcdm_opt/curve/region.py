@@ -145,8 +145,7 @@ class Region:
     @cached_property
     def pose(self) -> Array:
         """R, row by row, and d = s_2 - s_1 (moved), (12,)."""
-        pose: Array = kernels.relative_pose(self.transform, self.one.seed, self.two.seed)
-        return pose
+        return kernels.relative_pose(self.transform, self.one.seed, self.two.seed)
 
     @cached_property
     def exact(self) -> ExactCurve:
@@ -179,8 +178,7 @@ class Region:
     @cached_property
     def facet_rows(self) -> Array:
         """Normals and contact lines of all facet directions, (k, 6)."""
-        rows: Array = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
-        return rows
+        return kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
 
     @property
     def _reach(self) -> Array:
@@ -232,8 +230,7 @@ class Region:
         if self._walked is None:
             return kernels.UNDECIDED
         _, rows, points, chains = self._walked
-        found: int = kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
-        return found
+        return kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
 
     @cached_property
     def pieces(self) -> list[Piece]:

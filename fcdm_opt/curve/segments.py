@@ -190,8 +190,7 @@ def without_borders(met: Sequence[Meeting], known: Sequence[Meeting] = ()) -> tu
 def middle(sets: Sequence[Array]) -> Array:
     """Return the middle of a contact: of its corners, or of their box where it is spread over several parts."""
     corners = np.concatenate(sets)
-    found: Array = corners.mean(axis=0) if len(sets) == 1 else (corners.min(axis=0) + corners.max(axis=0)) / 2
-    return found
+    return corners.mean(axis=0) if len(sets) == 1 else (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def shared(bodies: tuple[Body, Body], pose: Array, meeting: Meeting, rho: Array) -> Array:

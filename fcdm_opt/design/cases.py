@@ -59,8 +59,7 @@ class SolvedCases(Mapping[str, Any], NotebookRepr):
     def to_frame(self) -> DataFrame:
         """Return these rows as a pandas table (extra `tables`); numbers that are not there are nan."""
         pandas = extra("pandas", "tables", key="table")
-        frame: DataFrame = pandas.DataFrame(self.rows(), columns=None if self else list(COLUMNS))
-        return frame
+        return pandas.DataFrame(self.rows(), columns=None if self else list(COLUMNS))
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write these rows as CSV, which Excel opens as a table."""

@@ -738,8 +738,7 @@ class Body(_Sealed, NotebookRepr):
 
         Twelve facets a turn or more. A body that knows what its facets stand for stays as it is.
         """
-        found: Body = imported("geometry.facet_errors:rounded")(self)
-        return found
+        return imported("geometry.facet_errors:rounded")(self)
 
     def faceted(self) -> Body:
         """Return the same body with its facets as its true faces, whatever round ones they stand for."""

@@ -207,8 +207,7 @@ class Arrangement:
 
     def on(self, cell: Cell) -> Array:
         """Tell which points of a cell lie on which of its planes, (planes, points), as zeros and ones."""
-        on: Array = (self.signs[cell.planes[:, None], cell.points] == 0).astype(np.float32)
-        return on
+        return (self.signs[cell.planes[:, None], cell.points] == 0).astype(np.float32)
 
     def pruned(self, cell: Cell, doubtful: Flags | None = None) -> Cell:
         """Return a cell without points that are no corners: another point is on all their planes, and on more."""

@@ -182,8 +182,7 @@ class ScaledPair:
         Cheaper than `least_separations`; arguments as there.
         """
         frames = self._framed(pairs, transforms)
-        bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
-        return bounds
+        return judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
 
     def separation_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
         """Return the least over the part pairs of the largest gap along a face normal of either, length.

@@ -303,8 +303,7 @@ def _bent(
 def _squared(form: Array, steps: Array) -> Array:
     """Return quadratic forms, (f, 3), of steps in the plane, (f, m, 2): (f, m)."""
     (a, b, c), (x, y) = form.T[..., None], np.moveaxis(steps, -1, 0)
-    squared: Array = a * x * x + 2.0 * b * x * y + c * y * y
-    return squared
+    return a * x * x + 2.0 * b * x * y + c * y * y
 
 
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:

@@ -97,8 +97,7 @@ class NearFacets(NamedTuple):
             The one line of all shifts: facets that it leads past each other need more than any amount.
         """
         line = np.zeros(3) if along is None else along
-        needed: Array = least_needed(self.corners, shifts, fastest, slack, enough, line, DEFAULT.tie)
-        return needed
+        return least_needed(self.corners, shifts, fastest, slack, enough, line, DEFAULT.tie)
 
 
 def near_facets(

@@ -31,28 +31,24 @@ def following(corners: Array) -> Array:
 
 def norms(vectors: Array) -> Array:
     """Return the lengths of vectors, (..., 3)."""
-    lengths: Array = np.sqrt(dots(vectors, vectors))
-    return lengths
+    return np.sqrt(dots(vectors, vectors))
 
 
 def dots(u: Array, v: Array) -> Array:
     """Return dot products of vectors, (..., 3); quicker than a sum along so short an axis."""
-    products: Array = u[..., 0] * v[..., 0] + u[..., 1] * v[..., 1] + u[..., 2] * v[..., 2]
-    return products
+    return u[..., 0] * v[..., 0] + u[..., 1] * v[..., 1] + u[..., 2] * v[..., 2]
 
 
 def units(vectors: Array) -> Array:
     """Return vectors, (..., 3), at unit length; zero stays zero."""
-    directions: Array = vectors / np.maximum(norms(vectors), SMALLEST)[..., None]
-    return directions
+    return vectors / np.maximum(norms(vectors), SMALLEST)[..., None]
 
 
 def unit_normals(polygons: Array) -> Array:
     """Return unit normals of (nearly) planar polygons, (..., n, 3), by Newell's sum about their first vertices."""
     spokes = polygons[..., 1:, :] - polygons[..., :1, :]
     total = cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
-    normals: Array = total / norms(total)[..., None]
-    return normals
+    return total / norms(total)[..., None]
 
 
 def least_vector(rows: Array, levels: Array) -> Array | None:

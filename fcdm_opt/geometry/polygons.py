@@ -46,8 +46,7 @@ def widths(corners: Array) -> Array:
     far = lengths.argmax(axis=1)
     rows = np.arange(len(corners))
     along = spokes[rows, far] / np.maximum(lengths[rows, far], np.finfo(float).tiny)[:, None]
-    off: Array = np.sqrt((np.cross(spokes, along[:, None]) ** 2).sum(axis=2)).max(axis=1)
-    return off
+    return np.sqrt((np.cross(spokes, along[:, None]) ** 2).sum(axis=2)).max(axis=1)
 
 
 def between(points: Array, ends: tuple[int, int], rows: Ints, slack: float) -> list[int]:
@@ -90,8 +89,7 @@ def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     """Tell which convex polygons, (k, c, 3), counter-clockwise about normals, hold points of their planes, (m, k)."""
     inward = units(cross(normals[:, None], following(polygons) - polygons))
     depth = ((points[:, None, None] - polygons) * inward).sum(axis=3)
-    held: Flags = (depth >= -slack).all(axis=2)
-    return held
+    return (depth >= -slack).all(axis=2)
 
 
 def distances(points: Array, polygons: Array) -> Array:
@@ -218,13 +216,11 @@ def _in_plane(local: Array, normal: Array) -> Array:
     least = np.eye(3)[np.abs(normal).argmin()]
     first = np.cross(normal, least)
     first /= np.sqrt(first @ first)
-    flat: Array = local @ np.column_stack([first, np.cross(normal, first)])
-    return flat
+    return local @ np.column_stack([first, np.cross(normal, first)])
 
 
 def _cross2(u: Array, v: Array) -> Array:
-    product: Array = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-    return product
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
 
 
 def _ears(flat: Array, slack: float) -> Ints | None:

@@ -129,8 +129,7 @@ class Surface:
         """Tell which points lie in the planes of which faces, (m, faces)."""
         normals, bases = self.planes
         heights = np.stack([(points - base) @ n for n, base in zip(normals, bases, strict=True)], axis=1)
-        near: Flags = np.abs(heights) <= DEFAULT.nominal * self.size
-        return near
+        return np.abs(heights) <= DEFAULT.nominal * self.size
 
     def lies_on(self, face: int, points: Array) -> Flags:
         """Tell which points of a face's plane, (m, 3), lie on the face, its border included."""

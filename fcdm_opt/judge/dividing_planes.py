@@ -86,5 +86,4 @@ def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> boo
 def _divided(heights: Array, corners: Ints, facets: Ints, slack: float) -> Flags:
     """Tell of heights of corners above planes, (s, n, f), which parts are above one of another part's in each step."""
     above = np.minimum.reduceat(heights, corners, axis=1) >= -slack
-    divided: Flags = np.logical_or.reduceat(above[1:] & above[:-1], facets, axis=2)
-    return divided
+    return np.logical_or.reduceat(above[1:] & above[:-1], facets, axis=2)

@@ -104,18 +104,15 @@ class _Seen(NamedTuple):
         """Return which shares of a facet's corners make up points across the way, (k, m, 3), of points (k, m, 2)."""
         x, y = np.moveaxis(self.flat[rows][:, None] - points[:, :, None], -1, 0)
         doubled = x[..., NEXT] * y[..., LAST] - y[..., NEXT] * x[..., LAST]
-        shares: Array = doubled / self.areas[rows][:, None, None]
-        return shares
+        return doubled / self.areas[rows][:, None, None]
 
     def heights(self, rows: Ints, shares: Array) -> Array:
         """Return how far along the way such points are before and after, (k, m, 2)."""
-        heights: Array = np.einsum("kms,kes->kme", shares, self.corners[rows, ..., 2])
-        return heights
+        return np.einsum("kms,kes->kme", shares, self.corners[rows, ..., 2])
 
     def across(self, rows: Ints, shares: Array) -> Array:
         """Return how far one such point each, of shares (k, 3), is displaced across the way, (k, 2)."""
-        moved: Array = np.einsum("ks,ksx->kx", shares, self.corners[rows, 1, :, :2] - self.corners[rows, 0, :, :2])
-        return moved
+        return np.einsum("ks,ksx->kx", shares, self.corners[rows, 1, :, :2] - self.corners[rows, 0, :, :2])
 
     def chords(self, lines: Array, slack: float) -> tuple[Ints, Array]:
         """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2).

@@ -69,8 +69,7 @@ class ContactRow:
         missing = [name for name in names if name not in given and name not in self.numbers]
         if missing:
             raise InputError("an input is missing", key=missing[0], found=self.name, allowed=", ".join(names))
-        made: dict[str, Any] = self.function(**{**self.numbers, **given})
-        return made
+        return self.function(**{**self.numbers, **given})
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +134,7 @@ class ContactRows:
 
     def __str__(self) -> str:
         """Return a table of the first rows: what touches, what is asked of it, its value and slopes at `at`."""
-        text: str = imported("show.row_table:rows_text")(self)
-        return text
+        return imported("show.row_table:rows_text")(self)
 
     def __repr__(self) -> str:
         """Return how many rows of each kind there are, on one line."""

@@ -617,8 +617,7 @@ class Task:
         if not ahead.any():
             return frozen(rows[gaps.argmax(), :3])
         weights, _ = nnls(np.vstack([rows[ahead, :3].T, gaps[ahead] / gaps.max()]), np.array([0.0, 0.0, 0.0, 1.0]))
-        way: Array = rows[ahead, :3].T @ weights
-        return way
+        return rows[ahead, :3].T @ weights
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
@@ -685,8 +684,7 @@ class Task:
         """Return path positions, from the end back, near enough to one another."""
         turned = float(np.abs(q[self.motion.turning]).sum())
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
-        places: list[float] = np.linspace(1.0, 0.0, count + 1)[:count].tolist()
-        return places
+        return np.linspace(1.0, 0.0, count + 1)[:count].tolist()
 
     def _telling_shift(self, q: Array) -> Sequence[float] | None:
         """Return these of a motion that shifts: every separation along a facet direction is linear on the way.

@@ -522,8 +522,7 @@ class Solution(Bounded):
 
     def __str__(self) -> str:
         """Return the verdict in words, and below it what its row in a table says."""
-        text: str = imported("show.verdict:answer_text")(self)
-        return text
+        return imported("show.verdict:answer_text")(self)
 
     @property
     def question(self) -> Problem:

@@ -24,8 +24,7 @@ UNMEASURED = (NONE, "impossible")
 
 def rendered(template: str, **data: Any) -> str:
     """Return a template of this package filled with plain data; a name that is not there is an error."""
-    made: str = environment().get_template(template).render(**data)
-    return made
+    return environment().get_template(template).render(**data)
 
 
 def whole_page(template: str, *, scripts: Sequence[str] = (), figures: Any = None, **data: Any) -> str:

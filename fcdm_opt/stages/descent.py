@@ -200,8 +200,7 @@ class Descent:
         reach = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
         first = self.task.start / self.scale
         low, high = self.task.limits.T / self.scale
-        made: Array = np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
-        return made
+        return np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
 
     def _wide(self) -> Array:
         """Return starts further away, along fixed directions, see `rays.directions`."""

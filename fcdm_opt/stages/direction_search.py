@@ -86,8 +86,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
 
     def objectives_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
         pacing.check()
-        objectives: Array = compiled.objectives(*given, np.ascontiguousarray(angles), cap, halvings)
-        return objectives
+        return compiled.objectives(*given, np.ascontiguousarray(angles), cap, halvings)
 
     angles: Array = np.arange(count, dtype=np.float64) * width
     cap = min(cap, float(objectives_of(angles[::COARSE], ROUGH).min()))
@@ -102,8 +101,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
         return None
 
     def motion(angle: float) -> Array:
-        made: Array = best * np.array([math.cos(angle), math.sin(angle)]) * own.scale
-        return made
+        return best * np.array([math.cos(angle), math.sin(angle)]) * own.scale
 
     return np.clip(motion(at), *task.limits.T), (motion(at - BESIDE), motion(at + BESIDE))
 

@@ -183,10 +183,9 @@ class _TurnSearch:
 
     def _advance(self, touching: Ints, *cells: Any) -> tuple[Array, Ints, Ints]:
         """Look at a generation of cells, see `turned_cells.advance`."""
-        made: tuple[Array, Ints, Ints] = turned_cells.advance(
+        return turned_cells.advance(
             self.one, self.two, touching, self.apart, self.kind, self.space, self.numbers, *cells
         )
-        return made
 
     def _ways(self) -> Ints:
         """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""

@@ -189,8 +189,7 @@ class Sampler:
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
         end = time() + left  # the wall clock is that of the other processes too
-        found: list[Sample | None] = run(delayed(sample_of)(self._plain, own, self.over, end) for own in missing)
-        return found
+        return run(delayed(sample_of)(self._plain, own, self.over, end) for own in missing)
 
     def _sample(self, made: Made, waiting: int) -> Sample | None:
         """Return the sample at some sizes, None where it takes all the time, of the first ones its share."""

@@ -48,8 +48,7 @@ class Allocation(Plain):
 
     def __str__(self) -> str:
         """Return the tolerances as a table."""
-        text: str = imported("show.stacks:allocation_text")(self)
-        return text
+        return imported("show.stacks:allocation_text")(self)
 
 
 def allocated(

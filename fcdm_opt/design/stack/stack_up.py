@@ -159,8 +159,7 @@ class StackUp:
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
-        told: str = imported("show.stacks:stack_text")(self)
-        return told
+        return imported("show.stacks:stack_text")(self)
 
     def __repr__(self) -> str:
         """Return sizes and the range of the gap, on one line."""
@@ -408,8 +407,7 @@ class StackUp:
             "widest": {"factor": self.touching.reach[0], "until": self.touching.reach[1]},
             "vanishing": dict(zip(("factor", "face", "at"), self.touching.vanishing, strict=True)),
         }
-        told: dict[str, Any] = plain(answers)
-        return told
+        return plain(answers)
 
 
 @known_arguments

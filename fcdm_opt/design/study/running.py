@@ -203,8 +203,7 @@ def workers(
             # joblib says so where not all rows are taken, as after an error
             warnings.filterwarnings("ignore", message=".* adjusting the input task iterator")
             parallel = Parallel(jobs, backend=backend, return_as="generator_unordered")
-            rows: Generator[Row] = parallel(delayed(answer)(point) for point in asked)
-            return rows
+            return parallel(delayed(answer)(point) for point in asked)
 
         yield answers
 
