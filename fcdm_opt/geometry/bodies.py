@@ -6,13 +6,14 @@ A part is the convex hull of its float vertices; a *face* is a maximal group of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import combinations
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,6 +49,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
 Seed = SeedRule | Sequence[float] | NDArray[Any]
+Known = TypeVar("Known")
 SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
@@ -65,6 +67,19 @@ class _Sealed:
                 if isinstance(array, np.ndarray):
                     array.flags.writeable = False
         self.__dict__.update(state)
+
+
+def once(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
+    """Let what a function finds of a body be kept as long as the body is there."""
+    known: WeakKeyDictionary[Body, Known] = WeakKeyDictionary()
+
+    @wraps(work)
+    def found(body: Body) -> Known:
+        if body not in known:
+            known[body] = work(body)
+        return known[body]
+
+    return found
 
 
 @dataclass(frozen=True, eq=False)

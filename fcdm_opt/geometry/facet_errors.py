@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence, Set
 from dataclasses import replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
-from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart, once
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
@@ -49,10 +48,6 @@ USUAL = 0.6  # of the facets of a round face, at least so many are no flats
 ALL_OUT = 1.5  # times what faces stand out: where one meets a plane face aslant, as much is not enough
 ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours is a flat on the round face
 
-_KNOWN: WeakKeyDictionary[Body, Array | None] = WeakKeyDictionary()
-_ROUND: WeakKeyDictionary[Body, _OfRound | None] = WeakKeyDictionary()
-_BOUNDS: WeakKeyDictionary[Body, tuple[Body, Body] | None] = WeakKeyDictionary()
-
 
 def facet_errors(body: Body) -> Array | None:
     """Return how far each face sticks out of the surface that it stands for, and falls short of it, (faces, 2).
@@ -60,11 +55,7 @@ def facet_errors(body: Body) -> Array | None:
     0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then.
     """
     body = body.full_body or body
-    if body.facet_errors is not None:
-        return body.facet_errors
-    if body not in _KNOWN:
-        _KNOWN[body] = _recognised(body)
-    return _KNOWN[body]
+    return _recognised(body) if body.facet_errors is None else body.facet_errors
 
 
 def round_surfaces(body: Body) -> RoundFaces:
@@ -101,6 +92,7 @@ def deviation_of(body: Body) -> tuple[float, float]:
     return float(out), float(short)
 
 
+@once
 def _recognised(body: Body) -> Array | None:
     """Return the errors of facets that are taken for round faces, or for smooth ones of no known kind."""
     found = _of_round_faces(body)
@@ -121,14 +113,9 @@ class _OfRound(NamedTuple):
     looked: bool
 
 
+@once
 def _of_round_faces(body: Body) -> _OfRound | None:
     """Return what facets are taken for cylinders, cones and spheres; None where that cannot be told."""
-    if body not in _ROUND:
-        _ROUND[body] = _look_for_round_faces(body)
-    return _ROUND[body]
-
-
-def _look_for_round_faces(body: Body) -> _OfRound | None:
     if max(body.deviation) > DEFAULT.drawn * body.size:
         return None
     errors = np.zeros((len(body.faces), 2))
@@ -311,12 +298,14 @@ def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
 
     None where none are known.
     """
-    body = body.full_body or body
-    if body not in _BOUNDS:
-        errors = facet_errors(body)
-        ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
-        _BOUNDS[body] = None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
-    return _BOUNDS[body]
+    return _bounding_bodies(body.full_body or body)
+
+
+@once
+def _bounding_bodies(body: Body) -> tuple[Body, Body] | None:
+    errors = facet_errors(body)
+    ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
+    return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
 
 
 def _moved(body: Body, off: Array, errors: Array) -> Body | None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, once
 from fcdm_opt.geometry.crossings import not_separated, overlapping
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.polygons import fans
@@ -42,15 +41,7 @@ class Facets:
         self.owners = np.repeat(np.arange(len(loops)), [sum(len(loop) - 2 for loop in own) for own in loops])
 
 
-_KNOWN: WeakKeyDictionary[Body, Facets] = WeakKeyDictionary()
-
-
-def facets_of(body: Body) -> Facets:
-    """Return the facets of a body, worked out once."""
-    found = _KNOWN.get(body)
-    if found is None:
-        found = _KNOWN[body] = Facets(body)
-    return found
+facets_of = once(Facets)
 
 
 class NearFacets(NamedTuple):

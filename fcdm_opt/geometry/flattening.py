@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, groups_of
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
 from fcdm_opt.tolerances import DEFAULT
@@ -214,9 +214,7 @@ def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
     # how far the lower triangle's corner is off the plane of the higher one, on the other side of the edge
     folds = norms(cross(c, d)) / np.maximum(np.maximum(norms(c), norms(d)), np.finfo(float).tiny)
     flat = (folds <= 4 * slack) & ((c * d).sum(axis=1) <= 0)
-    group = components(sides.face[sides.pairs[flat]], len(triangles))
-    order = np.argsort(group, kind="stable")
-    return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]
+    return [np.unique(triangles[own]) for own in groups_of(components(sides.face[sides.pairs[flat]], len(triangles)))]
 
 
 def sections(points: Array, triangles: Ints, slack: float) -> list[Ints]:

@@ -13,12 +13,11 @@ from copy import copy
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, once
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
@@ -247,15 +246,12 @@ class TrueFaces:
         return float(far[met & (far > near)].min(initial=np.inf))
 
 
-_KNOWN: WeakKeyDictionary[Body, TrueFaces] = WeakKeyDictionary()
+_faces_of = once(TrueFaces)
 
 
 def true_faces(body: Body) -> TrueFaces:
     """Return the true faces of a body, worked out once."""
-    body = body.full_body or body
-    if body not in _KNOWN:
-        _KNOWN[body] = TrueFaces(body)
-    return _KNOWN[body]
+    return _faces_of(body.full_body or body)
 
 
 def patches_of_element(body: Body, element: Element) -> frozenset[int]:

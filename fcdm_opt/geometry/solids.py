@@ -12,13 +12,12 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly, groups_of
+from fcdm_opt.geometry.bodies import Body, once
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
@@ -70,22 +69,16 @@ class SolidSurface:
     def shells(self) -> list[Ints]:
         """Rows of the points of each closed surface that no edge connects with another."""
         sides = np.concatenate([self.triangles[:, :2], self.triangles[:, 1:]])
-        group = components(sides, len(self.points))
-        order = np.argsort(group, kind="stable")
-        return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+        return groups_of(components(sides, len(self.points)))
 
 
-_KNOWN: WeakKeyDictionary[Body, SolidSurface] = WeakKeyDictionary()
+_surface_of = once(SolidSurface)
 _DEPTHS: dict[bytes, float] = {}  # by the triangles where they are
 
 
 def solid_surface(body: Body) -> SolidSurface:
     """Return the boundary of the whole solid that a body, or some of its parts, stands for; worked out once."""
-    full = body.full_body or body
-    found = _KNOWN.get(full)
-    if found is None:
-        found = _KNOWN[full] = SolidSurface(full)
-    return found
+    return _surface_of(body.full_body or body)
 
 
 class Located(NamedTuple):

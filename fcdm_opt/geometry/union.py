@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, groups_of
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.polygons import area, between, clipped, components, fans, hold, inside, normals_of, triangulated
@@ -124,8 +124,7 @@ class _Walls:
         keys = np.column_stack([self.normals, self.levels / self.size])[shown]
         pairs = cKDTree(keys).query_pairs(DEFAULT.nominal, p=np.inf, output_type="ndarray")
         links = [pair for pair in pairs.tolist() if self._touch(*(shown[k] for k in pair))]
-        groups = components(np.array(links), len(shown))
-        return [[shown[k] for k in np.flatnonzero(groups == group)] for group in range(groups.max() + 1)]
+        return [[shown[k] for k in own] for own in groups_of(components(np.array(links), len(shown)))]
 
     def _touch(self, one: int, two: int) -> bool:
         """Tell whether two faces of a plane have a vertex or more than a point in common."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.measures import cross, least_vector, norms
 from fcdm_opt.geometry.naming import pair_in_words
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
@@ -166,6 +166,11 @@ class Task:
     joints: tuple[Joint, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
+    # the least answer made so far, for a search that ends before it is through; none in most tasks
+    found: list[Answer] = field(default_factory=list, init=False)
+    _poses: dict[bytes, Array] = field(default_factory=dict, init=False)
+    _facet_gaps: dict[bytes, Array] = field(default_factory=dict, init=False)
+    _faultless: set[bytes] = field(default_factory=set, init=False)  # motions without faults, asked about again
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
@@ -232,11 +237,6 @@ class Task:
         if not self.found or amount < self.found[0].amount:
             self.found[:] = [made]
         return made
-
-    @cached_property
-    def found(self) -> list[Answer]:
-        """The least answer made so far, for a search that ends before it is through; none in most tasks."""
-        return []
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
@@ -456,10 +456,6 @@ class Task:
             found = known[key] = made()
         return found
 
-    @cached_property
-    def _poses(self) -> dict[bytes, Array]:
-        return {}
-
     def _against(self, obstacle: ObstaclePart, pose: Array) -> tuple[Array, Array]:
         """Return a pose relative to an obstacle, the offset leading to its own seed, and the scales made of both."""
         if obstacle.part.seed is not self.static.seed:
@@ -541,10 +537,6 @@ class Task:
             gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *obstacle.part.packed, *seen, n))
         return gaps
 
-    @cached_property
-    def _facet_gaps(self) -> dict[bytes, Array]:
-        return {}
-
     def _along_facets(self, pose: Array) -> Array:
         gaps = np.empty((len(self.movable.parts), len(self.obstacles)))
         for columns, packed in self._groups:
@@ -607,17 +599,11 @@ class Task:
     def way_between(self, parts: Parts, q: Array) -> Array:
         """Return the direction along which two parts are their distance apart; of parts that overlap, that of a facet.
 
-        The differences of their points are {v: n_i . v >= gap_i} over facet directions; the nearest to 0 is a least
-        distance problem, solved through non-negative least squares (Lawson and Hanson).
+        The differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0.
         """
-        from scipy.optimize import nnls
-
         _, rows, gaps = self.separations(parts, self.pose(q))
-        ahead = gaps > 0
-        if not ahead.any():
-            return frozen(rows[gaps.argmax(), :3])
-        weights, _ = nnls(np.vstack([rows[ahead, :3].T, gaps[ahead] / gaps.max()]), np.array([0.0, 0.0, 0.0, 1.0]))
-        return rows[ahead, :3].T @ weights
+        way = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
+        return frozen(rows[gaps.argmax(), :3]) if way is None else way
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
@@ -667,11 +653,6 @@ class Task:
         if not worst:
             self._faultless.add(key)
         return list(worst.values())
-
-    @cached_property
-    def _faultless(self) -> set[bytes]:
-        """Motions that a search found without any and asks about again."""
-        return set()
 
     def _telling(self, q: Array) -> Sequence[float]:
         """Return path positions, from the end back, one of which shows a fault if there is any."""
