@@ -459,15 +459,8 @@ class Translation(Straight):
         """The axis."""
         return (self.direction,)
 
-    @property
-    def own_about_seed(self) -> bool:
-        """Nothing turns."""
-        return True
-
-    @property
-    def own_fixed_points(self) -> tuple[Any, ...] | None:
-        """None are needed."""
-        return ()
+    own_about_seed = True  # nothing turns
+    own_fixed_points = ()  # none are needed
 
     def own_plain(self) -> dict[str, Any]:
         """Return its axis."""
@@ -494,6 +487,7 @@ class Rotation(Straight):
     axis: AxisWord | tuple[float, float, float]
     centre: Literal["seed", "origin"] | tuple[float, float, float] = "seed"
     direction: tuple[float, ...] = field(init=False, repr=False)
+    closed = True  # it repeats itself after a turn
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", _hashable(self.axis))
@@ -548,11 +542,6 @@ class Rotation(Straight):
     def own_seen_from(self, origin: Array) -> Step:
         """Shift a fixed centre."""
         return self if self.centre == "seed" else Rotation(self.axis, _shifted(self.line(ORIGIN, ORIGIN)[1], origin))
-
-    @property
-    def closed(self) -> bool:
-        """A rotation repeats itself after a turn."""
-        return True
 
 
 @known_arguments
@@ -701,6 +690,10 @@ class Free(Step):
     direction is the axis, its length the angle, radians.
     """
 
+    own_shift_directions = (*(AXES[name] for name in XYZ), None, None, None)
+    own_about_seed = True
+    own_fixed_points = ()
+
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Three lengths and three components of the rotation vector."""
@@ -721,21 +714,6 @@ class Free(Step):
             for i in range(3)
         )
         return _about(R, movable_seed, q[:3])
-
-    @property
-    def own_shift_directions(self) -> tuple[tuple[float, ...] | None, ...]:
-        """The world's axes."""
-        return (*(AXES[name] for name in XYZ), None, None, None)
-
-    @property
-    def own_about_seed(self) -> bool:
-        """As it is written."""
-        return True
-
-    @property
-    def own_fixed_points(self) -> tuple[Any, ...] | None:
-        """None are needed."""
-        return ()
 
     def own_along_ray(self, q: list[float]) -> tuple[list[Step], list[float]]:
         """Return a shift, and a turn about a fixed direction."""

@@ -100,15 +100,8 @@ class OwnMotion(Step):
         """As given."""
         return self._parameters
 
-    @property
-    def bounded(self) -> bool:
-        """No bound of its displacements is known."""
-        return False
-
-    @property
-    def smooth(self) -> bool:
-        """Not known: the function may jump."""
-        return False
+    bounded = False  # no bound of its displacements is known
+    smooth = False  # the function may jump
 
     @cached_property
     def _values(self) -> Compiled:

@@ -71,10 +71,10 @@ class Relative(Step):
         one, two = (tuple(each.seen_from(origin) for each in own) for own in (self.one, self.two))
         return replace(self, one=one, two=two)
 
-    @property
+    @cached_property
     def bounded(self) -> bool:
-        """Of motions that turn no bound is known: what one carries may be anywhere."""
-        return self._shifting
+        """Whether every motion shifts: of those that turn no bound is known, what one carries may be anywhere."""
+        return all(own.motion.shifts for own in (*self.one, *self.two))
 
     @property
     def smooth(self) -> bool:
@@ -83,12 +83,12 @@ class Relative(Step):
 
     def own_shifts(self, first: bool) -> bool:
         """Where every motion shifts."""
-        return self._shifting
+        return self.bounded
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Add up what each motion displaces; nothing is known where one turns."""
         reaches = np.full(len(self.every), np.inf)
-        if self._shifting:
+        if self.bounded:
             reaches[:] = 0.0
             for own in (*self.one, *self.two):
                 reaches[own.start : own.start + len(own.motion.parameters)] = own.motion.reaches(points, own.seeds[0])
@@ -99,10 +99,6 @@ class Relative(Step):
         kept = [(replace(self, every=(own,)), x) for own, x in zip(self.every, q, strict=True) if x]
         words = ", ".join(super(Relative, own).own_words([x], unit, digits) for own, x in kept)
         return words or super().own_words(q, unit, digits)
-
-    @cached_property
-    def _shifting(self) -> bool:
-        return all(own.motion.shifts for own in (*self.one, *self.two))
 
 
 def _carried(chain: Sequence[Carrying], q: Sequence[Any]) -> Matrix:
