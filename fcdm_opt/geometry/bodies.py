@@ -265,10 +265,10 @@ class Body(_Sealed, NotebookRepr):
         as they are, see `rounded`.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
-    skin : tuple of tuples of (int, int, int)
+    triangles : tuple of tuples of (int, int, int)
         Triangles of each face, rows of `vertices`: the solid's own surface, which parts that overlap do not show. Only
         where it was made exactly from a mesh.
-    hollow : bool
+    is_surface : bool
         Whether the parts are all of the solid's surface but leave out some of what is inside it.
     full_body : Body or None
         The body with all parts, where these are only some of it, see `subset`.

@@ -29,7 +29,7 @@ from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.true_resizing import on_true_faces, rates_on_true_faces, surface_with_corners
+from fcdm_opt.geometry.true_resizing import faces_around, on_true_faces, rates_on_true_faces, surface_with_corners
 from fcdm_opt.tolerances import DEFAULT
 
 HARDLY = 1e-3  # of a body's size: a small change of a length
@@ -328,10 +328,7 @@ def _surface_resized(body: Body, offsets: Array) -> Body:
 def _surface_moves(body: Body, offsets: Array) -> Array:
     """Return how the corners of a body kept as its surface move where its faces move outward, (n, 3); 0 of apexes."""
     triangles, owners = np.concatenate([np.array(own) for own in body.triangles]), body.face_triangles[1]
-    around, normals, moves = [set[int]() for _ in body.vertices], body.face_planes[0], np.zeros_like(body.vertices)
-    for face, triangle in zip(owners.tolist(), triangles.tolist(), strict=True):
-        for row in triangle:
-            around[row].add(face)
+    around, normals, moves = faces_around(body), body.face_planes[0], np.zeros_like(body.vertices)
     for row in np.unique(triangles[offsets[owners] != 0.0]).tolist():
         own = sorted(around[row])
         move = _agree(normals[own], offsets[own])

@@ -14,6 +14,7 @@ from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
+from fcdm_opt.geometry.polygons import hold
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
@@ -281,9 +282,7 @@ class Size(Plain):
             n = np.array(AXES[selector[1]]) * (1.0 if selector[0] == "+" else -1.0)
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
         elif "through" in selector:
-            rows = np.array(
-                [k for k in range(len(normals)) if _holds(body, k, np.array(selector["through"]))], np.int64
-            )
+            rows = _faces_through(body, np.array(selector["through"]))
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
@@ -349,17 +348,12 @@ def direction_level(normal: Array, point: Array) -> str:
     return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
 
 
-def _holds(body: Body, face: int, point: Array) -> bool:
-    """Tell whether a point lies on a face of the body: in its plane, and in one of its own triangles.
+def _faces_through(body: Body, point: Array) -> Ints:
+    """Return the rows of the faces of a body on which a point lies: in their plane, and in one of their triangles.
 
     A facet of a convex part may span several faces of one plane, and the room between them.
     """
     near, (corners, owners) = DEFAULT.snap * body.size, body.face_triangles
-    for ring in corners[owners == face]:
-        sides = np.roll(ring, -1, axis=0) - ring
-        n = np.cross(sides[0], sides[1])
-        n = n / (np.linalg.norm(n) or 1.0)
-        high = ((point - ring) * np.cross(n, sides)).sum(axis=1) >= -near * np.linalg.norm(sides, axis=1)
-        if abs(n @ (point - ring[0])) <= near and high.all():
-            return True
-    return False
+    normals = body.face_planes[0][owners]
+    on = np.abs(((point - corners[:, 0]) * normals).sum(axis=1)) <= near
+    return np.unique(owners[on & hold(corners, normals, point[None], near)[0]])

@@ -61,7 +61,7 @@ def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     places = None if moved is None else _corners_on(moved[1], body, offsets)
     if moved is None or places is None:
         return None
-    moves, around = MovesOfFaces.of(body, (size,)), _around(body)
+    moves, around = MovesOfFaces.of(body, (size,)), faces_around(body)
     rows = np.array([row for row, faces in enumerate(around) if faces])
     rates = np.zeros_like(places)
     for row in rows.tolist():
@@ -122,7 +122,7 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
 
     None where faces that meet as drawn no longer do, as a plane and a fillet of another radius.
     """
-    places, around = body.vertices.copy(), _around(body)
+    places, around = body.vertices.copy(), faces_around(body)
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
     for row, faces in enumerate(around):
         if not offsets[list(faces)].any() and faces.isdisjoint(shifted):
@@ -138,7 +138,7 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     return places
 
 
-def _around(body: Body) -> list[set[int]]:
+def faces_around(body: Body) -> list[set[int]]:
     """Return the rows of the faces at each vertex; none of cuts alone."""
     around = [set[int]() for _ in body.vertices]
     for face, labels in enumerate(body.faces):

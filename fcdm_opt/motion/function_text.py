@@ -64,6 +64,11 @@ def function_of(text: str) -> Any:
         raise ValueError(f"not as such texts are: {type(reason).__name__} {reason}".strip().split("\n")[0]) from reason
 
 
+def last_line(reason: BaseException) -> str:
+    """Return the last line of what an error of CasADi says, which is long."""
+    return str(reason).strip().split("\n")[-1][:200]
+
+
 def _names() -> dict[int, str]:
     """Return the names of operations that may be in a text, by CasADi's codes."""
     import casadi

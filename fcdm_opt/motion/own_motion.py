@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.function_text import TEXTS, function_of, text_of
+from fcdm_opt.motion.function_text import TEXTS, function_of, last_line, text_of
 from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Kind, Matrix, Parameter, Step
@@ -70,7 +70,7 @@ class OwnMotion(Step):
             function = function_of(text)
         except ValueError as reason:
             what, allowed = "not the text of a CasADi function", f"the text of another OwnMotion, or {TEXTS}"
-            raise InputError(what, key="OwnMotion.text", found=_short(reason), allowed=allowed) from reason
+            raise InputError(what, key="OwnMotion.text", found=last_line(reason), allowed=allowed) from reason
         motion = cls(function, parameters, name)
         motion._function, motion.text = function, text
         return motion
@@ -171,7 +171,7 @@ def _built(function: Any, count: int) -> Any:
     except InputError:
         raise
     except Exception as reason:
-        message = f"the function fails on {count} CasADi symbols: {type(reason).__name__}: {_short(reason)}"
+        message = f"the function fails on {count} CasADi symbols: {type(reason).__name__}: {last_line(reason)}"
         allowed = "a function of an SX column that returns a 4x4 SX matrix"
         raise _refused(message, getattr(function, "__name__", function), allowed) from reason
     if not isinstance(T, casadi.SX | casadi.DM | np.ndarray) or tuple(T.shape) != (4, 4):
@@ -218,7 +218,3 @@ def _check(function: Any, parameters: tuple[Parameter, ...]) -> None:
 
 def _refused(message: str, found: Any, allowed: str) -> InputError:
     return InputError(message, key="OwnMotion.function", found=found, allowed=allowed)
-
-
-def _short(reason: BaseException) -> str:
-    return str(reason).strip().split("\n")[-1][:200]

@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.function_text import TEXTS, function_of, text_of
+from fcdm_opt.motion.function_text import TEXTS, function_of, last_line, text_of
 from fcdm_opt.motion.kinematics import Compiled
 
 AmountWord = Literal["weighted", "displacement"]
@@ -57,7 +57,7 @@ class OwnAmount:
             function = function_of(text)
         except ValueError as reason:
             what, allowed = "not the text of a CasADi function", f"{ALLOWED}; as text {TEXTS}"
-            raise InputError(what, key="amount.casadi", found=_short(reason), allowed=allowed) from reason
+            raise InputError(what, key="amount.casadi", found=last_line(reason), allowed=allowed) from reason
         amount = cls(function, names)
         amount.function, amount.text = function, text
         return amount
@@ -143,7 +143,7 @@ def _built(expression: Any, names: list[str]) -> Any:
         try:
             value = expression(q)
         except Exception as reason:
-            raise _refused(f"the function takes no SX symbols: {_short(reason)}", str(expression)) from reason
+            raise _refused(f"the function takes no SX symbols: {last_line(reason)}", str(expression)) from reason
     elif isinstance(expression, casadi.SX):
         symbols = casadi.symvar(expression)
         unknown = [str(x) for x in symbols if str(x) not in names]
@@ -160,7 +160,3 @@ def _built(expression: Any, names: list[str]) -> Any:
 
 def _refused(what: str, found: Any, key: str = "amount") -> InputError:
     return InputError(what, key=key, found=found, allowed=ALLOWED)
-
-
-def _short(reason: BaseException) -> str:
-    return str(reason).strip().split("\n")[-1][:200]

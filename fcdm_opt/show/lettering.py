@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -117,6 +118,12 @@ class Sheet:
 def literal(text: str) -> str:
     """Return a text such that a picture shows it as it is: between two dollar signs stands no formula."""
     return text.replace("$", r"\$")
+
+
+def rounded_down(size: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is no more than a length or an angle."""
+    power = 10.0 ** math.floor(math.log10(size))
+    return float(f"{max(k for k in (1, 2, 5) if k * power <= size) * power:.3g}")
 
 
 def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = "") -> list[str]:

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
-from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
+from fcdm_opt.show.lettering import Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, section_plane, surface_of, touching
 from fcdm_opt.show.texts import shortened
@@ -728,8 +728,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
             axes.annotate(name, tip, ha="center", va="center", **small)
     (here, _), (there, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
     scale = float(there - here) * 72.0 / sheet.figure.dpi  # points a unit of length
-    power = 10.0 ** np.floor(np.log10(LONGEST_BAR / scale))
-    length = power * max(step for step in (1, 2, 5) if step * power * scale <= LONGEST_BAR)
+    length = rounded_down(LONGEST_BAR / scale)
     left = start + np.array([24.0, -12.0])
     reach = np.array([length * scale, 0.0])
     bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}

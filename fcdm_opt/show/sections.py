@@ -20,7 +20,7 @@ from fcdm_opt.geometry.polygons import distances, fans
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.geometry.tessellation import Swept, onto
 from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
-from fcdm_opt.show.lettering import Sheet, clipped
+from fcdm_opt.show.lettering import Sheet, clipped, rounded_down
 from fcdm_opt.tolerances import DEFAULT
 
 INSET = 1.55
@@ -245,9 +245,7 @@ def draw_section(
     axes.plot(*ends.T, color=contact.colour, linewidth=3.0, alpha=0.8)
     axes.plot([0.0], [0.0], "o", color=contact.colour, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
-    longest = CORNER * half
-    power = 10.0 ** np.floor(np.log10(longest))
-    bar = power * max(k for k in (1, 2, 5) if k * power <= longest)
+    bar = rounded_down(CORNER * half)
     sides = np.concatenate([np.stack([own[:-1], own[1:]], axis=1) for own in (ends, *borders)])
     left, foot = free_corner(half, sides)
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)

@@ -14,13 +14,13 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.show import BLACK, DARK, GREY, NOTE, PAGE, Figure, styled
-from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.lettering import Sheet, literal, rounded_down
 from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.show.verdict import name_of
 
 STEP = 0.01
-"""Relative step of every datum: 1 %; of lengths and angles a round number that is no more, see `_rounded`."""
+"""Relative step of every datum: 1 %; of lengths and angles a round number that is no more, see `rounded_down`."""
 
 NEGLIGIBLE = 1e-9
 """Of the largest bar: smaller ones are rounding, and left out."""
@@ -178,7 +178,7 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
 
 
 def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
-    shift, turn = _rounded(STEP * problem.length), _rounded(math.degrees(STEP))
+    shift, turn = rounded_down(STEP * problem.length), rounded_down(math.degrees(STEP))
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
     names = [name_of(problem, k) for k in (0, 1)]
     for body, value, size in zip(names, derivatives.target.tolist(), problem.target.tolist(), strict=True):
@@ -214,12 +214,6 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
             yield Bar(_told(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
         yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
-
-
-def _rounded(step: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is no more than a length or an angle."""
-    power = 10.0 ** math.floor(math.log10(step))
-    return float(f"{max(k for k in (1, 2, 5) if k * power <= step) * power:.3g}")
 
 
 def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:
