@@ -61,11 +61,13 @@ class GapRows:
 
     def gaps(self, sizes: Array) -> Array:
         """Return the gaps at sizes, (n, k)."""
-        return kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(sizes))[0]
+        found: Array = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(sizes))[0]
+        return found
 
     def of_pairs(self, sizes: Array) -> Array:
         """Return the gap of each part pair at sizes, (p, n)."""
-        return kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
+        found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
+        return found
 
     def only(self, which: Ints) -> GapRows:
         """Return the rows of some part pairs."""
@@ -120,7 +122,8 @@ class SizedBodies:
 
     def pose(self, transform: Array) -> Array:
         """Return the relative pose, (12,)."""
-        return curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
+        pose: Array = curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
+        return pose
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""

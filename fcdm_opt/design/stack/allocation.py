@@ -48,7 +48,8 @@ class Allocation(Plain):
 
     def __str__(self) -> str:
         """Return the tolerances as a table."""
-        return imported("show.stacks:allocation_text")(self)
+        text: str = imported("show.stacks:allocation_text")(self)
+        return text
 
 
 def allocated(

@@ -159,7 +159,8 @@ class StackUp:
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
-        return imported("show.stacks:stack_text")(self)
+        told: str = imported("show.stacks:stack_text")(self)
+        return told
 
     def __repr__(self) -> str:
         """Return sizes and the range of the gap, on one line."""
@@ -407,7 +408,8 @@ class StackUp:
             "widest": {"factor": self.touching.reach[0], "until": self.touching.reach[1]},
             "vanishing": dict(zip(("factor", "face", "at"), self.touching.vanishing, strict=True)),
         }
-        return plain(answers)
+        told: dict[str, Any] = plain(answers)
+        return told
 
 
 @known_arguments
