@@ -83,7 +83,7 @@ def figure_4() -> Figure:
         draw_curve(axes, curve, BLUE, "-", "decision curve")
         names = Names(axes, pieces(curve))
         name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
-        name_sides(names, axes, curve)
+        name_sides(names, curve)
         sheet.list(left, 1.75, 2.8, listed(curve))
     return sheet.figure
 

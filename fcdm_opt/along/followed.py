@@ -151,17 +151,10 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
             raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
-            carriers = [
-                (_place(problem.active[0].parts, one), _place(problem.active[1].parts, two), own)
-                for one, two, own in seat.carriers
-            ]
-            rests = [
-                _flush_rest(problem, seat, (i, j), own.one, own.two, own.parallel, place) for i, j, own in carriers
-            ]
-            rests.sort(key=lambda rest: rest.parts != seat.parts)
+            rests = _flush_rests(problem, seat, place)
         else:
             sites = [(parts, site), *(own for own in _sites(problem, feature, site[0]) if own != (parts, site))]
-            rests = [_rest(problem, feature, own, there, normal, place) for own, there in sites]
+            rests = [_rest(problem, own, there, normal, place) for own, there in sites]
         made.append(Followed(feature, flush, tuple(rests)))
     return tuple(made)
 
@@ -179,22 +172,15 @@ def _is_flush(piece: Piece) -> bool:
 
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
-    movable, static = problem.active
     here = [seat_of(piece, seats), *(seat for seat in seats if _in_plane(seat, piece, problem.nominal_pair))]
     known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
     if known:
         seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
-        carriers = [
-            (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
-            for one, two, contact in seat.carriers
-        ]
-        rests = [_flush_rest(problem, seat, (i, j), own, other, along, k) for i, j, own, other, along in carriers]
-        rests.sort(key=lambda rest: rest.parts != seat.parts)
-        return Followed(seat.touching, True, tuple(rests))
+        return Followed(seat.touching, True, tuple(_flush_rests(problem, seat, k)))
     feature = piece.feature
     sites = [(piece.parts, piece.site)]
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
-    rests = [_rest(problem, feature, parts, site, piece.normal, k) for parts, site in sites]
+    rests = [_rest(problem, parts, site, piece.normal, k) for parts, site in sites]
     return Followed(feature, False, tuple(rests))
 
 
@@ -227,7 +213,7 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
     return part.loops.index(own)
 
 
-def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
+def _rest(problem: Problem, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
     """Return a part pair whose corner, or crossing edges, are the contact."""
     one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
     kind, i, j = site
@@ -302,13 +288,15 @@ def _supported(
     return line, made
 
 
-def _flush_rest(
-    problem: Problem, flush: Flush, parts: Parts, own: tuple[int, ...], other: tuple[int, ...], parallel: bool, k: int
-) -> Rest:
-    """Return a part pair whose elements lie in one plane."""
-    one, two = problem.active[0].parts[parts[0]], problem.active[1].parts[parts[1]]
-    corners = one.vertices[list(own)] - one.seed, two.vertices[list(other)] - two.seed
-    return Rest(parts, corners, partial(_flush_conditions, one, two, flush, own, other, parallel, k))
+def _flush_rests(problem: Problem, flush: Flush, k: int) -> list[Rest]:
+    """Return the part pairs whose elements lie in the plane of a flush contact, its own first."""
+    rests = []
+    for one, two, contact in flush.carriers:
+        parts = _place(problem.active[0].parts, one), _place(problem.active[1].parts, two)
+        corners = one.vertices[list(contact.one)] - one.seed, two.vertices[list(contact.two)] - two.seed
+        conditions = partial(_flush_conditions, one, two, flush, contact.one, contact.two, contact.parallel, k)
+        rests.append(Rest(parts, corners, conditions))
+    return sorted(rests, key=lambda rest: rest.parts != flush.parts)
 
 
 def _flush_conditions(

@@ -264,11 +264,11 @@ class OneContact:
         pose = self._at(y)
         known = [(self._contact(i, j, pose, y), i, j) for i, j in self.part_pairs]
         if not self._meeting:
-            return [[self._apart(i, j, own, pose) for own, i, j in known]]
+            return [[self._apart(i, j, own) for own, i, j in known]]
         nearest = sorted(known, key=lambda item: item[0].gap - self._need(item[2]))[:2]
         return [[self._inside(i, j, own, pose, y, far)] for own, i, j in nearest]
 
-    def _apart(self, i: int, j: int, contact: _Contact, pose: Pose) -> tuple[int, Array]:
+    def _apart(self, i: int, j: int, contact: _Contact) -> tuple[int, Array]:
         """Return how far corners of two parts are apart along a direction."""
         X, Y = self._scene.movable[i].middle, self._scene.obstacles[j].vertices.middle
         kind, u, w, none = contact.kind, contact.u, contact.w, np.zeros((1, 3))

@@ -47,7 +47,7 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
     draw_curve(axes, curve, BLUE, "-", "decision curve")
     names = Names(axes, pieces(curve))
     name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
-    name_sides(names, axes, curve)
+    name_sides(names, curve)
     if beside:
         sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
     return sheet.figure
@@ -163,7 +163,7 @@ def name_curve(
             names.put(f"S{segment.index}{mark}", spots, side * across, colour=colour)
 
 
-def name_sides(names: Names, axes: Any, curve: DecisionCurve) -> None:
+def name_sides(names: Names, curve: DecisionCurve) -> None:
     """Write in two corners of the box whether the bodies are apart or overlap there."""
     for corner, inwards in ((0, 1.0), (1, -1.0)):
         rho = np.asarray(curve.box)[:, corner]
