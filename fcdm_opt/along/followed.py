@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.flush import Flush
+from fcdm_opt.curve.flush import Flush, ways_out
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import SwitchingPoint
@@ -334,31 +334,19 @@ def _flush_conditions(
         )
         made.append((beside, Cause("opens", number, OPENS)))
     corners, others = list(own), list(other)
-    for a, b in _sides(own):
-        for way in _ways(X[b] - X[a], n, parallel, X[corners] - X[a], len(own)):
-            inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
-                                   w=Y[others], m=way, sign=-1.0)  # fmt: skip
-            made.append((inside, _shared(one, 1, (a, b), number)))
-    for a, b in _sides(other):
-        for way in _ways(Y[b] - Y[a], n, parallel, Y[others] - Y[a], len(other)):
-            inside = Conditions.of(forms.ALONG, k, v=X[corners],
-                                   w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
-            made.append((inside, _shared(two, 2, (a, b), number)))
+    for (a, b), way in zip(_sides(own), ways_out(X[corners], n, parallel), strict=True):
+        inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
+                               w=Y[others], m=way, sign=-1.0)  # fmt: skip
+        made.append((inside, _shared(one, 1, (a, b), number)))
+    for (a, b), way in zip(_sides(other), ways_out(Y[others], n, parallel), strict=True):
+        inside = Conditions.of(forms.ALONG, k, v=X[corners],
+                               w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
+        made.append((inside, _shared(two, 2, (a, b), number)))
     return line, made
 
 
 def _last(points: Array, own: list[int], way: Array) -> int:
     return own[int(np.argmax(points[own] @ way))]
-
-
-def _ways(side: Array, n: Array, along: bool, spokes: Array, count: int) -> list[Array]:
-    """Return the directions out of an element across a side: of an edge to both sides, of parallel edges along it."""
-    if along:
-        return [_unit(side)]
-    across = _unit(np.cross(side, n))
-    if count == 2:
-        return [across]
-    return [across * (-1.0 if (spokes @ across).max() > -(spokes @ across).min() else 1.0)]
 
 
 def _sides(loop: Sequence[int]) -> list[tuple[int, int]]:
