@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
@@ -29,6 +30,8 @@ WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
 STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
+FEW, MOST = 4, 6  # digits of a radius: of files of early versions; that are told, as far as corners agree in them
+RADIUS = re.compile(r"(?<= radius )\S+|(?<= to )\S+")
 NUMBERED = 24  # corners of a body up to which one is told by its number
 TIP = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
 NEAR_FACE = 1e-3  # of the size: so near to a face is what stands for it
@@ -42,21 +45,22 @@ ROUND_KINDS = ("cylinder", "bore", "sphere", "hollow", "cone", "countersink")
 Label = tuple[int, ...]
 
 
-def names_of_faces(body: Body) -> dict[Label, str]:
+def names_of_faces(body: Body, *, few: bool = False) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
     radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
     their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
     "face 12", as they are counted, for others. Several that are called alike are numbered: "bore radius 2 no. 1".
+    `few`: with radii to `FEW` digits.
     """
-    return _names_of_faces(body.full_body or body)
+    return _names_of_faces(body.full_body or body, few)
 
 
 @lru_cache(maxsize=16)
-def _names_of_faces(body: Body) -> dict[Label, str]:
+def _names_of_faces(body: Body, few: bool) -> dict[Label, str]:
     normals, rounds = _looks(body)
-    return {**_plane(body, normals, MANY), **_numbered(rounds)}
+    return {**_plane(body, normals, MANY), **_numbered(rounds, few)}
 
 
 class Round(NamedTuple):
@@ -88,7 +92,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
             found.append(Round(name, surface, faces))
         elif surface.line is not None or not surface.ring:
             kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
-            found.append(Round(f"{kind} radius {surface.radius:.4g}", surface, faces))
+            found.append(Round(f"{kind} radius {radius_text(surface.radius)}", surface, faces))
     return found
 
 
@@ -97,10 +101,17 @@ def round_faces(body: Body) -> list[Round]:
     return _looks(body.full_body or body)[1]
 
 
-def _numbered(rounds: Sequence[Round]) -> dict[Label, str]:
+def radius_text(radius: float, off: float = 0.0) -> str:
+    """Return a radius in words, to as many digits as points of its face agree in, which are `off` at most."""
+    known = next((digits for digits in range(MOST, FEW, -1) if off <= 10.0**-digits * radius), FEW)
+    return f"{radius:.{known}g}"
+
+
+def _numbered(rounds: Sequence[Round], few: bool) -> dict[Label, str]:
     """Return the name of each round face; what is called alike is numbered."""
     order = sorted(range(len(rounds)), key=lambda k: rounds[k].faces)
-    names = dict(sorted(zip(order, numbered_names([rounds[k].name for k in order]), strict=True)))
+    called = [RADIUS.sub(lambda own: f"{float(own[0]):.{FEW}g}", own.name) if few else own.name for own in rounds]
+    names = dict(sorted(zip(order, numbered_names([called[k] for k in order]), strict=True)))
     return {face: name for k, name in names.items() for face in rounds[k].faces}
 
 
@@ -212,16 +223,16 @@ def _rounded(name: str) -> str:
     return name.replace(" radius ", " of radius ")
 
 
-def told_faces(body: Body) -> dict[Label, tuple[str, str]]:
+def told_faces(body: Body, *, few: bool = False) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    return _told_faces(body.full_body or body)
+    return _told_faces(body.full_body or body, few)
 
 
 @lru_cache(maxsize=16)
-def _told_faces(body: Body) -> dict[Label, tuple[str, str]]:
+def _told_faces(body: Body, few: bool) -> dict[Label, tuple[str, str]]:
     normals, rounds = _looks(body)
     named = {}
-    for face, name in {**_plane(body, normals, 0), **_numbered(rounds)}.items():
+    for face, name in {**_plane(body, normals, 0), **_numbered(rounds, few)}.items():
         normal = normals[face]
         along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
         sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]
@@ -229,9 +240,9 @@ def _told_faces(body: Body) -> dict[Label, tuple[str, str]]:
     return named
 
 
-def names_of_rows(body: Body) -> list[str]:
+def names_of_rows(body: Body, *, few: bool = False) -> list[str]:
     """Return the names of a body's faces, in their order; "face 12" where there is nothing better."""
-    told = told_faces(body)
+    told = told_faces(body, few=few)
     return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
 
 
@@ -357,7 +368,7 @@ def numbered_face(body: Body, face: int, more: str = "") -> str:
 def _ends(radii: Array) -> str:
     """Return the least and the largest radius in words; one that is rounding is 0."""
     least, most = float(radii.min()), float(radii.max())
-    return f"{least if least > TIP * most else 0.0:.4g} to {most:.4g}"
+    return f"{radius_text(least) if least > TIP * most else '0'} to {radius_text(most)}"
 
 
 def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
@@ -404,7 +415,7 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     centre = found[:-1]
     off = np.linalg.norm(points - centre, axis=1)
     radius = float(off.mean())
-    if np.abs(off - radius).max() > ROUND * radius:
+    if (spread := float(np.abs(off - radius).max())) > ROUND * radius:
         return None
     if axis is None:
         arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
@@ -416,4 +427,4 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
     along = np.array((0.0, 0.0, 1.0)) if axis is None else np.cross(*flat)
     surface = Swept(centre @ flat, along, None if axis is None else (1.0, 0.0), 0.0, radius)
-    return Round(f"{kinds[0] if True in outward else kinds[1]} radius {radius:.4g}", surface, faces)
+    return Round(f"{kinds[0] if True in outward else kinds[1]} radius {radius_text(radius, spread)}", surface, faces)

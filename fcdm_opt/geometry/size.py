@@ -263,15 +263,16 @@ class Size(Plain):
         """Return the rows of the faces that a selector means."""
         near = DEFAULT.nominal
         if isinstance(selector, str) and NAMED.fullmatch(selector):
-            named: dict[str, list[int]] = {}
-            for row, name in enumerate(names_of_rows(body)):
-                end = name.split(" no. ")[0]
-                for told in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all of several in its plane
-                    named.setdefault(told, []).append(row)
-            if selector not in named:
-                what = f"no face of body '{body.name}' has this name"
-                raise self._refused(what, key, selector, ", ".join(map(_listed, named)))
-            return np.array(named[selector])
+            for few in (False, True):  # files may have radii to fewer digits
+                named: dict[str, list[int]] = {}
+                for row, name in enumerate(names_of_rows(body, few=few)):
+                    end = name.split(" no. ")[0]
+                    for told in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
+                        named.setdefault(told, []).append(row)
+                if selector in named:
+                    return np.array(named[selector])
+            known = ", ".join(dict.fromkeys(map(_listed, names_of_rows(body))))
+            raise self._refused(f"no face of body '{body.name}' has this name", key, selector, known)
         if isinstance(selector, str) and selector[0] == "F":
             row = int(selector[1:]) - 1
             if row >= len(normals):

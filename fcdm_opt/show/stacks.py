@@ -19,7 +19,7 @@ from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
-from fcdm_opt.geometry.naming import Label, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured
@@ -83,7 +83,7 @@ def print_faces(body: Body, role: str) -> None:
     rows, round_places, whole = [], _round_places(body), body.full_body or body
     rings = [own for own in whole.surfaces or () if own[0].ring]
     tori = {
-        whole.faces[row]: f"torus radius {surface.radius:.4g}{f' no. {k}' * (len(rings) > 1)}"
+        whole.faces[row]: f"torus radius {radius_text(surface.radius)}{f' no. {k}' * (len(rings) > 1)}"
         for k, (surface, own_rows) in enumerate(rings, 1)
         for row in own_rows
     }

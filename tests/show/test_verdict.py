@@ -245,6 +245,18 @@ def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_thre
     assert (solution.usable, solution.amount_low, solution.problem.exact_at) == (False, math.inf, None)
 
 
+def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:
+    """3.994 in 4.008 is no .0145."""
+    bore = fo.Cylinder(4.008, 12.0, base=(0, 0, -1), facets=16)
+    plate = fo.cut(fo.Box((16, 16, 10), centre=(0, 0, 5)), bore, name="plate")
+    pin = fo.Cylinder(3.9935, 12.0, base=(0, 0, -1), facets=16, name="pin")
+    solution = fo.solve(fo.Problem(pin, plate, motion=fo.Translation("x"), target=(1, 1), goal="touch", unit="mm"))
+    assert verdict_text(solution).startswith("move pin 0.0145 mm along ")
+    assert "its cylinder of radius 3.9935 touches the bore of radius 4.008 of plate" in verdict_text(solution)
+    four, all_of_them = (fo.Size("d", "movable", faces=f"cylinder radius {r}") for r in ("3.994", "3.9935"))
+    assert (four.offsets(pin) == all_of_them.offsets(pin)).all()  # a file may have fewer
+
+
 def test_a_shift_of_3e_13_mm_stood_beside_one_of_25_micrometres() -> None:
     """Parameters below the last digit told of the others are none in words; data have them."""
     problem = fo.Problem(cube("key", 2.0), cube("wall", 2.0), target=(1, 1), goal="touch", unit="mm",
