@@ -116,16 +116,20 @@ class LeastRelaxation(PlainMotion):
     def __str__(self) -> str:
         if not self.cures:
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
-        shown = math.degrees if self.unit == "radian" else float
         question = None if self.solution is None else self.solution.question
         lengths = question.unit if question else ""
-        unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(self.unit, "")
-        done = "drop it" if math.isinf(self.by) else f"by {measured(f'{shown(self.by):.9g}', unit)}"
-        done += "" if math.isnan(self.value) else f" to {measured(f'{shown(self.value):.9g}', unit)}"
+        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths)}"
+        done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths)}"
         amount = measured(f"{self.amount:.6g}", question.amount_unit if question else "")
         out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
         notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
         return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
+
+
+def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 9) -> str:
+    """Return a value of a constraint in words, by the kind of its unit and what lengths are in."""
+    unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(kind, "")
+    return measured(f"{math.degrees(value) if kind == 'radian' else value:.{digits}g}", unit)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -361,7 +365,8 @@ class ClashSearch:
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
-        note = f"to within {(high - low) / high:.1g} of it: nearer there is no proof" if coarse else ""
+        least = _relaxed_text(low, constraint.unit, self.problem.unit, 3)
+        note = f"whether less does, down to {least}, is not known" if coarse else ""
         value = constraint.value + constraint.outward * high
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
 
