@@ -33,7 +33,7 @@ from fcdm_opt.show.texts import (
     made_text,
     values_by_part,
 )
-from fcdm_opt.show.verdict import instruction_text
+from fcdm_opt.show.verdict import barring, instruction_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
 
@@ -89,19 +89,23 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
 def assembly_verdict(solution: AssemblySolution) -> str:
     """Return in a sentence what to move, and whether less would do."""
+    assembly = solution.assembly
     if not solution.status.found:
-        return solution.advice
+        barred = barring(assembly)
+        return f"{solution.advice} {barred[:1].upper()}{barred[1:]}." if barred else solution.advice
     if solution.status.name == "OUTSIDE_FIT":
-        return "does not fit: the only motions found take a part out of the place it is drawn in"
+        what = "does not fit: the only motions found take a part out of the place it is drawn in"
+        return "; ".join(filter(None, (what, barring(assembly))))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
-    done = assembly_instruction(solution)
+    done, goals = assembly_instruction(solution), {pair.asked.get("goal") for pair in assembly.contacts}
+    met = "kept apart as asked" if goals == {"clear"} else "met as asked" if "clear" in goals else "closed"
     if not any(map(any, values_by_part(solution).values())):
-        return f"{done}: every contact is closed"
+        return f"{done}: every contact is {met}"
     proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
     gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
     through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
-    return "; ".join([f"{done}: then every contact is closed", solution.doubt or proved, *through])
+    return "; ".join([f"{done}: then every contact is {met}", solution.doubt or proved, *through])
 
 
 def assembly_instruction(solution: AssemblySolution) -> str:

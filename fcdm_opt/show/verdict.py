@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -80,24 +80,44 @@ def _refused_text(solution: Solution) -> str:
         miss = pacing.in_time(nearest_miss, problem, late="")
         return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
     if solution.status.name == "OUTSIDE_FIT":
-        more = _without_clearance(problem) if problem.goal == "clear" and problem.clearance > 0.0 else ""
+        barred = barring(problem)
+        asked = problem.goal == "clear" and problem.clearance > 0.0
+        more = _without_clearance(problem, barred) if asked else ""
         through = listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
-        return more or f"does not fit: the only motion found {where}"
+        return more or f"does not fit: the only motion found {where}" + f"; {barred}" * bool(barred)
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
 
 
-def _without_clearance(problem: Problem) -> str:
-    """Return what is in the way of a clearance, where parts fit without one; "" where they do not."""
+def _solved(scene: Scene, **changes: Any) -> Any:
+    """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
     from fcdm_opt.solver import solve
 
-    bare = pacing.in_time(partial(solve, effort="quick"), problem.changed(clearance=0.0), late=None)
-    if bare is None or not bare.usable:
+    found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+    return found if found is not None and found.usable else None
+
+
+@lru_cache(maxsize=4)
+def barring(scene: Scene) -> str:
+    """Return which keep-outs are in the way of a scene, in words: without one of them, or all, it is solved; else ""."""
+    every = scene.keep_out
+    if not every or _solved(scene, keep_out=()) is None:
+        return ""
+    others = {own.name: [other for other in every if other is not own] for own in every if len(every) > 1}
+    alone = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
+    names = [f"keep-out {name}" for name in alone or [own.name for own in every]]
+    return f"in the way: {' or '.join(names) if alone else listed(names)}, without which there is a motion"
+
+
+def _without_clearance(problem: Problem, barred: str) -> str:
+    """Return what is in the way of a clearance, where parts fit without one; "" where they do not."""
+    bare = _solved(problem, clearance=0.0)
+    if bare is None:
         return ""
     contact = contact_text(problem, bare.features)
     closed = f", where {contact}" if contact and bare.pair_state == "touching" else ""
     asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
-    return f"fits, but {asked} in the place it is drawn in{closed}"
+    return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {barred}" * bool(barred)
 
 
 def answer_text(solution: Solution) -> str:

@@ -245,6 +245,27 @@ def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_thre
     assert (solution.usable, solution.amount_low, solution.problem.exact_at) == (False, math.inf, None)
 
 
+def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_too() -> None:
+    """A peg against one wall, with 0.1 to the keep-out, is to have 0.15: "no such motion leaves" it said, and no more."""
+    hole = fo.Box((10.4, 12, 8), centre=(0, 0, 3))
+    plate = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, 3)), hole, name="plate")
+    peg = fo.Box((10, 10, 10), centre=(-0.2, 0, 5), name="peg")
+    stops = [fo.KeepOut(fo.Box((4, 4, 4), centre=(6.9, y, 8), name=name)) for y, name in ((0, "stop"), (40, "far"))]
+    given: Any = {"goal": "clear", "clearance": 0.15}
+    asked = fo.Problem(peg, plate, target=(1, 1), motion=fo.Translation("x"), keep_out=stops, unit="mm", **given)
+    words = "in the way: keep-out stop, without which there is a motion"
+    told = verdict_text(fo.solve(asked))
+    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in, where ")
+    assert told.endswith(words)
+    joined = {"parts": ("peg", "plate"), **given}
+    both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)
+    assert str(fo.solve(both)).endswith(words)
+    tight = fo.solve(both.changed(limits={"peg": {"TX": (-1, 1)}}))
+    assert str(tight).endswith(f"choose another motion. I{words[1:]}.")
+    free = fo.solve(both.changed(keep_out=stops[1:]))
+    assert str(free).startswith("move peg 0.15 along +x: then every contact is kept apart as asked; ")
+
+
 def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:
     """3.994 in 4.008 is no .0145."""
     bore = fo.Cylinder(4.008, 12.0, base=(0, 0, -1), facets=16)
