@@ -18,6 +18,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
@@ -93,7 +94,7 @@ class Ends:
 
     def __repr__(self) -> str:
         """Return where it ends and what ends it there, on one line."""
-        low, high = (f"{event.x:.6g} ({event.what})" for event in self.events)
+        low, high = (f"{number_text(event.x)} ({event.what})" for event in self.events)
         return f"{type(self).__name__}({low} to {high})"
 
 

@@ -29,6 +29,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
@@ -125,7 +126,9 @@ class ContactTimes(Plain):
         """Return the states in words, a line for the parts and for each keep-out."""
         along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
         return "\n".join(
-            ", ".join([f"{name}: {own[0].state}", *(f"from x = {span.low:.6g} {span.state}" for span in own[1:])])
+            ", ".join(
+                [f"{name}: {own[0].state}", *(f"from x = {number_text(span.low)} {span.state}" for span in own[1:])]
+            )
             for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items()
         )
 

@@ -25,6 +25,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.resizing import exact_vertex_rates, true_point_rate, vertex_rates
 from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.active_parts import expand_active_parts
@@ -218,7 +219,7 @@ def _other_motions(problem: Problem, task: Task, q: Array) -> list[str]:
             continue
         other = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
         if other < amount * (1.0 - DEFAULT.tied):
-            return [f"not the least motion: there is one of amount {other:.6g}"]
+            return [f"not the least motion: there is one of amount {number_text(other)}"]
         if other <= amount * (1.0 + DEFAULT.tied):
             return ["a tie: another motion is as small"]
     return []

@@ -29,7 +29,7 @@ from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.geometry.units import NANOMETRES, Unit
+from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
 from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Translation
 from fcdm_opt.problem.fit import FAR, verdict
@@ -239,7 +239,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
     if situation.gap > FAR * situation.size:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
-        found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
+        found.append(f"the parts nearly touch ({signed(situation.gap, 3)} {unit}). {_remedy(situation, unit)}")
     return [*found, *told_solids((one, two))]
 
 
@@ -418,7 +418,7 @@ def _moved(solution: Solution, unit: str) -> str:
     units = [problem.size if kind == "translation" else 1.0 for _, kind in problem.motion.parameters]
     found = zip(solution.parameters.values(), units, strict=True)
     motion = problem.motion.describe([0.0 if abs(x) <= DRAWN_TO * one else x for x, one in found])
-    return f"found as written: {motion} (amount {solution.amount:.5g} {unit})"
+    return f"found as written: {motion} (amount {number_text(solution.amount, 5)} {unit})"
 
 
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:

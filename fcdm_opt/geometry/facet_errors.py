@@ -543,7 +543,7 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
             reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
             reasons.setdefault(reason, []).append(body.name)
     told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
-    ends = (f"{measured(f'{off:.2g}', unit)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
+    ends = (f"{measured(off, unit, 2)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
     off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"
     return ["; ".join(filter(None, (off, rounding_line((movable, *others)))))]
 

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import hold
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -107,7 +107,7 @@ class Size(Plain):
 
     def deviation_text(self, off: float, unit: str) -> str:
         """Return a deviation from drawn in words, of a scale in per cent: "+0.036 mm", "-0.1 %"."""
-        exact = f"{off if self.is_length else 100.0 * off:+.6g}" if off else "0"
+        exact = signed(off if self.is_length else 100.0 * off, 6) if off else "0"
         return measured(exact, unit if self.is_length else "%")
 
     @property

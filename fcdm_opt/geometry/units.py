@@ -13,6 +13,9 @@ Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
 UnitOrNone = Literal["", Unit]
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
 
+NOISE = 1e-12
+"""A length that is 0, in any unit: of the shortest, a micrometre, it is less than an atom; parts are not so small."""
+
 ROUNDING = 1e-11
 """Of a bound: what floats leave of 0.07 may be 0.06999999999999999, and is shown as it was meant."""
 
@@ -38,9 +41,20 @@ def unit_of(named: str, bodies: Mapping[str, str]) -> UnitOrNone:
     return own or cast("UnitOrNone", named)
 
 
-def measured(length: str, unit: str) -> str:
-    """Return a length with its unit, "0.25 mm"; alone where the unit is ""."""
-    return f"{length} {unit}" if unit else length
+def number_text(value: float, digits: int = 6, least: float = NOISE) -> str:
+    """Return a number in words, 0 up to `least`: what rounding leaves of it."""
+    return f"{0.0 if abs(value) <= least else value:.{digits}g}"
+
+
+def signed(value: float, digits: int = 4) -> str:
+    """Return a number with its sign in words, as `number_text` does."""
+    return f"{0.0 if abs(value) <= NOISE else value:+.{digits}g}"
+
+
+def measured(length: str | float, unit: str, digits: int = 6) -> str:
+    """Return a length, a number or in words, with its unit, "0.25 mm"; alone where the unit is ""."""
+    text = length if isinstance(length, str) else number_text(length, digits)
+    return f"{text} {unit}" if unit else text
 
 
 def floored(bound: float, digits: int) -> str:

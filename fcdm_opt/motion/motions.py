@@ -905,7 +905,7 @@ def _axis_name(axis: Any) -> str:
 
 
 def _length(x: float, unit: str) -> str:
-    return measured(f"{x:.4g}", unit)
+    return measured(x, unit, 4)
 
 
 def _angle(x: float) -> str:

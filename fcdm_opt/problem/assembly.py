@@ -24,7 +24,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import each_resized, fit_for_sizes
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.units import UnitOrNone, unit_of
+from fcdm_opt.geometry.units import UnitOrNone, signed, unit_of
 from fcdm_opt.motion.motions import Motion, Parameter
 from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.plain import plain
@@ -259,7 +259,7 @@ class Assembly(Scene):
         texts = [f"fixed {', '.join(self.fixed)}"]
         texts += [f"{part} moves by {', '.join(motion.names)}" for part, motion in self.motions.items()]
         made = [f"{part} at {scale:.6g}" for part, scale in self.scales.items() if scale != 1.0]
-        made += [f"{size} {value:+.6g}" for size, value in self.made.items() if value]
+        made += [f"{size} {signed(value, 6)}" for size, value in self.made.items() if value]
         texts += [f"contacts {', '.join(map(str, self.contacts))}", f"made {', '.join(made) or 'as drawn'}"]
         return f"Assembly({self.name!r}: {'; '.join(texts)}{f', {self.unit}' if self.unit else ''})"
 

@@ -392,10 +392,10 @@ def _in_words(problem: Problem, found: Misfit) -> str:
     wide, room = (measured(width, problem.unit) for width in digits)
     fit, end = f"{inner} {wide} in {outer} {room}", ""
     if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
-        room = measured(f"{widths[1]:.6g}", problem.unit)
-        fit = f"{inner} is {measured(f'{lack:.2g}', problem.unit)} wider than {outer}, {room}"
+        room = measured(widths[1], problem.unit)
+        fit = f"{inner} is {measured(lack, problem.unit, 2)} wider than {outer}, {room}"
         if (drawn_width := _drawn_width(problem, found)) is not None:
-            room = measured(f"{drawn_width:.6g}", problem.unit)
+            room = measured(drawn_width, problem.unit)
             fit = f"{inner} and {outer} are {LINE_TO_LINE}, {room}"
             end = f": no tolerance in which {inner} may be wider fits"
         elif lack < AS_WIDE * widths[1]:

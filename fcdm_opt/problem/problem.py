@@ -26,7 +26,7 @@ from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.units import UnitOrNone, unit_of
+from fcdm_opt.geometry.units import UnitOrNone, signed, unit_of
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
@@ -310,7 +310,8 @@ class Problem(NominalContact, Scene, NotebookRepr):
         asked = f"requirement {self.requirement}" if self.requirement else "explicit target"
         made = f"at ({', '.join(f'{x:.6g}' for x in self.target.tolist())})"
         if self.made:
-            asked, made = "by size", ", ".join(f"{name} {x:+.6g}" for name, x in self.made.items() if x) or "as drawn"
+            asked = "by size"
+            made = ", ".join(f"{name} {signed(x, 6)}" for name, x in self.made.items() if x) or "as drawn"
         steps = ", ".join(self.motion.names)
         bodies = f"{self.movable.name!r} against {self.static.name!r}"
         unit = f", {self.unit}" if self.unit else ""

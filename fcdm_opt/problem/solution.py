@@ -17,7 +17,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to, rounding_line
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.evidence import ProofData
@@ -343,14 +343,14 @@ class Bounded(Plain, NotebookRepr):
             known = not known_to(first, others, unit)
             return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
-            needed = f", moved by {measured(f'{low:.4g}', unit)}" if low > 0.0 else ""
+            needed = f", moved by {measured(low, unit, 4)}" if low > 0.0 else ""
             return f"but true parts may fit{needed}: {self._why_open}" if low < math.inf else ""
         if high - low <= SURE * self.amount:
             return ""
         if math.isinf(high):
-            least = f"need {measured(f'{low:.4g}', unit)} or more, or do" if low > 0.0 else "may"
+            least = f"need {measured(low, unit, 4)} or more, or do" if low > 0.0 else "may"
             return f"true parts {least} not fit: {self._why_open}"
-        return f"true parts need between {low:.4g} and {measured(f'{high:.4g}', unit)}: {self._why_open}"
+        return f"true parts need between {number_text(low, 4)} and {measured(high, unit, 4)}: {self._why_open}"
 
     @property
     def _why_open(self) -> str:
@@ -515,7 +515,7 @@ class Solution(Bounded):
     def __repr__(self) -> str:
         """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
         motion = imported("show.texts:motion_text")(self) if self.parameters else "no motion"
-        amount, proved = (measured(f"{x:.4g}", self.amount_unit) for x in (self.amount, self.lower_bound))
+        amount, proved = (measured(x, self.amount_unit, 4) for x in (self.amount, self.lower_bound))
         amount += f" ({self.left_by_mesh})" * bool(self.left_by_mesh)
         found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
         return f"Solution({self.problem.name!r}: {self.status.name}, {found})"

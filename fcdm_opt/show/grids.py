@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.question import ROLES
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
@@ -65,7 +65,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
         if not nominal
         else [f"{own.length * value:.6g} {found.unit}" for value in values]
         if found.unit
-        else [f"{100.0 * off:+.4g} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
+        else [f"{signed(100.0 * off)} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
         for values, nominal, unit, own in zip(
             sizes, found.nominal, units_over(found), _measured(found, scene), strict=True
         )
@@ -115,8 +115,8 @@ def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
 def _size_text(off: float, length: float, unit: str, whole: str) -> str:
     """Return a size by its deviation from drawn, in a unit or as a share: "9.964 mm (-0.036)", "-0.036 mm"."""
     made = length + off if unit else length * (1.0 + off)
-    told = "as drawn" if not off else f"{off:+.4g}" if unit else f"{100.0 * off:+.4g} %"
-    return (measured(told, unit) if off else told) if np.isnan(made) else f"{measured(f'{made:.6g}', whole)} ({told})"
+    told = "as drawn" if not off else signed(off) if unit else f"{signed(100.0 * off)} %"
+    return (measured(told, unit) if off else told) if np.isnan(made) else f"{measured(made, whole)} ({told})"
 
 
 def units_over(found: CompensationMap) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.problem.problem import SCALES, SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.grids import units_over
@@ -78,7 +78,7 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
         least, largest = region.amounts
-        amount = "" if np.isnan(least) else f", amount {least:.4g} to {measured(f'{largest:.4g}', sizes.unit)}"
+        amount = "" if np.isnan(least) else f", amount {number_text(least, 4)} to {measured(largest, sizes.unit, 4)}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
         lines.append(f"{INDENT}{region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
@@ -273,7 +273,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
     highest = max(float(heights.max()), 1.0 / result.count)
     axes.set_ylim(0.0, HIGHEST * highest)
     if math.isfinite(result.budget):
-        budget = measured(f"{result.budget:.6g}", result.unit)
+        budget = measured(result.budget, result.unit)
         axes.axvline(result.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
     for share, amount in result.quantiles.items():
         if math.isfinite(amount):

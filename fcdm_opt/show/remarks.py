@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -44,10 +44,10 @@ def remarks(solution: Solution) -> list[str]:
     if solution.stopped and solution.status.found:
         told.append(f"{solution.stopped}; the bound is what was proved by then")
     if (snapped := solution.problem.snapped) is not None:
-        was = f"nominal ({numbers(snapped.asked, 9)}), where the gap was {measured(f'{snapped.gap:.3g}', unit)}"
+        was = f"nominal ({numbers(snapped.asked, 9)}), where the gap was {measured(snapped.gap, unit, 3)}"
         told.append(f"{was}, closed to the curve at ({numbers(snapped.pair, 9)})")
     for name, gap in solution.keep_out_gaps.items():
-        off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
+        off = f"{measured(abs(gap), unit, 4)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
@@ -55,8 +55,8 @@ def remarks(solution: Solution) -> list[str]:
     known = () if solution.exact_of_mesh else known_gaps(problem)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if low < high and not solution.left_by_mesh:
-        end = measured(f"{high:.6g}", problem.amount_unit)
-        told.append(f"the true round parts need between {low:.6g} and {end}")
+        end = measured(high, problem.amount_unit)
+        told.append(f"the true round parts need between {number_text(low)} and {end}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
@@ -106,7 +106,7 @@ def _contacts(solution: Solution) -> list[str]:
         opened = [gaps[label] for label in solution.open_contacts if label in gaps]
         if not opened:
             return []
-        most = measured(f"{max(opened):.4g}", unit)
+        most = measured(max(opened), unit, 4)
         if len(gaps) == 1:
             return [f"the contact of the nominal position is open now, by {most}"]
         return [
@@ -121,7 +121,7 @@ def _contacts(solution: Solution) -> list[str]:
     numbered = solution.open_contacts or any(map(NUMBERED.search, solution.active))
     for k, feature in enumerate(problem.contacts, 1):
         gap = gaps.get(feature.label, math.nan)
-        state = f"open by {measured(f'{gap:.4g}', unit)}" if gap > problem.contact_slack else "closed"
+        state = f"open by {measured(gap, unit, 4)}" if gap > problem.contact_slack else "closed"
         if numbered:
             named = feature.told(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
@@ -131,7 +131,7 @@ def _contacts(solution: Solution) -> list[str]:
         told += solution.active
     else:
         within = solution.unique_within
-        box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
+        box = f" whose weighted parameters are at most {measured(number(within), unit)}" if within < math.inf else ""
         what = "it" if len(problem.contacts) == 1 else "them"
         if within:
             told.append(GoodNews(f"no other motion{box} closes {what}: proved"))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shown, status_text
@@ -75,6 +75,7 @@ def environment() -> Any:
         "clean": cleaned,
         "explained": explained,
         "in_unit": in_unit,
+        "signed": signed,
         "numbers": numbers,
         "paragraphs": paragraphs,
         "shown": shown,

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
@@ -155,20 +155,20 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ]
     if share is not None:
         rows += [
-            ("99.73 % of pairs drawn, least gap", share.low, f"mean {share.mean:+.4g}"),
+            ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean)}"),
             ("99.73 % of pairs drawn, largest gap", share.high, f"sigma {share.deviation:.4g}"),
         ]
     one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
     rows += [
-        (f"{one}, mean - 3 sigma", spread.low, f"mean {spread.mean:+.4g}, sigma {spread.deviation:.4g}"),
+        (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
         (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
     ]
-    print_rows([{"": what, "gap": f"{gap:+.4g}", "at": at} for what, gap, at in rows], numbers=("gap",))
+    print_rows([{"": what, "gap": signed(gap), "at": at} for what, gap, at in rows], numbers=("gap",))
     if share is not None:
         _print_yield(stack, share)
     print_rows([
         {
-            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": f"{own.coefficient:+.3g}",
+            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": signed(own.coefficient, 3),
             "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.1%}",
         }
         for own in contributions_of(stack)
@@ -186,7 +186,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     for row in stack.rows:
         sizes = _sizes({name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie})
         drawn = row.gap if abs(row.gap) > noise else 0.0
-        alike[row.told, f"{drawn:+.4g}", sizes or "no size moves it"] += 1
+        alike[row.told, signed(drawn), sizes or "no size moves it"] += 1
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
@@ -227,7 +227,7 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
     if stack.known_to:
         print_text(
             f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
-            f"{worst.least_low:+.4g} to {measured(f'{worst.largest_high:+.4g}', unit)}"
+            f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
     if spread.elsewhere > 0.0 or not share.interval[0] <= spread.share <= share.interval[1]:
         print_text(
@@ -239,8 +239,8 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
 
 def print_allocation(found: Allocation) -> None:
     """Print the cheapest tolerances."""
-    rows = [{"size": name, "low": f"{a:+.6g}", "high": f"{b:+.6g}"} for name, (a, b) in found.tolerances.items()]
-    note = f"cost {found.cost:.6g}; worst case from {found.least:+.6g} to {found.largest:+.6g}"
+    rows = [{"size": name, "low": signed(a, 6), "high": signed(b, 6)} for name, (a, b) in found.tolerances.items()]
+    note = f"cost {found.cost:.6g}; worst case from {signed(found.least, 6)} to {signed(found.largest, 6)}"
     print_rows(rows, numbers=("low", "high"), notes=[f"cheapest tolerances: {note}"])
 
 
@@ -413,4 +413,4 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _sizes(values: Any) -> str:
-    return ", ".join(f"{name} {x:+.4g}" for name, x in values.items() if x)
+    return ", ".join(f"{name} {signed(x)}" for name, x in values.items() if x)

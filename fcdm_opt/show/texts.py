@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, cast
 
-from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.solution import Status
 
@@ -41,11 +41,11 @@ MOST_SIZES = 4
 """Sizes by name that are told in a line."""
 
 
-def number(value: float | None, digits: int = DIGITS) -> str:
-    """Return a number; a dash for nan and None."""
+def number(value: float | None, digits: int = DIGITS, least: float = NOISE) -> str:
+    """Return a number, 0 up to `least`; a dash for nan and None."""
     if value is None or math.isnan(value):
         return "-"
-    return f"{float(value):.{digits}g}" if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
+    return number_text(float(value), digits, least) if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
 
 
 def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
@@ -75,7 +75,7 @@ def shown(value: Any, digits: int = DIGITS) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.{digits}g}"
+        return f"{value + 0.0:.{digits}g}"
     if isinstance(value, list | tuple):
         return ", ".join(shown(item, max(digits, PLACES)) for item in value) or NONE
     return str(value)
@@ -95,7 +95,7 @@ def asked_text(scene: Scene) -> str:
     """Return requirement and signs, or the sizes made, or the target; of an assembly the scales and sizes made."""
     made = sizes_text(scene)
     if isinstance(scene, Assembly):
-        scales = (f"{part} {100.0 * (scale - 1.0):+.6g} %" for part, scale in scene.scales.items() if scale != 1.0)
+        scales = (f"{part} {signed(100.0 * (x - 1.0), 6)} %" for part, x in scene.scales.items() if x != 1.0)
         told = ", ".join(filter(None, [*scales, made]))
         return f"made {told}" if told else "parts as drawn"
     problem: Any = scene

@@ -99,7 +99,7 @@ def _solved(scene: Scene, **changes: Any) -> Any:
 
 @lru_cache(maxsize=4)
 def barring(scene: Scene) -> str:
-    """Return which keep-outs are in the way of a scene, in words: without one of them, or all, it is solved; else ""."""
+    """Return which keep-outs are in the way of a scene, in words: without one, or all, it is solved; else ""."""
     every = scene.keep_out
     if not every or _solved(scene, keep_out=()) is None:
         return ""

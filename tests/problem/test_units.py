@@ -10,13 +10,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import fcdm_opt as fo
+from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import tables, texts
 from fcdm_opt.show.family import family_figure
@@ -331,3 +334,16 @@ def test_amounts_of_ones_own_have_no_unit() -> None:
 def test_a_bound_in_a_report_had_its_unit_twice() -> None:
     """Proved at least "0 mm mm": the page adds the unit to the number."""
     assert answered(replace(solved("mm").solution, lower_bound=0.0))["least"]["text"] == "0"
+
+
+def test_rounding_is_told_as_0_and_never_as_minus_0() -> None:
+    """A map told "amount -1.13e-15", and parts were "-0 apart"; data have what was worked out."""
+    noise = np.array([-1.13e-15])
+    none = {"error": np.zeros(1), "displacement_error": np.zeros(1), "region": np.zeros(1, int)}
+    found = MapPoints(parameters=noise[:, None], amount=noise, names=("TX",), **none)
+    assert str(found) == "TX 0, amount 0 +- 0, region 0"
+    assert found.amount[0] == noise[0]
+    assert [measured(x, "mm") for x in (-0.0, -1.13e-15, -2e-6)] == ["0 mm", "0 mm", "-2e-06 mm"]
+    assert [texts.number(x) for x in (-0.0, 3e-13, math.nan)] == ["0", "0", "-"]
+    assert [texts.amount_text(x, "mm") for x in (-1.13e-15, 0.25)] == ["0 mm", "0.25 mm"]
+    assert [signed(x) for x in (-0.0, -1e-16, -0.5)] == ["+0", "+0", "-0.5"]

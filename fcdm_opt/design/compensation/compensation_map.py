@@ -221,8 +221,8 @@ class CompensationMap(Plain, NotebookRepr):
     @property
     def error_text(self) -> str:
         """The error in words, with what was asked for, and why it is missed."""
-        reached = measured(f"{self.reached:.3g}", self.unit) if math.isfinite(self.reached) else "not known"
-        asked = measured(f"{self.error:.3g}", self.unit)
+        reached = measured(self.reached, self.unit, 3) if math.isfinite(self.reached) else "not known"
+        asked = measured(self.error, self.unit, 3)
         return f"{reached} (asked for {': '.join(filter(None, (asked, self.stopped)))})"
 
     def __repr__(self) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, numbers
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.moved_files import to_csv
 from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
@@ -119,13 +120,13 @@ class MapPoints:
         amounts, errors = self.amount.ravel(), self.error.ravel()
         regions, lines = self.region.ravel().tolist(), list[str]()
         for values, amount, error, region in zip(q[:LISTED].tolist(), amounts, errors, regions[:LISTED], strict=False):
-            motion = ", ".join(f"{name} {x + 0.0:.6g}" for name, x in zip(self.names, values, strict=True))
+            motion = ", ".join(f"{name} {number_text(x)}" for name, x in zip(self.names, values, strict=True))
             if region < 0:
                 lines.append("outside the sizes that the map is of")
             elif np.isnan(amount):
                 lines.append(f"{'undecided' if np.isnan(error) else 'no motion'}, region {region}")
             else:
-                lines.append(f"{motion}, amount {amount:.6g} +- {error:.1g}, region {region}")
+                lines.append(f"{motion}, amount {number_text(amount)} +- {error:.1g}, region {region}")
         more = len(amounts) - len(lines)
         return "\n".join([*lines, *([f"... and {more} more"] if more else [])])
 

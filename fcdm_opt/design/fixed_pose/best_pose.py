@@ -229,7 +229,7 @@ class BestPose(NotebookRepr, Plain):
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
-        told = f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
+        told = f"{self.status}: {self.motion}; {ends}; {what} {measured(self.value, self.unit)} ({known})"
         if self.fitted:  # whose least gap is made largest
             sure = "none can be better" if self.certified else "no bound proved"
             told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"

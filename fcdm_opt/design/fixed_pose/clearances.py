@@ -27,7 +27,7 @@ from fcdm_opt.design.stack.stack_up import StackUp
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
@@ -80,7 +80,7 @@ class EndOfRange(Plain):
         """The sizes in words: deviations that are not zero by their names."""
         if self.names == SCALES:
             return ", ".join(f"{x:.6g}" for x in self.rho)
-        told = [f"{name} {x:+.6g}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
+        told = [f"{name} {signed(x, 6)}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
         return ", ".join(told) or "as drawn"
 
     @classmethod
@@ -332,7 +332,7 @@ def gaps_text(least: float, most: float, unit: str) -> str:
 
 
 def _gap_text(gap: float, unit: str) -> str:
-    return f"{measured(f'{abs(gap):.6g}', unit)} {'interference' if gap < 0 else 'clearance'}"
+    return f"{measured(abs(gap), unit)} {'interference' if gap < 0 else 'clearance'}"
 
 
 def transform_of(problem: Problem, pose: Any) -> Array:

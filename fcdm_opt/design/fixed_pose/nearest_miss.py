@@ -75,7 +75,7 @@ def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
         for k in np.argsort(gaps)[: 1 if own.high == 0.0 < gaps.min() else None].tolist():
             gap, one = float(gaps[k]), at.only(np.array([k]))
             between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
-            asked = f", {measured(f'{own.low:.4g}', unit)} asked" if own.low > 0.0 else ""
+            asked = f", {measured(own.low, unit, 4)} asked" if own.low > 0.0 else ""
             yield max(own.low - gap, gap - own.high), f"{between} {_state(gap, slack, unit)}{asked}"
 
 
@@ -117,5 +117,5 @@ def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
 
 
 def _state(gap: float, slack: float, unit: str) -> str:
-    length = measured(f"{abs(gap):.4g}", unit)
+    length = measured(abs(gap), unit, 4)
     return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"

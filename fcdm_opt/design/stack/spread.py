@@ -15,7 +15,7 @@ from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.judge.sampled_sizes import GapClaims, ShareClaim
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real, whole
@@ -82,8 +82,8 @@ class GapYield(Plain):
 
     def __str__(self) -> str:
         """Return the share in words, and how the gaps are spread."""
-        low, high = (measured(f"{end:+.4g}", self.unit) for end in (self.low, self.high))
-        middle = f"mean {self.mean:+.4g}, sigma {measured(f'{self.deviation:.4g}', self.unit)}"
+        low, high = (measured(signed(end), self.unit) for end in (self.low, self.high))
+        middle = f"mean {signed(self.mean)}, sigma {measured(self.deviation, self.unit, 4)}"
         return f"{self.share_text}; all but 0.27% of the gaps from {low} to {high}, {middle}"
 
     @property
@@ -91,7 +91,7 @@ class GapYield(Plain):
         """The share in words."""
         words = ("from", "to") if np.isfinite(self.limits).all() else ("of at least", "of at most")
         ends = [
-            f"{word} {measured(f'{end:.4g}', self.unit)}"
+            f"{word} {measured(end, self.unit, 4)}"
             for word, end in zip(words, self.limits, strict=True)
             if np.isfinite(end)
         ]

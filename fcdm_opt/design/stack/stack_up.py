@@ -21,7 +21,7 @@ from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import Plain, plain
@@ -81,8 +81,8 @@ class WorstCase(Plain):
     def __str__(self) -> str:
         """Return both in words, with the sizes at which they are."""
         ends = (self.least, self.at_least), (self.largest, self.at_largest)
-        named = (", ".join(f"{name} {x:+.4g}" for name, x in at.items() if x) or "as drawn" for _, at in ends)
-        return "gap from " + " to ".join(f"{gap:+.4g} at {at}" for (gap, _), at in zip(ends, named, strict=True))
+        named = (", ".join(f"{name} {signed(x)}" for name, x in at.items() if x) or "as drawn" for _, at in ends)
+        return "gap from " + " to ".join(f"{signed(gap)} at {at}" for (gap, _), at in zip(ends, named, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class StackUp:
 
     def __repr__(self) -> str:
         """Return sizes and the range of the gap, on one line."""
-        ends = " to ".join(f"{gap:+.4g}" for gap in (self._worst.least, self._worst.largest))
+        ends = " to ".join(signed(gap) for gap in (self._worst.least, self._worst.largest))
         return f"StackUp(gap {measured(ends, self.unit)} over {', '.join(self.names)})"
 
     @property

@@ -19,6 +19,7 @@ from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.moved_files import moved, to_csv
 from fcdm_opt.plain import plain
@@ -176,7 +177,9 @@ class StudyResult(NotebookRepr):
         if amounts:
             middle = amounts[len(amounts) // 2]
             head = f"amount, {self.unit}" if self.unit else "amount"
-            lines.append(f"{head}: {amounts[0]:.6g} to {amounts[-1]:.6g}, median {middle:.6g}")
+            lines.append(
+                f"{head}: {number_text(amounts[0])} to {number_text(amounts[-1])}, median {number_text(middle)}"
+            )
         if found := self.assembly_yield:
             low, high = found.interval
             lines.append(

@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected, known_arguments
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.arguments import truth
@@ -141,7 +141,7 @@ class Comparison:
         if best is None:
             return f"none of {len(self.table)} families has a usable motion"
         ties = f"; tied: {', '.join(best.tied)}" if best.tied else ""
-        amount = measured(f"{best.amount:.6g}", best.solution.amount_unit if best.solution else "")
+        amount = measured(best.amount, best.solution.amount_unit if best.solution else "")
         return f"cheapest of {len(self.table)} families: {best.name}, amount {amount}{ties}"
 
 
@@ -248,5 +248,7 @@ def _checked(rows: list[FamilyRow]) -> dict[str, str]:
         ]
         if row.solution is not None and cheaper:
             best = min(cheaper, key=lambda part: part.amount)
-            notes[name] = f"not the least: {best.name!r}, which is part of it, has a motion of amount {best.amount:.6g}"
+            notes[name] = (
+                f"not the least: {best.name!r}, which is part of it, has a motion of amount {number_text(best.amount)}"
+            )
     return notes

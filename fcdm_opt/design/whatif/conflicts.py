@@ -119,7 +119,7 @@ def conflicts(
     if whole.usable:
         what = "the problem has a motion: nothing clashes"
         allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
-        amount = f"amount {measured(f'{whole.amount:.6g}', whole.amount_unit)}"
+        amount = f"amount {measured(whole.amount, whole.amount_unit)}"
         raise InputError(what, key="problem", found=amount, allowed=allowed)
     clashes, complete = search.smallest(whole)
     if certify:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, scene_of, without
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem
 from fcdm_opt.problem.scene import Scene
@@ -65,10 +65,10 @@ class Dropped(PlainMotion):
             return f"{self.name}: {self.status.words}"
         if self.saving == 0.0:
             return f"{self.name}: costs nothing"
-        more = "" if math.isnan(self.estimate) else f" (its multiplier predicted {self.estimate:.6g})"
+        more = "" if math.isnan(self.estimate) else f" (its multiplier predicted {number_text(self.estimate)})"
         word = "saves" if self.saving > 0 else "adds"
         unit = self.solution.amount_unit
-        saved, amount = (measured(f"{x:.6g}", unit) for x in (abs(self.saving), self.amount))
+        saved, amount = (measured(x, unit) for x in (abs(self.saving), self.amount))
         return f"{self.name}: {word} {saved}, amount {amount}{more}"
 
 
@@ -108,7 +108,7 @@ class Costs(Plain):
         return tuple(row.name for row in self.rows if row.saving == 0.0)
 
     def __str__(self) -> str:
-        amount = measured(f"{self.solution.amount:.6g}", self.solution.amount_unit)
+        amount = measured(self.solution.amount, self.solution.amount_unit)
         lines = [f"amount {amount}", *(f"without {row}" for row in self.rows if row.saving != 0.0)]
         lines += [f"cost nothing: {', '.join(self.free)}"] if self.free else []
         return "\n".join([*lines, *(f"with {row}" for row in self.goals)])

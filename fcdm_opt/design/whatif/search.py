@@ -120,7 +120,7 @@ class LeastRelaxation(PlainMotion):
         lengths = question.unit if question else ""
         done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths)}"
         done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths)}"
-        amount = measured(f"{self.amount:.6g}", question.amount_unit if question else "")
+        amount = measured(self.amount, question.amount_unit if question else "")
         out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
         notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
         return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
@@ -151,7 +151,7 @@ class Trial(PlainMotion):
     def __str__(self) -> str:
         if not self.solution.usable:
             return f"{self.change}: no motion to use ({self.solution.status.words})"
-        return f"{self.change}: amount {measured(f'{self.solution.amount:.6g}', self.solution.amount_unit)}"
+        return f"{self.change}: amount {measured(self.solution.amount, self.solution.amount_unit)}"
 
 
 class ClashSearch:

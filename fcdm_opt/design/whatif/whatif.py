@@ -16,7 +16,7 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.constraints import scene_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.errors import InputError, closest
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.assembly import Assembly
@@ -77,9 +77,9 @@ class WhatIf(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and predicted."""
-        after = measured(f"{self.after.amount:.6g}", self.after.amount_unit)
-        amounts = f"amount {self.before.amount:.6g} -> {after}"
-        told = f"predicted {self.predicted_amount:.6g}"
+        after = measured(self.after.amount, self.after.amount_unit)
+        amounts = f"amount {number_text(self.before.amount)} -> {after}"
+        told = f"predicted {number_text(self.predicted_amount)}"
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
         changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"

@@ -9,7 +9,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.remarks import known_gaps
@@ -72,7 +72,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
             why += f"; `fcdm-opt stack` takes {getattr(reason, 'allowed', '')}"
         return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
-        low, high = f"{worst.least_low:+.4g}", measured(f"{worst.largest_high:+.4g}", scene.unit)
+        low, high = signed(worst.least_low), measured(signed(worst.largest_high), scene.unit)
         notes.append(f"worst cases of the true round parts are from {low} to {high}")
     return {
         "unit": scene.unit,
