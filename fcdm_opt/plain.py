@@ -43,6 +43,9 @@ class Plain:
         except InputError:
             raise
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as reason:
+            if isinstance(reason, KeyError) and cls.plain_names and reason.args[0] not in cls.plain_names:
+                what = f"the plain data of a {cls.__name__} are without its {reason.args[0]}, and cannot be read back"
+                raise InputError(what, allowed="what it is of, asked again") from reason
             raise InputError(f"not the plain data of a {cls.__name__}", found=str(reason)) from reason
 
 

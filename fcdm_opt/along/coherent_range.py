@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, overload
+from typing import Any, ClassVar, NamedTuple, Self, overload
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
+from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
 from fcdm_opt.problem.arguments import LARGEST
@@ -156,8 +157,17 @@ class CoherentRange(Ends, Plain, NotebookRepr):
         return March(self.problem, self._followed, ray_of(self.problem, self.direction), self.problem.nominal_pair)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return plain data, without the problem: `from_dict` needs that besides."""
         return {**super().to_dict(), "direction": self.problem.motion.by_name(self.direction)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], problem: Problem | None = None) -> Self:
+        """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
+        asked = told_of(cls, problem)
+        asked = asked if asked.made is None else asked.changed(made=None)
+        known = {"problem": asked, "direction": checked_direction(asked, data.get("direction")), "_followed": ()}
+        ends = dict(zip(("first", "last"), data.get("events", ()), strict=False))
+        return replace(super().from_dict({**data, **known, **ends}), _followed=followed(asked))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,6 +192,18 @@ class AssemblyRange(Ends, Plain):
     def __str__(self) -> str:
         """Return the same in words for each contact."""
         return "\n".join(f"{name}: {own}" for name, own in self.contacts.items())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, without the assembly: `from_dict` needs that besides."""
+        return super().to_dict()
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], assembly: Assembly | None = None) -> Self:
+        """Rebuild from `to_dict` and the assembly that it is of; raises `InputError`."""
+        asked = told_of(cls, assembly)
+        questions, told = {str(pair): asked.questions[pair[:2]] for pair in asked.contacts}, data.get("contacts", {})
+        each = {name: CoherentRange.from_dict(own, questions.get(name)) for name, own in told.items()}
+        return super().from_dict({**data, "assembly": asked, "contacts": each})
 
     @property
     def first(self) -> Event:  # type: ignore[override]
@@ -300,6 +322,20 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
     (a, b), (c, d) = np.column_stack([np.maximum(moved - wide, 0.0), moved + wide]).tolist()
     curve = decision_curve(movable, static, box=((a, b), (c, d)), transform=beyond)
     return merged, tuple(dict.fromkeys(segment.feature for segment in curve.segments))
+
+
+def told_of(kind: type, asked: Any) -> Any:
+    """Return the question that plain data without one are of; raises `InputError` where it is not given."""
+    if not isinstance(asked, Problem | Assembly):
+        what = f"the plain data of a {kind.__name__} are without what was asked: give that too"
+        found = "nothing" if asked is None else type(asked).__name__
+        raise InputError(what, key="problem", found=found, allowed=f"{kind.__name__}.from_dict(data, problem)")
+    return asked
+
+
+def motion_of(asked: Problem | Assembly) -> Motion:
+    """Return the motion with all parameters of a question."""
+    return asked.motion if isinstance(asked, Problem) else next(iter(asked.questions.values())).motion
 
 
 def checked_direction(problem: Problem, direction: Any) -> Array:

@@ -10,13 +10,13 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.coherent_range import Reach, checked_direction, ray_of, reach
+from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, ray_of, reach, told_of
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
@@ -123,24 +123,35 @@ class ContactTimes(Plain):
         return isinstance(self.problem, Problem) and self.problem.exact_at is not None
 
     def __str__(self) -> str:
-        """Return the states in words, a line for the parts and for each keep-out."""
+        """Return the states in words, a line for the parts and for each keep-out, and how far was looked."""
         along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
-        return "\n".join(
-            ", ".join(
-                [f"{name}: {own[0].state}", *(f"from x = {number_text(span.low)} {span.state}" for span in own[1:])]
-            )
-            for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items()
-        )
+        lines = list[str]()
+        for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items():
+            later = (f"from x = {number_text(span.low)} {span.state}" for span in own[1:])
+            lines.append(", ".join([f"{name}: {own[0].state}", *later]))
+        low, high = map(number_text, self.searched)
+        return "\n".join([*lines, f"looked at from x = {low} to x = {high}, no further"])
+
+    @property
+    def searched(self) -> tuple[float, float]:
+        """From where to where: to limits of the parameters, to `limit`, or as far as anything can meet."""
+        return self.spans[0].low, self.spans[-1].high
 
     def state(self, x: float) -> State | Literal["unknown"]:
         """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
         return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        asked = self.problem
-        own = asked.motion if isinstance(asked, Problem) else next(iter(asked.questions.values())).motion
-        return {**super().to_dict(), "direction": own.by_name(self.direction)}
+        """Return plain data, without the problem: `from_dict` needs that besides."""
+        return {**super().to_dict(), "direction": motion_of(self.problem).by_name(self.direction)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], problem: Problem | Assembly | None = None) -> Self:
+        """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
+        asked = told_of(cls, problem)
+        own = asked if isinstance(asked, Problem) else next(iter(asked.questions.values()))
+        along = checked_direction(own, data.get("direction"))
+        return super().from_dict({**data, "problem": asked, "direction": along})
 
 
 @known_arguments

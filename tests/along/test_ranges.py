@@ -471,3 +471,36 @@ def test_a_keep_out_was_clear_again_before_the_step_that_ended_at_its_clearance(
     )
     (near,) = (span for span in fo.contact_times(asked, {"TX": 1.0}).keep_outs["post"] if span.state == "overlapping")
     assert (near.low, near.high) == pytest.approx((-24.0, 0.0), abs=1e-9)
+
+
+def test_how_far_was_looked_is_told_where_limits_end_it():
+    """ "apart" was told of a post beyond the limits, and no word of these."""
+    cube, post = fo.Box((1, 1, 1), name="cube"), fo.Box((1, 1, 1), centre=(3, 0, 0), name="post")
+    asked = fo.Problem(cube, post, target=(1, 1), goal="touch", motion=fo.Translation("x"), limits={"TX": (-1, 1.5)})
+    told = fo.contact_times(asked)
+    assert (told.searched, str(told)) == (
+        (-1.0, 1.5), "x times TX 1: apart\nlooked at from x = -1 to x = 1.5, no further",
+    )  # fmt: skip
+    assert fo.contact_times(asked, limit=0.25).searched == (-0.25, 0.25)
+
+
+def test_plain_data_of_ranges_come_back_with_what_was_asked():
+    """Without it they said "not the plain data of a ContactTimes; found 'problem'"."""
+    cube, post = fo.Box((1, 1, 1), name="cube"), fo.Box((1, 1, 1), centre=(1, 0, 0), name="post")
+    asked = fo.Problem(cube, post, target=(1.1, 1), goal="touch", motion=fo.Translation("x") >> fo.Translation("y"))
+    joined = fo.Assembly([post, cube], [("cube", "post")], motions={"cube": asked.motion})
+    found = [
+        *((ask(asked, {"TY": 1.0}), asked) for ask in (fo.contact_times, fo.coherent_range)),
+        *((ask(joined, {"cube.TY": 1.0}), joined) for ask in (fo.contact_times, fo.coherent_range)),
+    ]
+    for result, question in found:
+        kind, data = type(result), json.loads(json.dumps(result.to_dict()))
+        again = kind.from_dict(data, question)
+        assert again.to_dict() == data
+        assert str(again) == str(result)
+        with pytest.raises(fo.InputError, match=rf"without what was asked.*allowed: {kind.__name__}.from_dict\(data, "):
+            kind.from_dict(data)
+    assert found[1][0].rho(0.1) == pytest.approx(type(found[1][0]).from_dict(found[1][0].to_dict(), asked).rho(0.1))
+    stuck = fo.conflicts(asked.changed(limits={"TX": (0, 0), "TY": (0, 0)}, target=(1.1, 1)))
+    with pytest.raises(fo.InputError, match="a Conflicts are without its problem, and cannot be read back; allowed: "):
+        type(stuck).from_dict(stuck.to_dict())
