@@ -237,9 +237,7 @@ def map_command(
     """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
-    from fcdm_opt.design.distributions import Normal
     from fcdm_opt.design.sizes import SCALES, box_over, chosen_sizes, sources
-    from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
     from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
@@ -277,13 +275,7 @@ def map_command(
                 inquiry.wrote(f"wrote {path}")
         yield "map", found, tables.print_said
         if budget is not None:
-            ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
-            own = [size for size in problem.sizes if size.name in found.over]
-            told = dict(zip(found.over, ends, strict=True)) | {
-                size.name: spread for size, spread in zip(own, spreads(own), strict=True)
-            }
-            scattered: Any = tuple(told.values()) if pairs is None else pairs
-            share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
+            share = assembly_yield(found, sizes=pairs, budget=budget, seed=seed)
             if pictures is not None:
                 pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from itertools import product
 from math import comb
 from pathlib import Path
@@ -138,3 +139,19 @@ def test_the_command_line_takes_one_size_with_its_box_and_what_was_measured(tmp_
     told = CliRunner().invoke(app, [*line[:6], "--box=0,0.02,1", *line[7:]])
     assert told.exit_code == 2
     assert "not pairs of numbers" in told.stderr
+
+
+def test_a_yield_without_sizes_was_refused_as_missing_them() -> None:
+    """Those of the map's problem are meant: by hand, of two uniform ones w + d >= 0.02 is an eighth."""
+    key, wall = (fo.Box((2, 2, 2), centre=(x, 0, 0)) for x in (0.0, 2.1))
+    sizes = [
+        fo.Size(name, role, faces=face, tolerance=0.02, distribution={"uniform": {}})
+        for name, role, face in (("width", "movable", "+x"), ("depth", "static", "-x"))
+    ]
+    found = fo.compensation_map(fo.Problem(key, wall, sizes=sizes, motion=fo.Translation("x"), goal="touch"))
+    assert fo.assembly_yield(found, budget=0.08, count=100_000).share == pytest.approx(0.125, abs=0.005)
+    unknown = replace(found, problem=None)
+    with pytest.raises(
+        fo.InputError, match=r"sizes: not given, and this map knows no problem .* a distribution for each"
+    ):
+        fo.assembly_yield(unknown, budget=0.08)

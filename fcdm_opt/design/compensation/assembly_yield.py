@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.distributions import Distribution, Measured
+from fcdm_opt.design.distributions import Distribution, Measured, Normal
 from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
+from fcdm_opt.design.stack.spread import spreads
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
@@ -176,7 +177,7 @@ class AssemblyYield(Plain, NotebookRepr):
 def assembly_yield(
     sizes_map: Any,
     *,
-    sizes: tuple[Distribution, ...] | Array,
+    sizes: tuple[Distribution, ...] | Array | None = None,
     budget: float | None = None,
     limits: Mapping[str, Any] | None = None,
     count: int = 1_000_000,
@@ -189,9 +190,11 @@ def assembly_yield(
     ----------
     sizes_map : Table or CompensationMap, or anything else with an `at` that answers alike
         The motion for all sizes, with its error.
-    sizes : a distribution for each size, or array (n, k)
+    sizes : a distribution for each size, or array (n, k), optional
         What the k sizes, such as those of body 1 and body 2, are drawn from, independently of each other; or measured
-        ones, which are looked up as they are (from a CSV file: `read_columns`). Deviations, of sizes by name.
+        ones, which are looked up as they are (from a CSV file: `read_columns`). Deviations, of sizes by name. Default,
+        of a map that knows its problem: as the problem's sizes are distributed, scales normally, with the ends of the
+        map's box at three standard deviations.
     budget : float, optional
         Largest amount that passes, a length.
     limits : mapping of parameter name to (lower, upper), optional
@@ -226,6 +229,7 @@ def assembly_yield(
     of = len(getattr(sizes_map, "box", SCALES))
     over = getattr(sizes_map, "over", SCALES if of == 2 else tuple(f"size {k}" for k in range(1, of + 1)))
     scaled = getattr(sizes_map, "scaled", np.ones(of, dtype=bool))
+    sizes = _as_made(sizes_map) if sizes is None else sizes
     given = sources(sizes, positive=scaled)
     scatter = given if isinstance(given, tuple) else tuple(map(Measured, given.T))
     drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scaled)
@@ -272,6 +276,18 @@ def assembly_yield(
         sizes_map=sizes_map,
         sizes=sizes,
     )
+
+
+def _as_made(sizes_map: Any) -> tuple[Distribution, ...]:
+    """Return how the sizes of a map are distributed, by its problem; scales normally, its box at three deviations."""
+    if getattr(sizes_map, "problem", None) is None:
+        what = "not given, and this map knows no problem whose sizes these are"
+        raise InputError(what, key="sizes", found="nothing", allowed="a distribution for each size, or measured ones")
+    ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in sizes_map.box]
+    own = [size for size in sizes_map.scene.sizes if size.name in sizes_map.over]
+    named = dict(zip((size.name for size in own), spreads(own), strict=True))
+    each = dict(zip(sizes_map.over, ends, strict=True)) | named
+    return tuple(own if isinstance(own, Distribution) else Measured(np.array([own])) for own in each.values())
 
 
 class _LookedUp(NamedTuple):
