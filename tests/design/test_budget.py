@@ -305,7 +305,9 @@ def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: flo
     assert found.sizes == ("foot", "top")
     np.testing.assert_allclose(found.table, [[-tau, tau], [0.0, tau / 2]], rtol=1e-8)
     assert found.amount == pytest.approx(0.06, abs=1e-8)
-    assert str(found).startswith(f"{corner}: up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to ")
+    assert str(found).startswith(
+        f"{corner} ({found.of}): up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to "
+    )
     assert found.to_dict()["sizes"] == ["foot", "top"]
 
 
@@ -373,3 +375,25 @@ def test_a_tolerance_at_which_round_parts_come_to_touch_was_one_of_their_facets(
     asked = Problem(pin, plate, sizes=sizes, motion=X, goal="touch", unit="mm")
     first, last = _Tolerances(asked, "worst", np.array([[-1.0, 1.0], [0.0, 0.0]]), None, 0.2, 1e-9).crossing
     assert 0.1 - 8.0 * asked.contact_slack < first < 0.1 < last < 0.1 + 8.0 * asked.contact_slack
+
+
+def test_the_worst_corner_is_that_of_the_gap_at_rest_and_says_so() -> None:
+    """A block with 0.2 and 0.5 to its stops is to have 0.05 to either: 0.7 - 2 t >= 0.1 ends at 0.3, not at "worst"."""
+    stops = Body.from_parts([Box((2, 12, 12), centre=(x, 0, 0)).vertices for x in (-6.2, 6.5)], name="stops")
+    sizes = [
+        Size(name, "static", faces={"through": (x, 0, 0)}, tolerance=0.1)
+        for name, x in (("left", -5.2), ("right", 5.5))
+    ]
+    block, along = Box((10, 10, 10), name="block"), Translation("x")
+    found = budget(
+        Problem(block, stops, sizes=sizes, goal="clear", clearance=0.05, motion=along),
+        None,
+        requirements=["worst", "high"],
+    )
+    assert found["high"].tolerance == pytest.approx(0.3, abs=1e-8)
+    assert found["worst"].tolerance > 0.35
+    worst, high, more = str(found).splitlines()
+    assert worst.startswith("worst (the sizes with the least gap at rest): up to 0.4 (")
+    assert high.startswith("high (all sizes at their largest): up to 0.3 (proved: ")
+    assert more.startswith("of these corners alone: other sizes within the tolerances may need more, or have no motion")
+    assert found["worst"].to_dict()["of"] == "the sizes with the least gap at rest"

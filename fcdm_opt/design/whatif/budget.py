@@ -45,6 +45,13 @@ LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 
 WIDENED = 4.0  # times the tolerances of sizes up to which is looked, and as far as all faces stay: this share of it
 STAYS = 0.999
 CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of sizes
+OF = {
+    "worst": "the sizes with the least gap at rest",
+    "loosest": "the sizes with the largest gap at rest",
+    "low": "all sizes at their least",
+    "high": "all sizes at their largest",
+}
+NO_GUARANTEE = "of these corners alone: other sizes within the tolerances may need more, or have no motion (see map)"
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
@@ -79,7 +86,8 @@ class Budget(Plain):
     ----------
     requirement : str
         A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
-        assembly's parts "made" (which way they are off), "larger" or "smaller".
+        assembly's parts "made" (which way they are off), "larger" or "smaller". What a corner is, `of` says: "worst"
+        is that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps at once.
     tolerance : float
         All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
         may be good all the same, see `bracket`. Of sizes the largest deviation of a length (of a scale, where there are
@@ -113,8 +121,8 @@ class Budget(Plain):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "requirement", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit", "points",
-        "proved", "end_proved", "reason", "spacing", "permanent",
+        "requirement", "of", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit",
+        "points", "proved", "end_proved", "reason", "spacing", "permanent",
     )  # fmt: skip
 
     requirement: str
@@ -136,6 +144,11 @@ class Budget(Plain):
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
         return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
+
+    @property
+    def of(self) -> str:
+        """Which sizes a corner of their box means, in words; "" of scales."""
+        return OF.get(self.requirement, "")
 
     @property
     def of_scales(self) -> bool:
@@ -190,13 +203,14 @@ class Budget(Plain):
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
         sizes = f": {self.sizes_text()}" if self.sizes else ""
+        head = f"{self.requirement} ({self.of})" if self.of else self.requirement
         if self.end is End.TIME and self.solution is None:
-            return f"{self.requirement}: not known, {self.advice}"
-        line = f"{self.requirement}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
+            return f"{head}: not known, {self.advice}"
+        line = f"{head}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
         if self.bracket[1] == 0.0:
-            line = f"{self.requirement}: {self.tolerance_text()}: {self.advice}{' (proved)' * self.end_proved}"
+            line = f"{head}: {self.tolerance_text()}: {self.advice}{' (proved)' * self.end_proved}"
         elif not self.tolerance:
-            line = f"{self.requirement}: {self.tolerance_text()}; above, {self.advice}"
+            line = f"{head}: {self.tolerance_text()}; above, {self.advice}"
         return "; ".join(filter(None, (line, self.closed_text)))
 
 
@@ -236,7 +250,7 @@ class Budgets(Mapping[str, Budget]):
 
     @property
     def tolerance(self) -> float:
-        """Largest tolerance that is good for every requirement."""
+        """Largest tolerance that is good for every requirement looked at; of sizes at corners, see `Budget.of`."""
         return min(one.tolerance for one in self.each.values())
 
     def to_dict(self) -> dict[str, Any]:
@@ -244,9 +258,14 @@ class Budgets(Mapping[str, Budget]):
         told = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
         return plain({**told, "requirements": self.each})
 
+    @property
+    def open_text(self) -> str:
+        """What corners of several sizes leave open, in words; "" of others."""
+        return NO_GUARANTEE if any(one.of and len(one.sizes) > 1 for one in self.each.values()) else ""
+
     def __str__(self) -> str:
-        """Return a line for each requirement."""
-        return "\n".join(str(one) for one in self.each.values())
+        """Return a line for each requirement, and what corners of several sizes leave open."""
+        return "\n".join(filter(None, [*map(str, self.each.values()), self.open_text]))
 
 
 def _measured(tolerance: float, of_scales: bool, unit: str, digits: int) -> str:
