@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
 Called = TypeVar("Called", bound=Callable[..., Any])
+HINT, MANY = ", did you mean '", re.compile(r"[\w. -]+(, [\w. -]+){8,}")  # after a hint so many names are not told
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
@@ -60,7 +61,7 @@ class InputError(FcdmError, ValueError):
         if found is not None:
             shown = _shown(found)
             text += f"; found {shown if len(shown) <= 200 else shown[:197] + '...'}"
-        if allowed:
+        if allowed and not (HINT in what and MANY.fullmatch(allowed)):
             text += f"; allowed: {_shortened(allowed)}"
         super().__init__(text)
 
@@ -103,7 +104,7 @@ def closest(key: str, allowed: Iterable[str]) -> str:
     near = difflib.get_close_matches(asked, list(words), 1)
     meant = _OTHER_WORDS.get(asked, "")
     found = meant if meant in words else words[near[0]] if near else ""
-    return f", did you mean '{found}'?" if found else ""
+    return f"{HINT}{found}'?" if found else ""
 
 
 def similar_name(path: Path) -> str:

@@ -156,7 +156,8 @@ def _misunderstood(reason: Any) -> str:
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:
         name, known = unknown.group(2), list(command.commands)
-        return f"{name or repr(name)}: no such command{closest(name, known)}; allowed: {', '.join(known)}"
+        hint = closest(name, known)
+        return f"{name or repr(name)}: no such command{hint or '; allowed: ' + ', '.join(known)}"
     parameter = getattr(reason, "param", None)
     if parameter is not None:
         name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar or parameter.name
