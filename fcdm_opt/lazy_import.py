@@ -14,7 +14,11 @@ def imported(place: str) -> Any:
     return getattr(import_module(f"fcdm_opt.{module}"), name)
 
 
-def extra(module: str, of: str, *, key: str | None = None, found: Any = None) -> Any:
+INSTALL = ".venv/bin/pip install -c constraints.txt -e '.[{}]'"
+"""How README has what is needed installed."""
+
+
+def extra(module: str, of: str, *, key: str | None = None, found: Any = None, needing: str = "") -> Any:
     """Import a library that is installed with an extra of this project.
 
     Parameters
@@ -25,6 +29,8 @@ def extra(module: str, of: str, *, key: str | None = None, found: Any = None) ->
         The extra that installs it, a name of `project.optional-dependencies`.
     key, found : optional
         What asked for it, as `InputError` says it.
+    needing : str
+        What needs it, in words, "" where the key tells.
 
     Raises
     ------
@@ -35,7 +41,8 @@ def extra(module: str, of: str, *, key: str | None = None, found: Any = None) ->
         return import_module(module)
     except ImportError as reason:
         name = module.partition(".")[0]
-        what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[{of}]'"
+        done = INSTALL.format(of)
+        what = f"{needing}needs the extra {of}: {name} cannot be loaded ({reason}); in this project's folder, {done}"
         raise InputError(what, key=key, found=found) from reason
 
 

@@ -179,9 +179,11 @@ def drawn_mesh(
             raise InputError("not a regular file", file=path, found="a pipe, socket or device", allowed="a mesh file")
         data = path.read_bytes()
     except (OSError, ValueError) as reason:  # a path with a null is no value
-        what = getattr(reason, "strerror", None) or str(reason)
-        what += similar_name(path)
-        raise InputError(f"cannot be read: {what}", file=repr(str(path)) if "\0" in str(path) else path) from reason
+        what = f"cannot be read: {getattr(reason, 'strerror', None) or reason}"
+        if isinstance(reason, FileNotFoundError):
+            what = f"no such file in {path.parent.resolve()}"
+        where = repr(str(path)) if "\0" in str(path) else path
+        raise InputError(what + similar_name(path), file=where) from reason
     data = data.removeprefix(b"\xef\xbb\xbf")  # some editors begin a text with a mark
     if not data.strip():
         raise InputError("the file is empty", file=path)
@@ -392,7 +394,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     ValueError
         For a file that is not complete.
     """
-    cascadio = extra("cascadio", "step", found="STEP")
+    cascadio = extra("cascadio", "step", needing="reading a STEP file ")
     if not data.lstrip().startswith(b"ISO-10303-21"):
         raise ValueError("it does not begin with 'ISO-10303-21'")
     if b"END-ISO-10303-21" not in data:

@@ -28,7 +28,10 @@ def same_unit(given: Mapping[str, str | None], file: Path | None = None) -> Unit
         if unit != units[first]:
             what = "the bodies come in different units"
             found = f"{place} in {unit}, {first} in {units[first]}"
-            allowed = "one unit for all bodies; file_unit says what a mesh file is in"
+            allowed = (
+                "one unit, that of all lengths asked and told: STEP and GLB files are converted to it, as they say "
+            )
+            allowed += "what they are in; of other mesh files file_unit says it"
             raise InputError(what, file=file, key=f"{place}.unit", found=found, allowed=allowed)
     return cast("UnitOrNone", units.get(first, ""))
 

@@ -265,5 +265,5 @@ def test_arguments_that_make_no_sense_are_refused(jobs: Any, scheduler: Any, key
 
 def test_a_missing_dask_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"distributed cannot be loaded .*pip install 'fcdm_opt\[dask\]'"):
+    with pytest.raises(InputError, match=r"distributed cannot be loaded .*-c constraints.txt -e '\.\[dask\]'"):
         check_engine("dask", None, None)

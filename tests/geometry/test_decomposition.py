@@ -301,7 +301,7 @@ def test_of_many_reflex_edges_the_surface_is_taken_and_said_so(monkeypatch):
 
 def test_coacd_that_is_not_installed_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "coacd", None)
-    with pytest.raises(InputError, match=r"'lid': decomposition: .*pip install 'fcdm_opt\[coacd\]'"):
+    with pytest.raises(InputError, match=r"'lid': decomposition: .*pip install -c constraints.txt -e '\.\[coacd\]'"):
         Body.from_mesh(*surface_of(VOXELS["L"][0]), decomposition="coacd", name="lid")
 
 

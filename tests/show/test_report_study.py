@@ -106,7 +106,7 @@ def test_pictures_show_dollar_signs_as_they_are() -> None:
 def test_a_missing_plotly_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     rendering.plotly.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(InputError, match=r"install it with pip install 'fcdm_opt\[pictures\]'"):
+    with pytest.raises(InputError, match=r"in this project's folder, .*install .*-e '\.\[pictures\]'"):
         rendering.plotly()
 
 

@@ -246,7 +246,7 @@ def test_a_press_fit_of_cylinders_was_told_by_the_widths_of_facets_and_took_thre
 
 
 def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_too() -> None:
-    """A peg against one wall, with 0.1 to the keep-out, is to have 0.15: "no such motion leaves" it said, and no more."""
+    """A peg against one wall, with 0.1 to the keep-out, is to have 0.15: no motion leaves that, it said."""
     hole = fo.Box((10.4, 12, 8), centre=(0, 0, 3))
     plate = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, 3)), hole, name="plate")
     peg = fo.Box((10, 10, 10), centre=(-0.2, 0, 5), name="peg")
