@@ -76,7 +76,7 @@ IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling 
 SHORTEST = 1e-4  # seconds that a call counts at least
 LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
 NOTICED = 2.0  # seconds of compiling after which a library call says why it takes long
-NOTICE = "compiling numerical kernels, for a minute or two in all; kept for later runs: fcdm-opt warmup compiles all"
+NOTICE = "compiling what is new, once and for all: a minute or two at most; fcdm-opt warmup compiles everything"
 LITTLE = 400000  # entries of all its arrays up to which it is light
 PLACES = 1 << 16  # of kernels in what processes share
 _left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
@@ -519,7 +519,7 @@ _ALL: WeakKeyDictionary[_Compiled, None] = WeakKeyDictionary()
 
 
 class _Progress(event.Listener):
-    """Tells whoever listens how far compiling is, else a log: once as a warning, which is seen."""
+    """Tells whoever listens that it compiles, else a log: once as a warning, which is seen."""
 
     def __init__(self) -> None:
         self._depth, self._start, self._took, self._process = 0, 0.0, 0.0, os.getpid()
@@ -547,12 +547,10 @@ class _Progress(event.Listener):
                 self._tell()
 
     def _tell(self) -> None:
-        done = sum(1 for made in list(_ALL) if made.overloads)
-        text = f"compiling numerical kernels, kept for later runs: {done} of at most {len(_ALL)}"
         if pacing.has_listeners():
-            pacing.at(text)
+            pacing.at(NOTICE)
         else:
-            logging.getLogger("fcdm_opt").info(text)
+            logging.getLogger("fcdm_opt").info("compiling kernels: %d so far", sum(bool(own.overloads) for own in _ALL))
 
 
 event.register("numba:compile", _Progress())

@@ -84,12 +84,12 @@ def warmup_command() -> None:
 
     start = perf_counter()
     with pacing.working_on("warmup"):
-        pacing.at("compiling the numerical kernels that all commands share")
+        pacing.at("compiling what all commands share, for the first time: a minute or two in all")
         warming.shared()
         groups = _moved, warming.sized
         for done, result in enumerate(process_pool.each(operator.call, groups), 1):
             result()
-            pacing.at("compiling numerical kernels", done, len(groups))
+            pacing.at("compiling", done, len(groups))
     typer.echo(f"the numerical kernels are compiled and kept for later runs, in {perf_counter() - start:.0f} s")
 
 

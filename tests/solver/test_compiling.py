@@ -347,3 +347,12 @@ def test_a_library_call_that_compiles_for_seconds_said_nothing(
                 progress.on_start(compiled)
                 progress.on_end(compiled)
         assert [own.message for own in caplog.records] == [compiling.NOTICE] * notes
+
+
+def test_163_kernels_told_a_user_nothing() -> None:
+    told = list[str]()
+    with pacing.listening(lambda text, *_: told.append(text)):
+        compiling._Progress()._tell()
+    assert told == [compiling.NOTICE]
+    assert not any(sign.isdigit() for sign in compiling.NOTICE)
+    assert "a minute or two at most; fcdm-opt warmup" in compiling.NOTICE
