@@ -26,7 +26,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows
+from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_faces
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
@@ -467,12 +467,22 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if width and key not in known and len(found) < limit:
-            one, two = map(direction, normals[[i, j]])
-            axis = f"{one[1]} " * (len(one) == 2)
+            axis = f"{one[1]} " if len(one := direction(normals[i])) == 2 else ""
             name = f"{axis}{'width' if width > 0.0 else 'gap'} F{i + 1} to F{j + 1}"
-            if offered((f"F{i + 1}", f"F{j + 1}"), width, name, f"{one} and {two}, {abs(width):.6g}"):
+            faces = (f"F{i + 1}", f"F{j + 1}")
+            if offered(faces, width, name, f"{_across(body, i, j)}, {abs(width):.6g}"):
                 known.add(key)
     return found
+
+
+def _across(body: Body, i: int, j: int) -> str:
+    """Return across which faces a distance is: "-x and +x"; of slanted ones which, and along which direction."""
+    one, two = map(direction, body.face_planes[0][[i, j]])
+    if len(two) == 2:
+        return f"{one} and {two}"
+    told = (f"F{k + 1} (facing {told_faces(body)[body.faces[k]][1]})" for k in (i, j))
+    along = ", ".join(f"{x if abs(x) > DEFAULT.side else 0.0:.3g}" for x in body.face_planes[0][j].tolist())
+    return f"across the slanted faces {' and '.join(told)}, along ({along})"
 
 
 def _lie_over(body: Body, i: int, j: int) -> bool:

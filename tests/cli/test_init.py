@@ -471,6 +471,21 @@ def test_the_thickness_of_a_flange_was_not_offered_as_a_size() -> None:
     assert offered == {f"-{axis} and +{axis}, {width} of material," for axis, width in distances}
 
 
+def test_sizes_across_slanted_faces_were_told_by_numbers_alone() -> None:
+    """ "(-0.8536, -0.521, 0) and (0.8536, 0.521, 0)": which faces these are, and their direction to 3 digits."""
+    turn, angle = np.eye(4), math.radians(31.4)
+    turn[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    bar = fo.Box((10, 6, 4), name="bar").moved(turn)
+    long = next(what for _, _, what, _ in widths(bar) if ", 10 of" in what)
+    look = r"F\d \(facing -x and -y\)", r"F\d \(facing \+x and \+y\)"
+    told = re.fullmatch(r"across the slanted faces (.*) and (F.*), along (.*), 10 of material,", long)
+    assert told is not None
+    first, last = look if told[3] == "(0.854, 0.521, 0)" else reversed(look)
+    assert re.fullmatch(first, told[1])
+    assert re.fullmatch(last, told[2])
+    assert told[3] in ("(0.854, 0.521, 0)", "(-0.854, -0.521, 0)")
+
+
 def test_the_width_of_a_t_slot_was_not_offered_as_a_size() -> None:
     """Its walls are nearer to the block's outsides than to each other: only these distances were."""
     block, *cuts = (
