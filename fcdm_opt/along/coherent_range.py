@@ -163,7 +163,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], problem: Problem | None = None) -> Self:
         """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
-        asked = told_of(cls, problem)
+        asked = needed_question(cls, problem)
         asked = asked if asked.made is None else asked.changed(made=None)
         known = {"problem": asked, "direction": checked_direction(asked, data.get("direction")), "_followed": ()}
         ends = dict(zip(("first", "last"), data.get("events", ()), strict=False))
@@ -200,9 +200,9 @@ class AssemblyRange(Ends, Plain):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], assembly: Assembly | None = None) -> Self:
         """Rebuild from `to_dict` and the assembly that it is of; raises `InputError`."""
-        asked = told_of(cls, assembly)
-        questions, told = {str(pair): asked.questions[pair[:2]] for pair in asked.contacts}, data.get("contacts", {})
-        each = {name: CoherentRange.from_dict(own, questions.get(name)) for name, own in told.items()}
+        asked = needed_question(cls, assembly)
+        questions, known = {str(pair): asked.questions[pair[:2]] for pair in asked.contacts}, data.get("contacts", {})
+        each = {name: CoherentRange.from_dict(own, questions.get(name)) for name, own in known.items()}
         return super().from_dict({**data, "assembly": asked, "contacts": each})
 
     @property
@@ -324,7 +324,7 @@ def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tup
     return merged, tuple(dict.fromkeys(segment.feature for segment in curve.segments))
 
 
-def told_of(kind: type, asked: Any) -> Any:
+def needed_question(kind: type, asked: Any) -> Any:
     """Return the question that plain data without one are of; raises `InputError` where it is not given."""
     if not isinstance(asked, Problem | Assembly):
         what = f"the plain data of a {kind.__name__} are without what was asked: give that too"

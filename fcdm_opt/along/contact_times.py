@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, ray_of, reach, told_of
+from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, ray_of, reach, needed_question
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
@@ -148,7 +148,7 @@ class ContactTimes(Plain):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], problem: Problem | Assembly | None = None) -> Self:
         """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
-        asked = told_of(cls, problem)
+        asked = needed_question(cls, problem)
         own = asked if isinstance(asked, Problem) else next(iter(asked.questions.values()))
         along = checked_direction(own, data.get("direction"))
         return super().from_dict({**data, "problem": asked, "direction": along})

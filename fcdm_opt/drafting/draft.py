@@ -480,9 +480,9 @@ def _across(body: Body, i: int, j: int) -> str:
     one, two = map(direction, body.face_planes[0][[i, j]])
     if len(two) == 2:
         return f"{one} and {two}"
-    told = (f"F{k + 1} (facing {told_faces(body)[body.faces[k]][1]})" for k in (i, j))
+    faces = (f"F{k + 1} (facing {told_faces(body)[body.faces[k]][1]})" for k in (i, j))
     along = ", ".join(f"{x if abs(x) > DEFAULT.side else 0.0:.3g}" for x in body.face_planes[0][j].tolist())
-    return f"across the slanted faces {' and '.join(told)}, along ({along})"
+    return f"across the slanted faces {' and '.join(faces)}, along ({along})"
 
 
 def _lie_over(body: Body, i: int, j: int) -> bool:

@@ -104,9 +104,9 @@ def barring(scene: Scene) -> str:
     if not every or _solved(scene, keep_out=()) is None:
         return ""
     others = {own.name: [other for other in every if other is not own] for own in every if len(every) > 1}
-    alone = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
-    names = [f"keep-out {name}" for name in alone or [own.name for own in every]]
-    return f"in the way: {' or '.join(names) if alone else listed(names)}, without which there is a motion"
+    single = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
+    names = [f"keep-out {name}" for name in single or [own.name for own in every]]
+    return f"in the way: {' or '.join(names) if single else listed(names)}, without which there is a motion"
 
 
 def _without_clearance(problem: Problem, barred: str) -> str:

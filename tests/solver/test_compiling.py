@@ -355,4 +355,4 @@ def test_163_kernels_told_a_user_nothing() -> None:
         compiling._Progress()._tell()
     assert told == [compiling.NOTICE]
     assert not any(sign.isdigit() for sign in compiling.NOTICE)
-    assert "a minute or two at most; fcdm-opt warmup" in compiling.NOTICE
+    assert "a few minutes at most; fcdm-opt warmup" in compiling.NOTICE

@@ -707,3 +707,20 @@ def test_a_roller_on_a_plane_had_no_stack_up() -> None:
     asked = fo.Problem(roller, floor, sizes=[size], made={}, goal="touch", motion=Y, target=(1, 1))
     worst = fo.stack_up(asked).worst()
     assert (worst.least, worst.largest) == pytest.approx((-0.05, 0.05), abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chamfer", [0.0, 0.5])
+def test_a_hub_stays_off_its_shoulder_by_the_fillet_that_its_bore_or_chamfer_meets(chamfer: float) -> None:
+    """Of both edges of a chamfer the one that the fillet, of which it is within, is nearer to."""
+    r, p = 1.0, 0.1
+    ring = fo.cut(fo.Cylinder(10 + r, r, facets=12), fo.Torus(10 + r, r, centre=(0, 0, r), facets=12))
+    bodies = [fo.Cylinder(16, 5, base=(0, 0, -5), facets=12), fo.Cylinder(10, 15, base=(0, 0, -5), facets=12), ring]
+    tools = [fo.Cylinder(10 + p, 12, base=(0, 0, -1), facets=12)]
+    if chamfer:
+        tools.append(fo.Cone(11 + p + chamfer, 10 + p, chamfer + 1, base=(0, 0, -1), facets=12))
+    hub, shaft = fo.cut(fo.Cylinder(15, 10, facets=12), *tools, name="hub"), fo.joined(*bodies, name="shaft")
+    solution = usable(fo.Problem(hub, shaft, motion=fo.Translation("z"), target=(1, 1), goal="clear"))
+    inner, outer = (r - math.sqrt(r * r - (r - off) ** 2) for off in (p, p + chamfer))
+    assert solution.amount == pytest.approx(max(inner - chamfer, outer), abs=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-6)
