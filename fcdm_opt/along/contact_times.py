@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, ray_of, reach, needed_question
+from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, needed_question, ray_of, reach
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
