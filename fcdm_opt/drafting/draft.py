@@ -481,7 +481,9 @@ def _across(body: Body, i: int, j: int) -> str:
     if len(two) == 2:
         return f"{one} and {two}"
     faces = (f"F{k + 1} (facing {told_faces(body)[body.faces[k]][1]})" for k in (i, j))
-    along = ", ".join(f"{x if abs(x) > DEFAULT.side else 0.0:.3g}" for x in body.face_planes[0][j].tolist())
+    normal: Array = body.face_planes[0][j]
+    normal = normal * np.sign(normal[np.abs(normal).argmax()])
+    along = ", ".join(f"{x if abs(x) > DEFAULT.side else 0.0:.3g}" for x in normal.tolist())
     return f"across the slanted faces {' and '.join(faces)}, along ({along})"
 
 
