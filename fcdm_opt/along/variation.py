@@ -44,7 +44,7 @@ class Rate:
     name: str
     slope: Array  # (k,), by the motion's parameters
     scales: Array  # (2,), by the scale pair at which it is taken
-    data: Array  # (n,), by all else, in the order of a `Layout`
+    data: Array  # (n,), by all else, in the order of a `Layout`; finite
     broken: Bools  # (n,), entries of `data` that do not exist
     free: bool = False  # pushes both ways
 
@@ -169,8 +169,9 @@ class Layout:
             shares = np.linalg.lstsq((corners[1:] - corners[0]).T, term.point - corners[0])[0]
             vertices[rows] += np.append(1.0 - shares.sum(), shares)[:, None] * pull
         numbers, shifts = self._shifts(term)
-        data[self.faces(term.body)][numbers] += shifts @ pull
-        broken[self.faces(term.body)][numbers] |= np.isnan(shifts).any(axis=1)
+        lost_shifts = np.isnan(shifts).any(axis=1)
+        data[self.faces(term.body)][numbers] += np.where(lost_shifts, 0.0, shifts @ pull)
+        broken[self.faces(term.body)][numbers] |= lost_shifts
 
     def _shifts(self, term: Term) -> tuple[Ints, Array]:
         """Return the faces that carry an element, and how fast each moves it; nan where it would come apart."""

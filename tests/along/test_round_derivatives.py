@@ -85,6 +85,22 @@ def test_the_motion_of_a_pin_follows_the_curvature_of_its_bore(radius, centre, w
     assert told.exists
 
 
+@pytest.mark.parametrize(("right", "told"), [(0.01, (np.nan, np.nan)), (0.0, (2**0.5, 0.0))])
+def test_a_tie_of_two_flanks_under_a_ball_was_a_derivative_of_one_of_them(right, told) -> None:
+    """A flank of 90 degrees that is d higher lifts it by sqrt(2) d, as long as the other one is no higher."""
+    made = {"left": 0.01, "right": right}
+    ball = fo.Sphere(5.0, centre=(0, 0, 5 * 2**0.5), name="ball")
+    flanks = [[(x, s * y, z) for x in (-10, 10) for y, z in ((0, 0), (20, 20), (20, -5), (0, -5))] for s in (1, -1)]
+    groove = fo.Body.from_parts([np.array(own, float) for own in flanks], seed=(0, 0, -2), name="groove")
+    sizes = [
+        fo.Size(name, "static", faces={"through": (0, y, 5)}, tolerance=0.1) for name, y in zip(made, (5, -5), strict=True)
+    ]
+    found = fo.solve(fo.Problem(ball, groove, motion=Z, goal="touch", sizes=sizes, made=made))
+    assert found.amount == pytest.approx(0.01 * 2**0.5, rel=1e-6)
+    assert found.sensitivity.exists == (right == 0.0)
+    assert tuple(found.sensitivity.sizes.values()) == pytest.approx(told, abs=1e-9, nan_ok=True)
+
+
 def test_a_pin_turned_about_the_normal_of_its_line_of_contact_was_told_of_one_point_of_the_line() -> None:
     """Twisted, either end of the line of contact comes first: "-3.26" for TY, by the height of a corner of facets."""
     holes, pins = (
