@@ -103,6 +103,7 @@ class TouchingSizes:
         *,
         transform: Any = None,
         shifts: tuple[Array, Array] | None = None,
+        carried: Array | None = None,
         least: bool = True,
         permanent: bool = True,
         without: Collection[tuple[int, int]] = (),
@@ -118,6 +119,8 @@ class TouchingSizes:
             Of the movable body; default at rest.
         shifts : (s, 3) and (s, 2) array, optional
             Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
+        carried : (k, 3) array, optional
+            How each size moves the movable body besides.
         least : bool
             Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
         permanent : bool
@@ -138,6 +141,7 @@ class TouchingSizes:
             check_sizes(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
         ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
+        along = np.zeros((len(sizes), 3)) if carried is None else carried
         sides, reaches, shares = [], [], []
         for role, body in (("movable", movable), ("static", static)):
             own = [k for k, size in enumerate(sizes) if size.body == role]
@@ -169,11 +173,12 @@ class TouchingSizes:
                 with placed(key="sizes.tolerance"):
                     moving.check(low[own], high[own])
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
-            carried = ways if role == "movable" else np.zeros_like(ways)
+            factor = float(role == "movable")
             posed = [
-                _PosedPart.of(part, own, len(sizes), R, t, its) for part, its in zip(moving.parts, corners, strict=True)
+                _PosedPart.of(part, own, factor * along, R, t, its)
+                for part, its in zip(moving.parts, corners, strict=True)
             ]
-            sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
+            sides.append([part.shifted(factor * ways) for part in posed] if len(ways) else posed)
             reaches.append(reach)
             shares.append(np.zeros(len(sizes)))
             shares[-1][own] = moving.shares
@@ -406,7 +411,7 @@ class _PosedPart:
 
     @classmethod
     def of(
-        cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, corners: _Corners | None
+        cls, part: MovingPart, own: Sequence[int], carried: Array, R: Array, t: Array, corners: _Corners | None
     ) -> _PosedPart:
         triples, vertices, moves = part.triples, part.vertices, part.moves
         points = part.part.vertices[vertices]
@@ -414,8 +419,8 @@ class _PosedPart:
             triples, vertices, points, moves = corners
         normals = part.part.normals @ R.T
         facets = len(normals)
-        wide = np.zeros((len(triples), 3, count))
-        wide[:, :, list(own)] = np.einsum("xy,tyk->txk", R, moves)
+        wide = np.repeat(carried.T[None], len(triples), axis=0)
+        wide[:, :, list(own)] += np.einsum("xy,tyk->txk", R, moves)
         bases = np.empty(facets, np.int64)
         bases[triples.ravel()] = np.repeat(np.arange(len(triples)), 3)
         # edges: of the part as drawn; where corners split or the shape changes any two facets of a corner

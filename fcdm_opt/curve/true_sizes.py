@@ -42,7 +42,7 @@ def touching_true_faces(
     Bodies that are exact at points are taken for those that they stand for, and made exact anew.
     """
     one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
-    at_all, every_row = TrueSizes.of(one, two, sizes), how.get("least", True)
+    at_all, every_row = TrueSizes.of(one, two, sizes, how.get("carried")), how.get("least", True)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
     others = list[Array]()  # those at which rows and true faces differ yet
     for turn in range(ROUNDS if at_all is not None else 0):
@@ -154,6 +154,8 @@ class TrueSizes:
     ----------
     facets : (Body, Body)
         As drawn, movable and static.
+    carried : (k, 3) array
+        How each size moves the movable body besides.
     bodies : (Body, Body)
         The same, exact at the points.
     permanent : set of (int, int)
@@ -163,9 +165,10 @@ class TrueSizes:
         direction, where it is less.
     """
 
-    def __init__(self, movable: Body, static: Body, sizes: Sequence[Size]) -> None:
+    def __init__(self, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None) -> None:
         self.facets, self.sizes = (movable, static), tuple(sizes)
         self.size = max(movable.size, static.size)
+        self.carried = np.zeros((len(sizes), 3)) if carried is None else carried
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
         self.permanent = set[tuple[int, int]]()
@@ -174,7 +177,9 @@ class TrueSizes:
         self.bodies = self._exact()
 
     @classmethod
-    def of(cls, movable: Body, static: Body, sizes: Sequence[Size]) -> TrueSizes | None:
+    def of(
+        cls, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None
+    ) -> TrueSizes | None:
         """Return it; None where no face is known to be round, for bodies that cannot be exact, and for other sizes."""
         bodies = movable, static
         if not any(map(round_surfaces, bodies)) or any(own.is_surface for own in bodies):
@@ -182,7 +187,7 @@ class TrueSizes:
         if any(bounding_bodies(own) is None for own in bodies) or any(own.scale not in (None, "xyz") for own in sizes):
             return None
         try:
-            return cls(movable, static, sizes)
+            return cls(movable, static, sizes, carried)
         except InputError:
             return None
 
@@ -195,7 +200,8 @@ class TrueSizes:
     @property
     def largest_move(self) -> float:
         """By how much sizes change a gap at most, within their tolerances."""
-        return sum(own.largest_move(self.sizes) for own in self.faces)
+        carried = norms(self.carried) @ [max(map(abs, own.tolerance or (0.0, 0.0))) for own in self.sizes]
+        return float(carried) + sum(own.largest_move(self.sizes) for own in self.faces)
 
     def shifted(self, place: Array) -> list[Array]:
         """Return sizes as at a place but for those that shift round faces, (k,) each: these touch where they go to.
@@ -301,6 +307,7 @@ class TrueSizes:
     def nearest(self, pose: Array, place: Array, gap: float) -> list[TrueContact]:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
         made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
+        pose = np.vstack([pose[:3] + np.column_stack([np.zeros((3, 3)), place @ self.carried]), pose[3:]])
         band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
         found = list[TrueContact]()
         for own in nearest_on_faces(made, scales, pose, band):
@@ -327,7 +334,7 @@ class TrueSizes:
 
     def _stands(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""
-        rates = np.zeros(len(self.sizes))
+        rates = -self.carried @ own.normal
         for role, side in ((0, -1.0), (1, 1.0)):
             normal = own.normal @ (pose[:3, :3] if role == 0 else np.eye(3))
             point = own.points[role]

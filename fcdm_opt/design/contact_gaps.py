@@ -7,6 +7,7 @@ surfaces, of two parts or all those of an assembly that are to meet.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from operator import itemgetter
@@ -24,7 +25,8 @@ from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.resizing import Resizing, vertex_rates
+from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.resizing import Resizing, true_point_rate, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
@@ -319,6 +321,11 @@ def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) ->
     """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
     if not size.is_length:
         return np.asarray((point - body.seed) @ size.directions())
+    if facet is None and round_surfaces(body):  # facets' corners move otherwise than the faces that they stand for
+        with suppress(InputError):
+            move = true_point_rate(body, body, size, point)
+            if np.isfinite(move).all():
+                return move
     if body.is_surface:
         rates = vertex_rates(body, {}, size)
         return None if rates is None else rates[int(np.abs(body.vertices - point).sum(axis=1).argmin())]

@@ -418,11 +418,10 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 
 def true_point_rate(body: Body, drawn: Body, size: Size, point: Array) -> Array:
-    """Return how a point of the true faces of a body that is exact at others moves, nan where it is of none, (3,)."""
-    assert body.exact is not None
-    faces = true_faces(body.exact.facets)
+    """Return how a point of the round faces of a body moves, or of one exact at points; nan where it is of none, (3,)."""
+    faces = true_faces(body if body.exact is None else body.exact.facets)
     near = faces.at(point)
-    if not near:
+    if not faces.is_round[near].any():
         return np.full(3, np.nan)
     rows = [faces.row_at(k, point) for k in near]
     normals = np.concatenate([faces.patches[k].gaps(point[None])[1] for k in near])

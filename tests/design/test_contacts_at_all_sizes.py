@@ -233,3 +233,27 @@ def test_a_tool_was_turned_by_eleven_degrees_for_a_worst_gap_that_it_has_at_rest
     best = fo.best_pose(assembly)
     assert best.worst_gap == pytest.approx(0.035, abs=1e-9)
     assert [*best.parameters.values()] == pytest.approx([0.015, 0.0, 0.0], abs=1e-7)
+
+
+def test_gaps_of_a_roller_in_an_assembly_are_those_of_its_cylinder() -> None:
+    """On its floor it moves by half its diameter, not by what a corner of facets does (.0502 of .05); a lid by all."""
+    pin = fo.Cylinder(5, 20, base=(-10, 5, 0), axis=(1, 0, 0), name="pin")
+    plates = [fo.Box((40, 10, 40), centre=(0, y, 0), name=name) for name, y in (("floor", -5), ("lid", 15.3))]
+    contacts = [{"parts": ("pin", "floor"), "goal": "touch"}, {"parts": ("pin", "lid"), "goal": "clear"}]
+    sizes = [
+        fo.Size("d", "pin", faces="cylinder radius 5", each=0.5, tolerance=0.1),
+        fo.Size("h", "floor", faces="+y", tolerance=0.05),
+    ]
+    asked = fo.Assembly([*plates, pin], contacts, sizes, {"pin": fo.Translation("y")})
+    at = {"d": 0.1, "h": 0.05}
+    for of, drawn, rates in ((("pin", "floor"), 0.0, (0.5, 1.0)), (("pin", "lid"), 0.3, (1.0, 1.0))):
+        stack = fo.stack_up(asked, of=of)
+        ends = stack.worst().least, stack.worst().largest
+        most = rates[0] * at["d"] + rates[1] * at["h"]
+        assert ends == pytest.approx((drawn - most, drawn + most), abs=1e-9)
+        assert stack.gap(at) == pytest.approx(ends[0], abs=1e-9)
+        assert [-stack.rows[0].coefficients[name] for name in at] == pytest.approx(rates, abs=1e-9)
+        assert fo.verify(stack).passed
+    best = fo.best_pose(asked)
+    assert best.value == pytest.approx(0.1, abs=1e-9)
+    assert fo.verify(best).passed

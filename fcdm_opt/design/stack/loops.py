@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes, check_sizes
+from fcdm_opt.curve.true_sizes import touching_true_faces
 from fcdm_opt.design.contact_gaps import ContactGaps, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
@@ -112,16 +113,13 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         touching = gaps.touching([pose] * len(asked), asked.index(pair))
         first = np.cumsum([0, *(len(own.values) for own in touching.pairs)]).tolist()
         pairs = [own._replace(values=values[a:b]) for own, a, b in zip(touching.pairs, first, first[1:], strict=False)]
+        touching = replace(touching, pairs=tuple(pairs))
     else:
-        drawn, count = (relation.request["movable"], relation.request["static"]), len(relation.sizes)
-        touching = TouchingSizes.of(*drawn, relation.sizes, transform=pose, shifts=(moved, box), permanent=False)
-        pairs = []
-        for own in touching.pairs:
-            wide = own.values[:, [0, *range(1 + count, 1 + count + len(names))]].copy()
-            for k, size in enumerate(relation.sizes):
-                wide[:, 1 + names.index(size.name)] += own.values[:, 1 + k]
-            pairs.append(own._replace(values=wide))
-    rows = replace(touching, sizes=assembly.sizes, pairs=tuple(pairs), ranges=np.empty((0, 2)), as_drawn=True)
+        drawn = relation.request["movable"], relation.request["static"]
+        touching = touching_true_faces(*drawn, claim.sizes, transform=pose, carried=moved, permanent=False)
+        if any(body.exact is not None for body in touching.bodies):
+            claim = replace(claim, permanent_faces=touching.permanent_faces)
+    rows = replace(touching, sizes=assembly.sizes, as_drawn=True)
     others = (k for k, other in enumerate(asked) if other != pair)
     still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
     return Loop(rows, claim, still)
