@@ -177,9 +177,7 @@ class TrueSizes:
         self.bodies = self._exact()
 
     @classmethod
-    def of(
-        cls, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None
-    ) -> TrueSizes | None:
+    def of(cls, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None) -> TrueSizes | None:
         """Return it; None where no face is known to be round, for bodies that cannot be exact, and for other sizes."""
         bodies = movable, static
         if not any(map(round_surfaces, bodies)) or any(own.is_surface for own in bodies):

@@ -418,7 +418,7 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 
 def true_point_rate(body: Body, drawn: Body, size: Size, point: Array) -> Array:
-    """Return how a point of the round faces of a body moves, or of one exact at points; nan where it is of none, (3,)."""
+    """Return how a point of a body's round faces moves, also of one exact at points; nan where it is of none, (3,)."""
     faces = true_faces(body if body.exact is None else body.exact.facets)
     near = faces.at(point)
     if not faces.is_round[near].any():

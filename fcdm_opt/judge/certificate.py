@@ -177,15 +177,16 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
 
 
 def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | None = None) -> bool:
-    """Tell whether the contacts of some problems with the same parameters are shown to need an amount.
+    """Tell whether what some problems with the same parameters ask is shown to need an amount.
 
-    By their equations, or as a motion that restores them, which is no smaller, is the only one that near. Of another
+    By the equations of contacts, with what keeps parts apart where nothing turns, or as a motion that restores them,
+    which is no smaller, is the only one that near. Of another
     amount than the weighted one as the only one that the limits allow, or in a box outside of which all cost more.
     """
-    from fcdm_opt.judge.only_motion import none_smaller, only_motion
+    from fcdm_opt.judge.only_motion import none_shorter, none_smaller, only_motion
     from fcdm_opt.proof.checker import least_outside
 
-    if not any(problem.contacts for problem in problems) or not isfinite(amount):
+    if not isfinite(amount):
         return False
     own, weights = problems[0].amount, problems[0].weights
     if own != "weighted":
@@ -205,7 +206,8 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
         return bool(held) and none_smaller(problems, high * sqrt(len(weights)))
     alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
-    return alone or amount <= slack or none_smaller(problems, amount - slack)
+    shown = alone or amount <= slack or none_smaller(problems, amount - slack)
+    return shown or none_shorter(problems, amount - slack)
 
 
 def without_evidence(solution: Solution | AssemblySolution) -> str:

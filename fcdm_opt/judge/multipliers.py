@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.judge.lagrangian import ROUNDED, lagrangian_bounds
 from fcdm_opt.judge.one_contact import FAR, OneContact
-from fcdm_opt.judge.only_motion import equations
+from fcdm_opt.judge.only_motion import equations, gaps_of_parts
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
@@ -28,7 +28,6 @@ from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
 ALIKE = 13  # digits in which directions are the same
-MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 MOST_BOXES = 150  # about one contact
 SHORT = 5e-5  # relative, by which what boxes show may be less than the amount
 CLOSED = {"V1F2", "F1V2", "E1E2", "F1F2", "F1E2", "E1F2"}  # contacts, whose equations are all that tracking them asks
@@ -235,25 +234,10 @@ def _single_ways(problem: Problem, ends: Array) -> list[tuple[Array, float]]:
     """
     ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
     reach = float((np.abs(ends).max(axis=0) / problem.weights) @ np.linalg.norm(ways, axis=1)) / ROUNDED
-    seed, (own, other) = problem.movable.seed, problem.target
-    obstacles = [(part, problem.static.seed, other) for part in problem.static.parts]
-    obstacles += [(part, part.seed, scale) for keep_out in problem.keep_out for part, scale in keep_out.obstacles]
     found = []
-    for one in problem.movable.parts:
-        X = seed + own * (one.vertices - seed)
-        for two, datum, scale in obstacles:
-            Y = datum + scale * (two.vertices - datum)
-            sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
-            if len(sides[0]) * len(sides[1]) > MOST_CROSSED:
-                continue
-            across = np.cross(sides[0][:, None], sides[1][None]).reshape(-1, 3)
-            lengths = np.linalg.norm(across, axis=1)
-            across = across[lengths > DEFAULT.planarity * lengths.max()]
-            across /= np.linalg.norm(across, axis=1)[:, None]
-            normals = np.vstack([one.normals, -two.normals, across, -across])
-            gaps = (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
-            some = np.unique(np.round(normals[gaps + reach >= 0.0], ALIKE), axis=0)
-            if len(some) == 1 and gaps.max() - reach <= 0.0:
-                best = int(gaps.argmax())
-                found.append((normals[best], float(gaps[best]) + 2.0 * 10.0**-ALIKE * problem.size))
+    for _, normals, gaps in gaps_of_parts(problem):
+        some = np.unique(np.round(normals[gaps + reach >= 0.0], ALIKE), axis=0)
+        if len(some) == 1 and gaps.max() - reach <= 0.0:
+            best = int(gaps.argmax())
+            found.append((normals[best], float(gaps[best]) + 2.0 * 10.0**-ALIKE * problem.size))
     return found

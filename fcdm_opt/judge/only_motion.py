@@ -7,6 +7,10 @@ two motions of the box meet the equations. The derivatives are bounded piece by 
 Where none in the box is smaller than some amount, multipliers l of the equations F show it piece by piece: about its
 centre c, F(y) = 0 asks for w . y = w . c - l . F(c) - (l . J - w) . (y - c) with w = l . J(c) and J somewhere in the
 piece, so that y is no shorter than the right side over |w|.
+
+Where nothing turns the equations are linear, and so is what keeps parts apart: two convex ones that do not overlap are
+apart along a normal of a face of either, or one across two edges, and two that touch along none. Branched over which it
+is wherever the shortest shift so far does not do, multipliers show what each branch costs.
 """
 
 from __future__ import annotations
@@ -17,10 +21,13 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
+from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 5000  # of a box, at most
 NEAR = 1.0 - 1e-9  # how near to the unit matrix; what rounding does to the corners is far less
@@ -29,6 +36,8 @@ NARROWED = 0.7  # of the longest side, above which a piece is cut in two
 CORNERS = 1e-12  # of the size: more than the rounding of corners as made, which leaves equations off each other
 ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
+MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
+MOST_BRANCHES = 2000  # of directions along which parts are apart
 
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
@@ -107,6 +116,96 @@ def none_smaller(problems: Sequence[Problem], least: float) -> bool:
     return not len(low)
 
 
+@np.errstate(all="ignore")
+def none_shorter(problems: Sequence[Problem], least: float) -> bool:
+    """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        With the same parameters, weights and limits. Clearances count as that parts do not overlap.
+    least : float
+        The amount.
+    """
+    if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
+        return False
+    weights, size = problems[0].weights, max(problem.size for problem in problems)
+    count, (low, high) = len(weights), (problems[0].limits * weights[:, None] / least).T
+    held = [np.column_stack([np.eye(count), low]), np.column_stack([-np.eye(count), -high])]
+    if closed := [problem for problem in problems if problem.contacts and problem.goal != FIT]:
+        equations = _Restored(closed, np.zeros(count), np.arange(count))
+        rows = np.column_stack([equations.slopes_at(np.zeros(count)), -equations.values_at(np.zeros(count)) / least])
+        held += [rows, -rows]
+    alternatives = list[list[Array]]()  # of rows (g, h), g . y >= h: all of one of them are met
+    for problem in problems:
+        ways, met = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None], list[Array]()
+        for kept_out, normals, gaps in gaps_of_parts(problem):
+            rows = np.column_stack([-normals @ ways.T, -gaps / least])
+            alternatives.append([*rows[:, None]])
+            met += [] if kept_out else [-rows]
+        every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
+        alternatives += [met] if "touch" in (problem.goal, problem.pair) and every else []
+    room, groups = np.append(np.zeros(count), CORNERS * size / least), list[list[Array]]()
+    for group in alternatives:
+        near = [own - room for own in group if (np.linalg.norm(own[:, :-1], axis=1) >= own[:, -1]).all()]
+        if not any((np.linalg.norm(own[:, :-1], axis=1) <= -own[:, -1]).all() for own in near):  # else met by all
+            groups.append(near)
+    rows = np.vstack(held) - room
+    nodes, looked_at = [rows[np.isfinite(rows[:, -1])]], 0
+    groups.sort(key=len)
+    while nodes and looked_at < MOST_BRANCHES:
+        pacing.check()
+        rows, looked_at = nodes.pop(), looked_at + 1
+        amount, y = _shortest(rows)
+        if amount >= 1.0:
+            continue
+        short = (own for own in groups if not any((x[:, :-1] @ y >= x[:, -1] - room[-1]).all() for x in own))
+        group = next(short, None)
+        if group is None:
+            return False
+        nodes += [np.vstack([rows, own]) for own in group]
+    return not nodes
+
+
+def _shortest(rows: Array) -> tuple[float, Array]:
+    """Return a bound of the length of all y with g . y >= h, by the multipliers of the shortest, and that.
+
+    By non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
+    """
+    from scipy.optimize import nnls
+
+    none = np.zeros(rows.shape[1] - 1)
+    if not rows[:, -1].max(initial=0.0) > 0.0:
+        return 0.0, none
+    shares, _ = nnls(rows.T, np.append(none, 1.0))
+    *w, level = shares @ rows
+    return float(level * ROUNDED / np.linalg.norm(w)) if level > 0.0 else 0.0, np.array(w) / (1.0 - level)
+
+
+def gaps_of_parts(problem: Problem) -> Iterator[tuple[bool, Array, Array]]:
+    """Yield of two convex parts that must not overlap whether one is kept out, normals, (n, 3), and gaps at rest.
+
+    Of parts that have not too many edges.
+    """
+    seed, (own, other) = problem.movable.seed, problem.target
+    apart = {"touch", "clear"} & {problem.goal, problem.pair}
+    obstacles = [(False, part, problem.static.seed, other) for part in problem.static.parts if apart]
+    obstacles += [(True, part, part.seed, scale) for kept in problem.keep_out for part, scale in kept.obstacles]
+    for one in problem.movable.parts:
+        X = seed + own * (one.vertices - seed)
+        for kept_out, two, datum, scale in obstacles:
+            Y = datum + scale * (two.vertices - datum)
+            sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
+            if len(sides[0]) * len(sides[1]) > MOST_CROSSED:
+                continue
+            across = np.cross(sides[0][:, None], sides[1][None]).reshape(-1, 3)
+            lengths = np.linalg.norm(across, axis=1)
+            across = across[lengths > DEFAULT.planarity * lengths.max()]
+            across /= np.linalg.norm(across, axis=1)[:, None]
+            normals = np.vstack([one.normals, -two.normals, across, -across])
+            yield kept_out, normals, (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
+
+
 def _contacts(problems: Sequence[Problem]) -> bool:
     return any(problem.contacts for problem in problems)
 
@@ -153,6 +252,12 @@ class _Restored:
     @cached_property
     def _slopes(self) -> IntervalFunction:
         return IntervalFunction(self._derivatives)
+
+    def values_at(self, y: Array) -> Array:
+        """Return the equations at a point in floats, (m,)."""
+        import casadi
+
+        return np.asarray(casadi.Function("rows", [self._variables], [casadi.densify(self._rows)])(y)).ravel()
 
     def slopes_at(self, y: Array) -> Array:
         """Return the derivatives at a point in floats, (m, j)."""

@@ -26,6 +26,7 @@ from fcdm_opt.judge.engagement import goes_through, leaves_fit
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
+from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Bounded, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
@@ -84,7 +85,11 @@ def shared_proofs(solution: AssemblySolution) -> list[Check]:
         involved = {part for pair in pairs for part in assembly.involved(*pair[:2])}
         apart = len(pairs) == len(claim.contacts) and not involved & seen  # what two claims share would count twice
         parts = assembly.sharing(pairs)
-        problems = [assembly.problem(pair, parts) for pair in pairs]
+        asked = {pair[:2]: pair for pair in pairs}
+        for pair in assembly.moving_pairs():  # which must not overlap, nor keep-outs
+            if set(assembly.involved(*pair)) <= set(parts) and pair not in asked:
+                asked[pair] = JoinedPair(*pair, CLEAR)
+        problems = [assembly.problem(pair, parts) for pair in asked.values()]
         moved = [x for part in parts for x in solution.parameters.get(part, {}).values()]
         q = np.array(moved) if solution.status.found else None
         shown = claim.bound == 0.0 or (apart and restored_at_least(problems, claim.bound, q))
@@ -110,6 +115,8 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
             shown.append(assembly.weights[pair.one] * own.lower_bound)
     least, bound = hypot(*shown), solution.lower_bound
     passed, why = bound <= least + DEFAULT.requirement * bound, "of all contacts that share no motion"
+    if not passed and solution.evidence is None:  # found anew, of all contacts at once
+        return proofs_of(replace(solution, evidence=(SharedBound(tuple(own[:2] for own in assembly.contacts), bound),)))
     return (*checks, Check(f"{PROOF}lower bound", passed, least, bound, why))
 
 

@@ -420,6 +420,42 @@ def test_an_own_amount_of_a_loop_with_freedom_left_had_no_bound() -> None:
     assert not fo.verify(replace(solution, lower_bound=1.05 * solution.lower_bound), proof=True).passed
 
 
+def solid(size: tuple[float, ...], centre: tuple[float, ...], name: str) -> fo.Body:
+    return fo.Box(size, centre=centre, name=name)
+
+
+FLUSH = (("low", "floor"), ("up", "low"))
+TOUCHING = tuple({"parts": own, "goal": "touch"} for own in FLUSH)
+
+
+@pytest.mark.parametrize(
+    ("lift", "contacts", "scale", "wall", "amount"),
+    [
+        (0.0, FLUSH[:1], 1.02, 1.9, hypot(0.14, 0.02)),  # flush, and its side at 2.04 goes to the wall
+        (0.0, FLUSH, 1.02, 0.9, hypot(1.14, 0.02, 0.04)),  # over the wall's foot is no way out: it must stay flush
+        (0.1, TOUCHING, 1.0, 0.9, hypot(0.55, 0.55, 0.1, 0.2)),  # the upper one goes with the lower one, by as much
+    ],
+)
+@pytest.mark.parametrize("certify", [False, True])
+def test_what_is_proved_of_an_assembly_beside_a_keep_out_was_not_confirmed(
+    lift, contacts, scale, wall, amount, certify
+) -> None:
+    low = solid((4, 2, 4), (0, 1 + lift, 0), "low")
+    up = solid((2, 2, 2), (0 if lift == 0 else 1, 3 + 3 * lift, 0), "up")
+    foot = 0.0 if lift == 0 else 2.5 + lift  # beside both, or the upper one alone
+    keep_out = solid((10, 20, 40), (wall + 5, foot + 10, 0), "wall")
+    parts = [solid((40, 10, 40), (0, -5, 0), "floor"), low, up][: 1 + len(contacts)]
+    moving = {own.name: X >> Y for own in parts[1:]}
+    scales = {name: scale for name in moving}
+    asked = fo.Assembly(parts, contacts, (), moving, scales=scales, keep_out=[keep_out])
+    solution = fo.solve(asked, certify=certify)
+    assert solution.amount == pytest.approx(amount, rel=1e-6)
+    assert solution.lower_bound == pytest.approx(amount, rel=1e-6)
+    assert fo.verify(solution, proof=True).passed
+    more = replace(solution, amount=1.01 * amount, lower_bound=1.01 * amount)
+    assert "proof: lower bound" in [check.name for check in fo.verify(more, proof=True).failed]
+
+
 def test_a_letter_says_which_way_parts_are_off() -> None:
     """First those that move, then the fixed ones."""
     for letter, signs in {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}.items():
