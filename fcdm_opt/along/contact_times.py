@@ -199,7 +199,14 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    bodies = exact_where(_of_bodies(problem, pair), lambda own: _touching_poses(_times(own, along, pair, limit)))
+    last = list[ContactTimes]()
+
+    def touching(own: Problem) -> list[Array]:
+        last[:] = [_times(own, along, pair, limit)]
+        seeds, places = (own.movable.seed, own.static.seed), [0.0, *(touch.x for touch in last[0].touches)]
+        return [own.motion.transform(x * along, *seeds) for x in places]
+
+    bodies = exact_where(_of_bodies(problem, pair), touching)
     asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
     keep_outs = {
         own.name: _times_clear(asked[own.name], along, own.clearance, limit)
@@ -207,7 +214,7 @@ def contact_times(
         else contact_times(asked[own.name], along, limit=limit).spans
         for own in problem.keep_out
     }
-    found = _times(problem if bodies.exact_at is None else bodies, along, pair, limit)
+    found = _times(problem, along, pair, limit) if bodies.exact_at is None else last[0]
     return replace(found, keep_outs=keep_outs)
 
 
@@ -218,12 +225,6 @@ def _of_bodies(problem: Problem, pair: Array) -> Problem:
     plain = dict.fromkeys(("path", "features", "requirement", "tolerance", "contacts"))
     asked = {"goal": "clear", "pair": "any", "clearance": 0.0, "keep_out": (), "target": pair.tolist()}
     return problem.changed(**asked, **plain)
-
-
-def _touching_poses(found: ContactTimes) -> list[Array]:
-    assert isinstance(found.problem, Problem)
-    body, other = found.problem.movable, found.problem.static
-    return [found.problem.motion.transform(t.x * found.direction, body.seed, other.seed) for t in found.touches]
 
 
 def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:
@@ -471,6 +472,7 @@ class _OneWay:
         span = self._march.unit
         here, depth = x, -min(self._gap(x), 0.0)
         for _ in range(STEPS):
+            pacing.check()
             if here >= self._end:
                 return None
             span = min(span, self._end - here)

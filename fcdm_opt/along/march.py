@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import VERIFIED, Conditions, Ray, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, flat, is_tied, roots, safe_steps
@@ -150,6 +151,7 @@ class March:
         """Return where the march from x stops, None where it reaches its end."""
         span = self.unit
         for _ in range(STEPS):
+            pacing.check()
             span = min(span, self._end - x)
             if span <= 0:
                 return None

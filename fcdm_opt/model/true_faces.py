@@ -299,7 +299,7 @@ def on_true_faces(scene: Scene) -> bool:
 
 
 def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -> Problem:
-    """Return the same question with parts that are exact where their round faces are nearest at poses.
+    """Return the same question with parts that are exact where their round faces meet at poses.
 
     The question itself where all faces are plane, where what they are is not known, or it comes to no end.
 
@@ -308,13 +308,13 @@ def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -
     problem : Problem
     poses : callable
         Of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of them
-        true faces overlap where the parts are not exact.
+        true faces overlap where the parts are not exact. At the first, parts are made exact where they are nearest.
     """
     asked = Exchange.of(problem)
     for count in range(ROUNDS if asked is not None else 0):
         assert asked is not None
         current = asked.problem
-        refined = [asked.refine(transform, at_least=not count) for transform in poses(current)]
+        refined = [asked.refine(transform, at_least=count == k == 0) for k, transform in enumerate(poses(current))]
         if not any(refined):
             return current
     return problem

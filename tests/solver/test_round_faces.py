@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import SizedFaces
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
@@ -532,6 +533,30 @@ def test_a_pin_touches_its_bore_when_its_play_is_used_up() -> None:
     assert [touch.x for touch in found.touches] == pytest.approx([-0.1, 0.1], abs=1e-9)
     rows = fo.contact_rows(found.problem, at=[0.1], within=0.01)
     assert min(float(row(q=[0.1], rho=(1.0, 1.0))["gap"]) for row in rows.contacts) == pytest.approx(0.0, abs=1e-9)
+
+
+def rod_in_groove(motion: fo.Motion) -> fo.Problem:
+    """A rod that rests on both flanks of a right angle, between the corners of its twelve facets."""
+    flanks = [[(x, s * y, z) for x in (-10, 10) for y, z in ((0, 0), (20, 20), (20, -5), (0, -5))] for s in (1, -1)]
+    groove = fo.Body.from_parts([np.array(own, float) for own in flanks], seed=(0, 0, -2), name="groove")
+    rod = fo.Cylinder(5.0, 16, base=(-8, 0, 5 * 2**0.5), axis=(1, 0, 0), facets=12, name="rod")
+    return fo.Problem(rod, groove, motion=motion, goal="touch", target=(1, 1))
+
+
+@pytest.mark.parametrize("motion", [X, fo.Rotation("x")])
+def test_a_rod_that_rests_in_a_groove_touches_it_from_the_start(motion) -> None:
+    """Slid, or turned about its axis, it goes on touching, which is no overlap; between its corners it was apart."""
+    found = fo.contact_times(rod_in_groove(motion), limit=0.3)
+    assert [(own.state, own.low, own.high) for own in found.spans] == [("apart", -0.3, 0.3)]
+    assert found.free == (-0.3, 0.3)
+    assert 0.0 in [own.x for own in found.touches]
+    assert all(own.grazing for own in found.touches if own.x)
+
+
+def test_contact_times_end_with_the_time_given() -> None:
+    asked = rod_in_groove(X)
+    with pacing.within(1e-9), pytest.raises(pacing.TimeOverError):
+        fo.contact_times(asked.changed(movable=asked.movable.faceted()))
 
 
 def test_meshes_are_taken_as_round_where_that_is_asked() -> None:
