@@ -4,9 +4,8 @@ The Lagrangian |y|^2 / 2 - l . F(y), y = weights * q, is half the square of the 
 whatever the multipliers l. Over a box it is bounded from below by its value and slopes at a motion, and by its second
 derivatives over the box: where these are positive, by what a least motion costs, exactly. Where l . F(y) is negative
 all over the box, nothing closes the contacts there. Goal "fit" leaves gaps between 0 and the largest one: of those with
-l > 0 that they are not negative holds the motion, of those with l < 0 that they are no larger. So do the gaps of parts
-that must not overlap, where nothing turns and all motions of the boxes leave them one direction to be apart in.
-All in intervals. Of goals "touch" and "clear" there are no equations: see `one_contact`.
+l > 0 that they are not negative holds the motion, of those with l < 0 that they are no larger. All in intervals. Of
+goals "touch" and "clear" there are no equations: see `one_contact`.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.judge.lagrangian import ROUNDED, lagrangian_bounds
 from fcdm_opt.judge.one_contact import FAR, OneContact
-from fcdm_opt.judge.only_motion import equations, gaps_of_parts
+from fcdm_opt.judge.only_motion import equations
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
@@ -27,7 +26,6 @@ from fcdm_opt.proof.checker import left_over, searched_limits
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
-ALIKE = 13  # digits in which directions are the same
 MOST_BOXES = 150  # about one contact
 SHORT = 5e-5  # relative, by which what boxes show may be less than the amount
 CLOSED = {"V1F2", "F1V2", "E1E2", "F1F2", "F1E2", "E1F2"}  # contacts, whose equations are all that tracking them asks
@@ -65,7 +63,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     wrong = left_over(np.zeros(n + 1, np.int64), low, high, np.append(np.ones(n), -1.0))
     covered = short <= 0.0 and wrong is None
     q = np.array([*solution.parameters.values()]) if solution.status.found else None
-    shown = float(_rows_of(problem, q, ends).least(starts, stops, evidence.motions, claimed)[0].min())
+    shown = float(_rows_of(problem, q).least(starts, stops, evidence.motions, claimed)[0].min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
@@ -85,7 +83,7 @@ def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipli
         return None
     low, high = (searched_limits(problem).T * problem.weights)[:, None]
     low, high = np.maximum(low, -amount), np.minimum(high, amount)
-    rows, motions = _rows_of(problem, q, np.vstack([low, high])), y[None]
+    rows, motions = _rows_of(problem, q), y[None]
     shown, bound, looked_at = list[tuple[Array, Array]](), amount, 0
     while len(low):
         looked_at += len(low)
@@ -109,18 +107,18 @@ def _whole(problem: Problem) -> bool:
     return not problem.partial and not kept_as_surface(problem.movable, problem.static)
 
 
-def _rows_of(problem: Problem, q: Array | None, ends: Array) -> _Contacts | OneContact:
-    """Return what must be met, or left, over boxes between some ends; about a motion that was found."""
+def _rows_of(problem: Problem, q: Array | None) -> _Contacts | OneContact:
+    """Return what must be met, or left, about a motion that was found."""
     tracked = problem.goal == "seat" or (problem.goal == "at" and not problem.nominal_seats)
     kinds = {own.kind for own in problem.tracked_features} if tracked else set()
     closed = problem.contacts or (kinds and kinds <= CLOSED)
-    return _Contacts(problem, q, ends) if closed else OneContact(problem)
+    return _Contacts(problem, q) if closed else OneContact(problem)
 
 
 class _Contacts:
     """The gaps of contacts along their normals, or what lies off an edge or a corner, by weighted parameters."""
 
-    def __init__(self, problem: Problem, q: Array | None, ends: Array) -> None:
+    def __init__(self, problem: Problem, q: Array | None) -> None:
         import casadi
 
         k, smooth = len(problem.weights), all(step.smooth for step in problem.motion.steps)
@@ -135,20 +133,14 @@ class _Contacts:
         here = casadi.Function("normals", [y], [normals])(np.zeros(k)).full()
         lengths = np.linalg.norm(here, axis=1)
         kept = np.flatnonzero(lengths > DEFAULT.nominal * lengths.max()).tolist()  # of an edge, across it
-        surfaces = kept_as_surface(problem.movable, problem.static)
-        apart = _single_ways(problem, ends) if problem.motion.shifts and not surfaces else []
-        rows = casadi.vertcat(
-            *(rows[j] / casadi.norm_2(normals[j, :]) for j in kept),
-            *(level - casadi.dot(casadi.SX(n), T[:3, 3]) for n, level in apart),
-        )
+        rows = casadi.vertcat(*(rows[j] / casadi.norm_2(normals[j, :]) for j in kept))
         self._problem, self._smooth, self._fit = problem, smooth, problem.goal == FIT
-        self._sides = np.append(self._facing(here[kept]), np.ones(len(apart)))
-        self._listed = len(kept)
+        self._sides = self._facing(here[kept])
         self._rows = casadi.Function("rows", [y], [rows, casadi.densify(casadi.jacobian(rows, y))])
         self.largest = 0.0
         if self._fit and q is not None:
             gaps = self._sides * self._rows(problem.weights * q)[0].full().ravel()
-            self.largest = max(float(gaps[: self._listed].max()), 0.0) + (1.0 - ROUNDED) * problem.size
+            self.largest = max(float(gaps.max()), 0.0) + (1.0 - ROUNDED) * problem.size
         weights = casadi.SX.sym("l", rows.numel())
         total = casadi.dot(weights, rows)
         bend, slope = casadi.hessian(total, y)
@@ -185,7 +177,6 @@ class _Contacts:
         ends = self._problem.limits.T * self._problem.weights
         free = (ends[0] < ends[1]) & (y > ends[0]) & (y < ends[1])
         most = np.full(len(values), self.largest if self._fit else 0.0)
-        most[self._listed :] = np.inf
         slack = DEFAULT.active * self._problem.size
         held, opened = np.flatnonzero(values <= slack), np.flatnonzero(values >= most - slack)
         shares, _ = nnls(np.vstack([J[held], -J[opened]])[:, free].T, y[free])
@@ -194,7 +185,6 @@ class _Contacts:
         balanced[opened] -= shares[len(held) :]
         if self._fit:
             return (balanced,)
-        values[self._listed :], J[self._listed :] = 0.0, 0.0
         off = values - J @ np.linalg.lstsq(J, values, rcond=DEFAULT.nominal)[0]
         far = FAR * max(float((np.maximum(-low, high) ** 2).sum()), DEFAULT.tie)
         return balanced, *(-own * far / max(float(own @ own), 1e-300) for own in (off, values))
@@ -220,24 +210,7 @@ class _Contacts:
         by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
         by_bends = by_bends + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
-        closed = np.abs(ways[:, : self._listed]).sum(axis=1) * DEFAULT.touch * self._problem.size
+        closed = np.abs(ways).sum(axis=1) * DEFAULT.touch * self._problem.size
         empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < -closed  # what nearly closes counts as closed
         amounts = np.where(empty, np.inf, lagrangian_bounds(low, high, y, value, slope, bend))
         return np.where(jumps & (not self._smooth), 0.0, amounts)
-
-
-def _single_ways(problem: Problem, ends: Array) -> list[tuple[Array, float]]:
-    """Return what keeps parts apart after all shifts of a box: a direction and the gap along it at rest, of each pair.
-
-    Convex parts are apart along a normal of a face of either or across two edges; of pairs to which all shifts leave
-    one of these at most, that one. They shift from rest by no more than the box lets them.
-    """
-    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
-    reach = float((np.abs(ends).max(axis=0) / problem.weights) @ np.linalg.norm(ways, axis=1)) / ROUNDED
-    found = []
-    for _, normals, gaps in gaps_of_parts(problem):
-        some = np.unique(np.round(normals[gaps + reach >= 0.0], ALIKE), axis=0)
-        if len(some) == 1 and gaps.max() - reach <= 0.0:
-            best = int(gaps.argmax())
-            found.append((normals[best], float(gaps[best]) + 2.0 * 10.0**-ALIKE * problem.size))
-    return found

@@ -129,41 +129,36 @@ def none_shorter(problems: Sequence[Problem], least: float) -> bool:
     """
     if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
         return False
-    weights, size = problems[0].weights, max(problem.size for problem in problems)
-    count, (low, high) = len(weights), (problems[0].limits * weights[:, None] / least).T
-    held = [np.column_stack([np.eye(count), low]), np.column_stack([-np.eye(count), -high])]
+    weights, unit = problems[0].weights, np.eye(len(problems[0].weights))
+    rest, (low, high) = 0.0 * weights, (problems[0].limits * weights[:, None] / least).T
+    room = np.append(rest, CORNERS * max(problem.size for problem in problems) / least)
+    held, alternatives = [np.column_stack([unit, low]), np.column_stack([-unit, -high])], list[list[Array]]()
     if closed := [problem for problem in problems if problem.contacts and problem.goal != FIT]:
-        equations = _Restored(closed, np.zeros(count), np.arange(count))
-        rows = np.column_stack([equations.slopes_at(np.zeros(count)), -equations.values_at(np.zeros(count)) / least])
+        equations = _Restored(closed, rest, np.arange(len(rest)))
+        rows = np.column_stack([equations.slopes_at(rest), -equations.values_at(rest) / least])
         held += [rows, -rows]
-    alternatives = list[list[Array]]()  # of rows (g, h), g . y >= h: all of one of them are met
-    for problem in problems:
+    for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
         ways, met = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None], list[Array]()
         for kept_out, normals, gaps in gaps_of_parts(problem):
             rows = np.column_stack([-normals @ ways.T, -gaps / least])
-            alternatives.append([*rows[:, None]])
-            met += [] if kept_out else [-rows]
+            alternatives.append([*(rows - room)[:, None]])
+            met += [] if kept_out else [-rows - room]
         every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
         alternatives += [met] if "touch" in (problem.goal, problem.pair) and every else []
-    room, groups = np.append(np.zeros(count), CORNERS * size / least), list[list[Array]]()
-    for group in alternatives:
-        near = [own - room for own in group if (np.linalg.norm(own[:, :-1], axis=1) >= own[:, -1]).all()]
-        if not any((np.linalg.norm(own[:, :-1], axis=1) <= -own[:, -1]).all() for own in near):  # else met by all
-            groups.append(near)
-    rows = np.vstack(held) - room
-    nodes, looked_at = [rows[np.isfinite(rows[:, -1])]], 0
-    groups.sort(key=len)
+    rows, looked_at = np.vstack(held) - room, 0
+    nodes = [rows[np.isfinite(rows[:, -1])]]
     while nodes and looked_at < MOST_BRANCHES:
         pacing.check()
         rows, looked_at = nodes.pop(), looked_at + 1
         amount, y = _shortest(rows)
         if amount >= 1.0:
             continue
-        short = (own for own in groups if not any((x[:, :-1] @ y >= x[:, -1] - room[-1]).all() for x in own))
+        short = (own for own in alternatives if not any((x[:, :-1] @ y >= x[:, -1] - room[-1]).all() for x in own))
         group = next(short, None)
         if group is None:
             return False
-        nodes += [np.vstack([rows, own]) for own in group]
+        near = (own for own in group if (np.linalg.norm(own[:, :-1], axis=1) >= own[:, -1]).all())
+        nodes += [np.vstack([rows, own]) for own in near]
     return not nodes
 
 
@@ -254,10 +249,8 @@ class _Restored:
         return IntervalFunction(self._derivatives)
 
     def values_at(self, y: Array) -> Array:
-        """Return the equations at a point in floats, (m,)."""
-        import casadi
-
-        return np.asarray(casadi.Function("rows", [self._variables], [casadi.densify(self._rows)])(y)).ravel()
+        """Return the equations at a point, (m,)."""
+        return np.asarray(self._worked_out(self._values, y[None], y[None])[0].middle[0])
 
     def slopes_at(self, y: Array) -> Array:
         """Return the derivatives at a point in floats, (m, j)."""

@@ -93,7 +93,8 @@ def test_a_tie_of_two_flanks_under_a_ball_was_a_derivative_of_one_of_them(right,
     flanks = [[(x, s * y, z) for x in (-10, 10) for y, z in ((0, 0), (20, 20), (20, -5), (0, -5))] for s in (1, -1)]
     groove = fo.Body.from_parts([np.array(own, float) for own in flanks], seed=(0, 0, -2), name="groove")
     sizes = [
-        fo.Size(name, "static", faces={"through": (0, y, 5)}, tolerance=0.1) for name, y in zip(made, (5, -5), strict=True)
+        fo.Size(name, "static", faces={"through": (0, y, 5)}, tolerance=0.1)
+        for name, y in zip(made, (5, -5), strict=True)
     ]
     found = fo.solve(fo.Problem(ball, groove, motion=Z, goal="touch", sizes=sizes, made=made))
     assert found.amount == pytest.approx(0.01 * 2**0.5, rel=1e-6)

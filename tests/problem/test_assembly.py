@@ -446,7 +446,7 @@ def test_what_is_proved_of_an_assembly_beside_a_keep_out_was_not_confirmed(
     keep_out = solid((10, 20, 40), (wall + 5, foot + 10, 0), "wall")
     parts = [solid((40, 10, 40), (0, -5, 0), "floor"), low, up][: 1 + len(contacts)]
     moving = {own.name: X >> Y for own in parts[1:]}
-    scales = {name: scale for name in moving}
+    scales = dict.fromkeys(moving, scale)
     asked = fo.Assembly(parts, contacts, (), moving, scales=scales, keep_out=[keep_out])
     solution = fo.solve(asked, certify=certify)
     assert solution.amount == pytest.approx(amount, rel=1e-6)
