@@ -186,7 +186,7 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     from fcdm_opt.judge.only_motion import none_shorter, none_smaller, only_motion
     from fcdm_opt.proof.checker import least_outside
 
-    if not isfinite(amount):
+    if not (problems and isfinite(amount)):
         return False
     own, weights = problems[0].amount, problems[0].weights
     if own != "weighted":
