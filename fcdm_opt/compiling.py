@@ -76,7 +76,8 @@ IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling 
 SHORTEST = 1e-4  # seconds that a call counts at least
 LOOKS = 32  # calls of kernels by one another between two looks at the clock, which takes as long as many of these do
 NOTICED = 2.0  # seconds of compiling after which a library call says why it takes long
-NOTICE = "compiling what is new, once and for all: a few minutes at most; fcdm-opt warmup compiles everything"
+NOTICE = "compiling numerical kernels, kept for later runs: three minutes at most"
+ALL_AT_ONCE = "fcdm-opt warmup compiles them all"
 LITTLE = 400000  # entries of all its arrays up to which it is light
 PLACES = 1 << 16  # of kernels in what processes share
 _left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
@@ -542,7 +543,7 @@ class _Progress(event.Listener):
             pacing.exclude_time(perf_counter() - self._start)
             before, self._took = self._took, self._took + perf_counter() - self._start
             if before < NOTICED <= self._took and os.getpid() == self._process and not pacing.has_listeners():
-                logging.getLogger("fcdm_opt").warning(NOTICE)
+                logging.getLogger("fcdm_opt").warning("%s; %s", NOTICE, ALL_AT_ONCE)
             if pacing.has_listeners():
                 self._tell()
 

@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.flush import Flush, ways_out
+from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import SwitchingPoint
@@ -334,11 +334,11 @@ def _flush_conditions(
         )
         made.append((beside, Cause("opens", number, OPENS)))
     corners, others = list(own), list(other)
-    for (a, b), way in zip(_sides(own), ways_out(X[corners], n, parallel), strict=True):
+    for (a, b), way in zip(_sides(own), outward_directions(X[corners], n, parallel), strict=True):
         inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
                                w=Y[others], m=way, sign=-1.0)  # fmt: skip
         made.append((inside, _shared(one, 1, (a, b), number)))
-    for (a, b), way in zip(_sides(other), ways_out(Y[others], n, parallel), strict=True):
+    for (a, b), way in zip(_sides(other), outward_directions(Y[others], n, parallel), strict=True):
         inside = Conditions.of(forms.ALONG, k, v=X[corners],
                                w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
         made.append((inside, _shared(two, 2, (a, b), number)))

@@ -78,13 +78,13 @@ def schema_command(
 def warmup_command() -> None:
     """Compile the numerical kernels now and keep them: other commands do so when they first need one.
 
-    A minute or two the first time, on two cores; a few seconds where all are kept already.
+    About three minutes the first time, on two cores; a few seconds where all are kept already.
     """
     from fcdm_opt.design import warming
 
     start = perf_counter()
     with pacing.working_on("warmup"):
-        pacing.at("compiling what all commands share, for the first time: a minute or two in all")
+        pacing.at("compiling what all commands share, for the first time: about three minutes in all")
         warming.shared()
         groups = _moved, warming.sized
         for done, result in enumerate(process_pool.each(operator.call, groups), 1):

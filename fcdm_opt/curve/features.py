@@ -50,12 +50,12 @@ class Feature:
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
         return f"{self.kind}(P1{one}; P2{two})"
 
-    def told(self, movable: Body, static: Body, *, few: bool = False) -> str:
+    def told(self, movable: Body, static: Body, *, four_digits: bool = False) -> str:
         """Return the label with names of the bodies' faces: F1F2(P1 bottom; P2 face 75), see `names_of_faces`."""
         words = []
         for element, body in ((self.one, movable), (self.two, static)):
             face = tuple(sorted(element.vertices))
-            name = names_of_faces(body, few=few).get(face, "") if element.kind == "F" else ""
+            name = names_of_faces(body, four_digits=four_digits).get(face, "") if element.kind == "F" else ""
             corners = ",".join(f"V{v}" for v in element.vertices)
             words.append(corners if not name else f" {name}" if len(face) >= MANY else f"{corners} of {name}")
         return f"{self.kind}(P1{words[0]}; P2{words[1]})"

@@ -140,7 +140,7 @@ class Flush:
         n, found = self._normal_at(pose), []
         for one, two, contact in self.carriers:
             X, Y = placed_elements(one, two, pose, contact, rho)
-            ways = np.vstack([ways_out(X, n, contact.parallel), -ways_out(Y, n, contact.parallel)])
+            ways = np.vstack([outward_directions(X, n, contact.parallel), -outward_directions(Y, n, contact.parallel)])
             i, j = (X @ ways.T).argmax(axis=0), (Y @ ways.T).argmin(axis=0)
             depths = ((X[i] - Y[j]) * ways).sum(axis=1)
             k = int(depths.argmin())
@@ -207,7 +207,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     )
 
 
-def ways_out(element: Array, normal: Array, along: bool) -> Array:
+def outward_directions(element: Array, normal: Array, along: bool) -> Array:
     """Return unit directions in a plane: out of a face across its sides, off an edge to either side, or along it."""
     sides = np.roll(element, -1, axis=0) - element
     ways = sides if along else np.cross(sides, normal)

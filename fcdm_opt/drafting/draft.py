@@ -26,7 +26,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.naming import ROUND_KINDS, names_of_rows, told_faces
+from fcdm_opt.geometry.naming import ROUND_KINDS, described_faces, names_of_rows
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
@@ -480,7 +480,7 @@ def _across(body: Body, i: int, j: int) -> str:
     one, two = map(direction, body.face_planes[0][[i, j]])
     if len(two) == 2:
         return f"{one} and {two}"
-    faces = (f"F{k + 1} (facing {told_faces(body)[body.faces[k]][1]})" for k in (i, j))
+    faces = (f"F{k + 1} (facing {described_faces(body)[body.faces[k]][1]})" for k in (i, j))
     normal: Array = body.face_planes[0][j]
     normal = normal * np.sign(normal[np.abs(normal).argmax()])
     along = ", ".join(f"{x if abs(x) > DEFAULT.side else 0.0:.3g}" for x in normal.tolist())

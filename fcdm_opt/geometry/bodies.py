@@ -69,7 +69,7 @@ class _Sealed:
         self.__dict__.update(state)
 
 
-def once(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
+def cached_per_body(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
     """Let what a function finds of a body be kept as long as the body is there."""
     known: WeakKeyDictionary[Body, Known] = WeakKeyDictionary()
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
-from fcdm_opt.geometry.bodies import Body, ConvexPart, once
+from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
@@ -92,7 +92,7 @@ def deviation_of(body: Body) -> tuple[float, float]:
     return float(out), float(short)
 
 
-@once
+@cached_per_body
 def _recognised(body: Body) -> Array | None:
     """Return the errors of facets that are taken for round faces, or for smooth ones of no known kind."""
     found = _of_round_faces(body)
@@ -113,7 +113,7 @@ class _OfRound(NamedTuple):
     looked: bool
 
 
-@once
+@cached_per_body
 def _of_round_faces(body: Body) -> _OfRound | None:
     """Return what facets are taken for cylinders, cones and spheres; None where that cannot be told."""
     if max(body.deviation) > DEFAULT.drawn * body.size:
@@ -301,7 +301,7 @@ def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     return _bounding_bodies(body.full_body or body)
 
 
-@once
+@cached_per_body
 def _bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     errors = facet_errors(body)
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]

@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
-from fcdm_opt.geometry.bodies import Body, once
+from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.crossings import not_separated, overlapping
 from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.polygons import fans
@@ -41,7 +41,7 @@ class Facets:
         self.owners = np.repeat(np.arange(len(loops)), [sum(len(loop) - 2 for loop in own) for own in loops])
 
 
-facets_of = once(Facets)
+facets_of = cached_per_body(Facets)
 
 
 class NearFacets(NamedTuple):

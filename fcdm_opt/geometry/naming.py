@@ -45,22 +45,22 @@ ROUND_KINDS = ("cylinder", "bore", "sphere", "hollow", "cone", "countersink")
 Label = tuple[int, ...]
 
 
-def names_of_faces(body: Body, *, few: bool = False) -> dict[Label, str]:
+def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
     "cylinder radius 9.9" for each facet of a convex cylinder, "bore radius 9.9" for those of a concave one, "sphere
     radius 9.9" and "hollow radius 9.9", "cone radius 4 to 8" and "countersink radius 4 to 8" alike, the radius of
     their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
     "face 12", as they are counted, for others. Several that are called alike are numbered: "bore radius 2 no. 1".
-    `few`: with radii to `FEW` digits.
+    `four_digits`: with radii to `FEW` digits.
     """
-    return _names_of_faces(body.full_body or body, few)
+    return _names_of_faces(body.full_body or body, four_digits)
 
 
 @lru_cache(maxsize=16)
-def _names_of_faces(body: Body, few: bool) -> dict[Label, str]:
+def _names_of_faces(body: Body, four_digits: bool) -> dict[Label, str]:
     normals, rounds = _looks(body)
-    return {**_plane(body, normals, MANY), **_numbered(rounds, few)}
+    return {**_plane(body, normals, MANY), **_numbered(rounds, four_digits)}
 
 
 class Round(NamedTuple):
@@ -107,10 +107,12 @@ def radius_text(radius: float, off: float = 0.0) -> str:
     return f"{radius:.{known}g}"
 
 
-def _numbered(rounds: Sequence[Round], few: bool) -> dict[Label, str]:
+def _numbered(rounds: Sequence[Round], four_digits: bool) -> dict[Label, str]:
     """Return the name of each round face; what is called alike is numbered."""
     order = sorted(range(len(rounds)), key=lambda k: rounds[k].faces)
-    called = [RADIUS.sub(lambda own: f"{float(own[0]):.{FEW}g}", own.name) if few else own.name for own in rounds]
+    called = [
+        RADIUS.sub(lambda own: f"{float(own[0]):.{FEW}g}", own.name) if four_digits else own.name for own in rounds
+    ]
     names = dict(sorted(zip(order, numbered_names([called[k] for k in order]), strict=True)))
     return {face: name for k, name in names.items() for face in rounds[k].faces}
 
@@ -140,7 +142,7 @@ def told_element(body: Body, element: Element) -> str:
             if element.kind == "F":
                 return told_element(body, Element("F", body.faces[rows[0]]))
             return _edge_or_corner(element.kind, [names_of_rows(body)[row] for row in rows], [*map(_place, points)])
-    label, names = tuple(sorted(element.vertices)), told_faces(body)
+    label, names = tuple(sorted(element.vertices)), described_faces(body)
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
         end, *number = name.split(" ", 1)
@@ -223,16 +225,16 @@ def _rounded(name: str) -> str:
     return name.replace(" radius ", " of radius ")
 
 
-def told_faces(body: Body, *, few: bool = False) -> dict[Label, tuple[str, str]]:
+def described_faces(body: Body, *, four_digits: bool = False) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    return _told_faces(body.full_body or body, few)
+    return _described_faces(body.full_body or body, four_digits)
 
 
 @lru_cache(maxsize=16)
-def _told_faces(body: Body, few: bool) -> dict[Label, tuple[str, str]]:
+def _described_faces(body: Body, four_digits: bool) -> dict[Label, tuple[str, str]]:
     normals, rounds = _looks(body)
     named = {}
-    for face, name in {**_plane(body, normals, 0), **_numbered(rounds, few)}.items():
+    for face, name in {**_plane(body, normals, 0), **_numbered(rounds, four_digits)}.items():
         normal = normals[face]
         along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
         sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]
@@ -240,9 +242,9 @@ def _told_faces(body: Body, few: bool) -> dict[Label, tuple[str, str]]:
     return named
 
 
-def names_of_rows(body: Body, *, few: bool = False) -> list[str]:
+def names_of_rows(body: Body, *, four_digits: bool = False) -> list[str]:
     """Return the names of a body's faces, in their order; "face 12" where there is nothing better."""
-    told = told_faces(body, few=few)
+    told = described_faces(body, four_digits=four_digits)
     return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.bodies import Body, once
+from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
@@ -246,7 +246,7 @@ class TrueFaces:
         return float(far[met & (far > near)].min(initial=np.inf))
 
 
-_faces_of = once(TrueFaces)
+_faces_of = cached_per_body(TrueFaces)
 
 
 def true_faces(body: Body) -> TrueFaces:

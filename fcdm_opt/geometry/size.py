@@ -263,9 +263,9 @@ class Size(Plain):
         """Return the rows of the faces that a selector means."""
         near = DEFAULT.nominal
         if isinstance(selector, str) and NAMED.fullmatch(selector):
-            for few in (False, True):  # files may have radii to fewer digits
+            for four_digits in (False, True):  # files may have radii to fewer digits
                 named: dict[str, list[int]] = {}
-                for row, name in enumerate(names_of_rows(body, few=few)):
+                for row, name in enumerate(names_of_rows(body, four_digits=four_digits)):
                     end = name.split(" no. ")[0]
                     for told in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
                         named.setdefault(told, []).append(row)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly, groups_of
-from fcdm_opt.geometry.bodies import Body, once
+from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
@@ -72,7 +72,7 @@ class SolidSurface:
         return groups_of(components(sides, len(self.points)))
 
 
-_surface_of = once(SolidSurface)
+_surface_of = cached_per_body(SolidSurface)
 _DEPTHS: dict[bytes, float] = {}  # by the triangles where they are
 
 

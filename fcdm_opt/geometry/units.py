@@ -29,9 +29,9 @@ def same_unit(given: Mapping[str, str | None], file: Path | None = None) -> Unit
             what = "the bodies come in different units"
             found = f"{place} in {unit}, {first} in {units[first]}"
             allowed = (
-                "one unit, that of all lengths asked and told: STEP and GLB files are converted to it, as they say "
+                "one unit, that of all lengths asked and told: STEP and GLB files say what they are in, and are "
+                "converted; of other mesh files file_unit says it"
             )
-            allowed += "what they are in; of other mesh files file_unit says it"
             raise InputError(what, file=file, key=f"{place}.unit", found=found, allowed=allowed)
     return cast("UnitOrNone", units.get(first, ""))
 

@@ -306,7 +306,7 @@ def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: flo
     np.testing.assert_allclose(found.table, [[-tau, tau], [0.0, tau / 2]], rtol=1e-8)
     assert found.amount == pytest.approx(0.06, abs=1e-8)
     assert str(found).startswith(
-        f"{corner} ({found.of}): up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to "
+        f"{corner} ({found.corner}): up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to "
     )
     assert found.to_dict()["sizes"] == ["foot", "top"]
 
@@ -396,4 +396,4 @@ def test_the_worst_corner_is_that_of_the_gap_at_rest_and_says_so() -> None:
     assert worst.startswith("worst (the sizes with the least gap at rest): up to 0.4 (")
     assert high.startswith("high (all sizes at their largest): up to 0.3 (proved: ")
     assert more.startswith("of these corners alone: other sizes within the tolerances may need more, or have no motion")
-    assert found["worst"].to_dict()["of"] == "the sizes with the least gap at rest"
+    assert found["worst"].to_dict()["corner"] == "the sizes with the least gap at rest"

@@ -20,8 +20,8 @@ INSTEAD = {
 }  # fmt: skip
 MOST = {
     "alone": 25, "beside": 64, "hands": 1, "host": 10, "left": 102, "outline": 12, "outlines": 10, "reach": 57,
-    "said": 16, "seat": 39, "skin": 3, "spare": 7, "standing": 6, "together": 21, "told": 180, "way": 141, "ways":
-    114,
+    "said": 16, "seat": 39, "skin": 3, "spare": 7, "standing": 6, "together": 21, "told": 178, "way": 141, "ways":
+    113,
 }  # fmt: skip
 
 

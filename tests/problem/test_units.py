@@ -129,7 +129,7 @@ def test_meshes_are_converted_to_it_as_before(tmp_path: Path) -> None:
 
 
 def test_different_units_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"different units.*STEP and GLB files are converted to it") as caught:
+    with pytest.raises(InputError, match=r"different units.*STEP and GLB files say what they are in") as caught:
         load(tmp_path, 'unit = "mm"', 'unit = "in"')
     assert "bodies.static in in, bodies.movable in mm" in str(caught.value)
     data = boxes("mm").to_dict()

@@ -14,6 +14,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.show import verdict
 from fcdm_opt.show.texts import advised, parameter_texts, telling
 from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
 
@@ -303,3 +304,18 @@ def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit
     assert told.startswith(
         "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in, where its bottom"
     )
+
+
+def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_other_bodies(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Bodies that are cut anew for the question without a clearance have faces of other numbers."""
+    pin = fo.Box((2, 2, 8), centre=(0, 0, -4), name="pin")
+    rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 10)), fo.Box((80, 10, 20), centre=(0, 0, 15)), name="rail")
+    pins = [fo.Box((2, 2, 8), centre=(x, 0, 32)) for x in (-9, 0, 9)]
+    slide = fo.joined(fo.Box((40, 10, 25), centre=(0, 0, 17.5)), *pins)
+    bare = fo.solve(fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear"))
+    asked = fo.Problem(pin, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
+    monkeypatch.setattr(verdict, "_solved", lambda *_, **__: bare)
+    told = verdict._without_clearance(asked, "")
+    assert told.endswith("and its bottom face (facing -z) lies on face 8 (facing +z) of rail")

@@ -229,7 +229,7 @@ def assembly_yield(
     of = len(getattr(sizes_map, "box", SCALES))
     over = getattr(sizes_map, "over", SCALES if of == 2 else tuple(f"size {k}" for k in range(1, of + 1)))
     scaled = getattr(sizes_map, "scaled", np.ones(of, dtype=bool))
-    sizes = _as_made(sizes_map) if sizes is None else sizes
+    sizes = _distributions_of(sizes_map) if sizes is None else sizes
     given = sources(sizes, positive=scaled)
     scatter = given if isinstance(given, tuple) else tuple(map(Measured, given.T))
     drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scaled)
@@ -278,7 +278,7 @@ def assembly_yield(
     )
 
 
-def _as_made(sizes_map: Any) -> tuple[Distribution, ...]:
+def _distributions_of(sizes_map: Any) -> tuple[Distribution, ...]:
     """Return how the sizes of a map are distributed, by its problem; scales normally, its box at three deviations."""
     if getattr(sizes_map, "problem", None) is None:
         what = "not given, and this map knows no problem whose sizes these are"

@@ -86,7 +86,7 @@ class Budget(Plain):
     ----------
     requirement : str
         A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
-        assembly's parts "made" (which way they are off), "larger" or "smaller". What a corner is, `of` says: "worst"
+        assembly's parts "made" (which way they are off), "larger" or "smaller". `corner` tells which sizes: "worst"
         is that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps at once.
     tolerance : float
         All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
@@ -121,7 +121,7 @@ class Budget(Plain):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "requirement", "of", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit",
+        "requirement", "corner", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit",
         "points", "proved", "end_proved", "reason", "spacing", "permanent",
     )  # fmt: skip
 
@@ -146,7 +146,7 @@ class Budget(Plain):
         return {**super().to_dict(), **({"sizes": list(self.sizes), "unit": self.unit} if self.sizes else {})}
 
     @property
-    def of(self) -> str:
+    def corner(self) -> str:
         """Which sizes a corner of their box means, in words; "" of scales."""
         return OF.get(self.requirement, "")
 
@@ -203,7 +203,7 @@ class Budget(Plain):
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
         sizes = f": {self.sizes_text()}" if self.sizes else ""
-        head = f"{self.requirement} ({self.of})" if self.of else self.requirement
+        head = f"{self.requirement} ({self.corner})" if self.corner else self.requirement
         if self.end is End.TIME and self.solution is None:
             return f"{head}: not known, {self.advice}"
         line = f"{head}: up to {self.tolerance_text()} ({word}{sizes}); above, {self.advice}"
@@ -250,7 +250,7 @@ class Budgets(Mapping[str, Budget]):
 
     @property
     def tolerance(self) -> float:
-        """Largest tolerance that is good for every requirement looked at; of sizes at corners, see `Budget.of`."""
+        """Largest tolerance that is good for every requirement looked at; of sizes at corners, see `Budget.corner`."""
         return min(one.tolerance for one in self.each.values())
 
     def to_dict(self) -> dict[str, Any]:
@@ -261,7 +261,7 @@ class Budgets(Mapping[str, Budget]):
     @property
     def open_text(self) -> str:
         """What corners of several sizes leave open, in words; "" of others."""
-        return NO_GUARANTEE if any(one.of and len(one.sizes) > 1 for one in self.each.values()) else ""
+        return NO_GUARANTEE if any(one.corner and len(one.sizes) > 1 for one in self.each.values()) else ""
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""
