@@ -287,7 +287,7 @@ def print_budgets(budgets: Budgets) -> None:
     for budget in budgets.values():
         if budget.tolerance or budget.end.name == "TIME":
             reasons.setdefault(budget.reason, []).append(budget.requirement)
-    notes = [f"{one.requirement}: {one.corner}" for one in budgets.values() if one.of]
+    notes = [f"{one.requirement}: {one.corner}" for one in budgets.values() if one.corner]
     notes += [f"{one.requirement}: {one.sizes_text(DIGITS)}" for one in budgets.values() if one.sizes and one.tolerance]
     notes += [budgets.open_text] * bool(budgets.open_text)
     notes += [
