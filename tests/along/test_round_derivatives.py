@@ -102,6 +102,7 @@ def test_a_tie_of_two_flanks_under_a_ball_was_a_derivative_of_one_of_them(right,
     assert tuple(found.sensitivity.sizes.values()) == pytest.approx(told, abs=1e-9, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_a_pin_turned_about_the_normal_of_its_line_of_contact_was_told_of_one_point_of_the_line() -> None:
     """Twisted, either end of the line of contact comes first: "-3.26" for TY, by the height of a corner of facets."""
     holes, pins = (

@@ -53,6 +53,7 @@ def test_a_tip_is_shifted_by_its_gap(name: str) -> None:
     check(name, problem(TIP, PLATE, target=(1.2, 1.1)), 1.25 - 0.6 - 0.275)
 
 
+@pytest.mark.sampled(3)
 @EQUATIONS
 def test_an_overlap_is_undone(name: str) -> None:
     check(name, problem(TIP, PLATE, target=(2.2, 1.1)), 1.1 + 0.275 - 1.25)

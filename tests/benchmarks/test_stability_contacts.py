@@ -91,6 +91,7 @@ def test_every_item_of_the_list_has_cases() -> None:
     assert {case.family for case in quick()} == set(contacts.FAMILIES)
 
 
+@pytest.mark.slow
 def test_cases_are_plain_named_once_and_the_same_again() -> None:
     cases = quick()
     names = [(case.family, case.name) for case in cases]

@@ -19,6 +19,7 @@ from fcdm_opt_benchmarks.stability import failures, picture, process, table
 from fcdm_opt_benchmarks.stability.case import Grade, HardCase
 from fcdm_opt_benchmarks.stability.run import MODULES, Result, stability
 
+pytestmark = pytest.mark.slow  # `stability --quick --ours` runs most of it
 HERE = ("planted",)
 ALL = len([1 for case in planted.cases(False, 0) for name in planted.METHODS if planted.applies(name, case)])
 

@@ -296,6 +296,7 @@ def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Pat
     assert run("stack", path, "--case", "lost", "--draws", "1000")[0] == 2
 
 
+@pytest.mark.slow
 def test_pictures_of_a_stack_up_that_the_judge_refused_did_not_say_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

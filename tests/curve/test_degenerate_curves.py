@@ -427,6 +427,7 @@ POSED = [
 ]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("sides", "pose"), POSED)
 def test_prisms_and_pyramids_of_many_sides_on_each_other(sides, pose):
     """Caps at heights 1, seeds at 0 and -1/2: closed forms whatever the number of sides."""

@@ -47,6 +47,7 @@ def test_diagrams_agree_with_the_undecomposed_meshes():
         assert found.share(skipped, "scale pairs") < 0.02, skipped
 
 
+@pytest.mark.slow
 def test_gap_never_exceeds_the_distance_of_the_meshes():
     assert tally().worst["gap over distance, less 1"] < BAND
 

@@ -577,6 +577,7 @@ def test_points_of_a_map_do_not_make_the_same_body_anew() -> None:
     assert not size.offsets(body).flags.writeable
 
 
+@pytest.mark.slow
 def test_a_shaft_with_chamfer_and_keyway_that_was_made_smaller_did_not_fit_its_hub() -> None:
     """Facets that move split the corners of the chamfer's rim: what its faces are was not known then."""
     whole = fo.joined(fo.Cylinder(15.0, 39.0, base=(0, 0, -19.5)), fo.Cone(14.0, 15.0, 1.0, base=(0, 0, -20.5)))
@@ -605,6 +606,7 @@ def test_a_bearing_seat_was_refused_at_another_diameter_as_it_is_cut_at_its_shou
     assert volume(made) == pytest.approx(8.0 * math.sin(math.pi / 8.0) * (36.0 * 4.0 + 3.99**2 * 5.0), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_bush_with_chamfers_had_cuts_between_its_parts_among_its_faces() -> None:
     """Made at other sizes, its answers were those of facets, 0.012058, and a map of the fit was undecided."""
     (drawn,) = fo.load_problems(Path(__file__).parents[2] / "problems" / "round" / "bush.toml")

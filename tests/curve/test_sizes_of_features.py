@@ -110,7 +110,7 @@ SCENES: dict[str, tuple[Solid, list[fo.Size]]] = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scene", SCENES)
 def test_plates_with_several_features_refused_the_sizes_of_each(scene: str) -> None:
     """Cuts ran from one bore to another, along no face's plane; the parts made are now those that manifold3d makes."""

@@ -377,6 +377,7 @@ def test_a_tolerance_at_which_round_parts_come_to_touch_was_one_of_their_facets(
     assert 0.1 - 8.0 * asked.contact_slack < first < 0.1 < last < 0.1 + 8.0 * asked.contact_slack
 
 
+@pytest.mark.slow
 def test_the_worst_corner_is_that_of_the_gap_at_rest_and_says_so() -> None:
     """A block with 0.2 and 0.5 to its stops is to have 0.05 to either: 0.7 - 2 t >= 0.1 ends at 0.3, not at "worst"."""
     stops = Body.from_parts([Box((2, 12, 12), centre=(x, 0, 0)).vertices for x in (-6.2, 6.5)], name="stops")

@@ -86,6 +86,7 @@ def test_beyond_a_limit_there_is_no_motion():
         assert np.abs(np.abs(4.0 - boundary.points @ [1.0, 3.0]) - 0.05).max() <= 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_maps")
 def test_map_agrees_with_single_solves_on_example_1():
     problem, found = example("example1_touch", 0)

@@ -408,6 +408,7 @@ def smallest_by_brute_force(problem: Problem) -> set[frozenset[str]]:
     return {frozenset(every[kept]) for kept in minimal if len(every[kept]) == fewest}
 
 
+@pytest.mark.slow
 def test_smallest_clashes_are_those_of_all_subsets():
     looked_at = 0
     sizes = set()
@@ -525,6 +526,7 @@ def test_a_relaxation_went_through_a_bar_without_a_word():
     assert found.note == ""
 
 
+@pytest.mark.slow
 def test_sets_that_leave_out_what_all_clashes_share_were_asked_one_by_one() -> None:
     """Of an assembly: 261 questions, 11 s. Each clash is one, and no set less is: all of them are asked here."""
     assembly = load_assemblies(CASES.parents[1] / "problems/assemblies/loop_of_four.toml")[0]

@@ -235,6 +235,7 @@ def test_a_tool_was_turned_by_eleven_degrees_for_a_worst_gap_that_it_has_at_rest
     assert [*best.parameters.values()] == pytest.approx([0.015, 0.0, 0.0], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_gaps_of_a_roller_in_an_assembly_are_those_of_its_cylinder() -> None:
     """On its floor it moves by half its diameter, not by what a corner of facets does (.0502 of .05); a lid by all."""
     pin = fo.Cylinder(5, 20, base=(-10, 5, 0), axis=(1, 0, 0), name="pin")

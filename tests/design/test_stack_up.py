@@ -578,6 +578,7 @@ def test_pairs_drawn_beyond_the_tolerances_meet_the_contacts_that_are_there() ->
     stack.yield_(2_000).claims()
 
 
+@pytest.mark.slow
 def test_the_sides_of_a_lid_flush_with_its_box_hid_the_play_of_its_pegs(capsys: pytest.CaptureFixture[str]) -> None:
     """Pegs of 8 - 0.035 +- 0.015 in holes of 8.1 +- 0.05, one peg +-0.08 off its place.
 

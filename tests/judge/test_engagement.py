@@ -201,6 +201,7 @@ def dowels(tau: float = 0.02) -> fo.Problem:
     return fo.Problem(block, plate, tolerance=tau, requirement="B", motion=UP, goal="touch")
 
 
+@pytest.mark.slow
 def test_the_width_across_two_pins_was_told_for_the_diameter_of_one() -> None:
     """The pins are further apart, too, so that facets across both lack more than those of one pin in its hole."""
     assert verdict(dowels()).startswith("does not fit: block 6.12 in plate 5.90, across the bore of radius 3.01")
@@ -317,6 +318,7 @@ def lid_and_box(requirement: str) -> fo.Problem:
     return fo.Problem(lid, box, tolerance=0.02, requirement=requirement, goal="seat", motion=UP, nominal=(1, 1))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("requirement", "words", "fits"),
     [

@@ -8,6 +8,7 @@ from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.judge.true_faces import _There
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("facets", [16, 24, 40])
 def test_points_on_the_chords_of_a_bore_are_not_on_the_plane_that_it_opens_in(facets: int) -> None:
     """They are in the bore, by what a chord leaves its arc: a pin that touches the bore is there below the plane."""

@@ -958,6 +958,7 @@ def test_keep_outs_of_a_part_that_labels_name_second_were_in_no_question() -> No
     assert gaps[0] == pytest.approx(gaps[1])
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kept", ["exact", "surface"])
 def test_a_part_went_through_a_third_one_without_a_word(kept: str) -> None:
     """A slider is to reach a stop 4.5 away, through a bar: that is said. Through a ring about it, it leaves the fit."""

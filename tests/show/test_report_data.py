@@ -318,6 +318,7 @@ def test_where_parts_overlap_that_no_motion_parts_is_drawn():
     assert "overlap, cut open" in case["picture"]["insets"][0]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("names", [("example1",), ("example2",), LID])
 def test_points_are_shown_where_scaling_and_moving_the_bodies_puts_them(names):
     for problem, case in zip(opened(*names).problems, gathered(*names)["cases"], strict=True):
@@ -377,6 +378,7 @@ def off(kind, points, triangles, place):
     return min(found)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("names", [("example1",), ("example2",), ("boxes",), LID])
 def test_contacts_are_on_both_bodies_and_only_where_they_touch(names):
     touching = 0

@@ -80,6 +80,7 @@ def test_the_descent_finds_no_more_than_the_program(goal, count, number):
     assert found is None or found[0] <= found[1] * (1 + 1e-7)
 
 
+@pytest.mark.slow
 def test_most_of_these_cases_ask_for_a_motion_and_have_one():
     answers = [both(*case) for case in CASES]
     assert sum(found is not None and np.isfinite(found[0]) for found in answers) >= len(CASES) // 2

@@ -121,6 +121,7 @@ def test_a_peg_in_a_hole_of_many_sides_touches_where_the_closed_form_says(bored:
         assert {"whole surfaces", "inside"} <= {check.name for check in solution.certificate.checks}
 
 
+@pytest.mark.slow
 def test_a_body_deep_inside_a_surface_is_seen(bored: fo.Body) -> None:
     block = fo.Body.from_mesh(*surface_of(VOXELS["L"][0]), decomposition="surface", seed=(0, 0, 0), name="block")
     middle = np.mean(block.vertices[: len(block.vertices) - len(block.parts)], axis=0)

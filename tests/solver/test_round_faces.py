@@ -206,6 +206,7 @@ def test_a_ball_in_the_groove_of_a_ring_meets_its_bottom_and_its_rim() -> None:
     assert usable(asked(ball, race, Z), effort="quick").amount == pytest.approx(rim, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_ball_that_fits_its_socket_line_to_line_at_one_place_was_said_not_to_fit() -> None:
     """Both shrink about their seeds to one radius: rounding of 1e-11 left no place for the ball but 8 mm away."""
     block = socket(2.0)
@@ -224,7 +225,7 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller", "taper", "key", "feather"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
     """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.
@@ -292,6 +293,7 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
 
 
+@pytest.mark.slow
 def test_less_than_a_pin_tilts_in_its_bore_was_not_ruled_out() -> None:
     """How far faces are apart at most was forgotten between looks, and all pairs of pieces were looked at."""
     bore = fo.Cylinder(8.0, 40.0, base=(0, 0, -5))
@@ -329,6 +331,7 @@ def keyed() -> tuple[fo.Body, fo.Body]:
     return hub.with_seed(np.array([0.0, -0.376, 10.0])), shaft.with_seed(np.array([0.0, -0.187, 10.0]))
 
 
+@pytest.mark.slow
 def test_the_fit_of_the_parts_unmoved_was_that_of_facets() -> None:
     """Smallest hub, largest shaft: corners of the keyway lie deepest, the axes .02 times .376 + .187 apart."""
     problem = asked(*keyed(), X, target=None, tolerance=0.02, requirement="A", goal="clear", unit="mm")
@@ -373,6 +376,7 @@ def test_diameters_are_sizes_of_round_faces(made: dict[str, float], truth: float
     assert usable(problem, effort="quick").amount == pytest.approx(truth, **NEAR)
 
 
+@pytest.mark.slow
 def test_no_derivative_by_the_diameter_of_a_pin_was_told_as_0() -> None:
     """Of a pin in the middle of its bore the amount is half of what the diameters differ by."""
     sizes = [
@@ -543,6 +547,7 @@ def rod_in_groove(motion: fo.Motion) -> fo.Problem:
     return fo.Problem(rod, groove, motion=motion, goal="touch", target=(1, 1))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("motion", [X, fo.Rotation("x")])
 def test_a_rod_that_rests_in_a_groove_touches_it_from_the_start(motion) -> None:
     """Slid, or turned about its axis, it goes on touching, which is no overlap; between its corners it was apart."""
@@ -603,6 +608,7 @@ def test_bodies_that_are_exact_at_points_are_within_the_true_ones() -> None:
     assert patch.gaps(made.parts[-1].vertices)[0].max() == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.03, -0.04)])
 def test_how_far_apart_round_parts_are_was_that_of_bodies_within_them(off: tuple[float, float]) -> None:
     """Play 0.1, less what the pin is off the middle: it was told half as much again, and verified."""
@@ -642,6 +648,7 @@ def test_a_rim_between_corners_of_a_wide_cone_was_on_no_face() -> None:
     assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
 
 
+@pytest.mark.slow
 def test_the_best_pose_of_a_pin_along_two_axes_was_that_of_facets() -> None:
     """A pin .03 off the middle has from .04 - e to .08 - e; for .03 to .07 it is moved .02, e = .01; .0208 was told."""
     body = fo.Cylinder(9.95, 30, base=(0.03, 0.0, -5), facets=12, name="pin")
