@@ -19,6 +19,7 @@ from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
+FACES_LISTED = 12  # of a body, where none of them is meant
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 SELECTORS = (
     '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a round face all '
@@ -295,15 +296,19 @@ class Size(Plain):
             if rows.size:
                 return rows
         if not rows.size:
-            there = ", ".join(
-                f"F{k + 1} ({direction(n)}, {direction_level(n, points[k])})" for k, n in enumerate(normals[:12])
-            )
-            more = ", ..." if len(normals) > 12 else ""
-            way = (
-                "no face of body '{}' looks that way" if isinstance(selector, str) else "body '{}' has no such cylinder"
-            )
-            what = "no face of body '{}' goes through this point" if "through" in selector else way
-            raise self._refused(what.format(body.name), key, selector, there + more)
+            order, what = np.arange(len(normals)), f"no face of body '{body.name}' looks that way"
+            if "through" in selector:  # nearest first, by the boxes about faces
+                corners = [body.vertices[np.array(face) - 1] - np.array(selector["through"]) for face in body.faces]
+                off = [np.maximum(own.min(axis=0), -own.max(axis=0)).clip(min=0.0) for own in corners]
+                order = np.linalg.norm(off, axis=1).argsort(kind="stable")
+                what = f"no face of body '{body.name}' goes through this point"
+            elif not isinstance(selector, str):
+                what = f"body '{body.name}' has no such cylinder"
+            listed = [
+                f"F{k + 1} ({direction(normals[k])}, {direction_level(normals[k], points[k])})" for k in order.tolist()
+            ]
+            there, more = ", ".join(listed[:FACES_LISTED]), ", ..." if len(normals) > FACES_LISTED else ""
+            raise self._refused(what, key, selector, there + more)
         first = rows[0]
         away = np.abs((points[rows] - points[first]) @ normals[first]) > near * body.size
         if (away | (np.abs(normals[rows] - normals[first]).max(axis=1) > near)).any():

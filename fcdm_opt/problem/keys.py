@@ -476,6 +476,8 @@ class ProblemFile(Entry, title="Problem file"):
     def _placed(self, reason: InputError, case: Case, place: str) -> InputError:
         """Return what is wrong in a case, placed where the key stands: in the case, or in the defaults."""
         head = (reason.key or "").replace("[", ".").split(".")[0]
+        if head.startswith("size '"):  # which all cases share
+            return reason
         if head not in self.defaults.model_fields_set - case.model_fields_set:
             return reason.within(key=place)
         what = f"for {place}: {reason.what}"

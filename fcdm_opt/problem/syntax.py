@@ -11,6 +11,7 @@ _END = "(at end of document)"
 _KEY = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
 _TABLE = re.compile(r"\[.*\]\s*(#.*)?$")  # at the very left: further right it is a line of a list
 _COMMA = re.compile(r"(?<![\w.,])[+-]?\d+,\d+(?![\w.])")
+_SEVERAL = re.compile(r"Cannot declare \('(case|contact|keep_out|part|size|vary)',\) twice")
 _TWICE = ("Cannot overwrite a value", "Cannot mutate immutable namespace")
 
 LEVELS = 64  # of a dotted key: far more than any key has; the parser's time grows with their square, to minutes
@@ -32,6 +33,8 @@ def mistake(text: str, reason: tomllib.TOMLDecodeError) -> str:
     said = str(reason)
     lines = text.replace("\r\n", "\n").split("\n")
     place = _PLACE.search(said)
+    if table := _SEVERAL.search(said):
+        return f"{said}: each {table[1]} begins with [[{table[1]}]], in two brackets"
     if place is None and _END not in said:
         return said
     number, column = (int(place[1]), int(place[2])) if place else (len(lines), 1)

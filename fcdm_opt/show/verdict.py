@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
@@ -133,7 +134,7 @@ def answer_text(solution: Solution) -> str:
         row += f": {outcome_text(solution)}"
     through = listed(gone_through(solution)) if solution.usable else ""
     words = [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
-    return "\n".join([f"{head}{verdict_text(solution)}", row, *words])
+    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *words])
 
 
 def gone_through(solution: Solution) -> list[str]:

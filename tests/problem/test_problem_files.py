@@ -364,6 +364,24 @@ def test_a_syntax_error_names_the_line(tmp_path: Path) -> None:
         load(tmp_path, 'title = "x"\nnote = oops\n')
 
 
+def test_one_pair_of_brackets_for_each_of_several_cases_was_refused_without_a_hint(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match=r"twice .*: each case begins with \[\[case\]\], in two brackets"):
+        load(tmp_path, BODIES + '[case]\nname = "A"\n[case]\nname = "B"\n')
+
+
+def test_a_face_of_a_size_that_is_not_there_was_placed_in_a_case_and_far_ones_listed(
+    tmp_path: Path,
+) -> None:
+    size = '[[size]]\nname = "top"\nbody = "movable"\nfaces = [{ through = [0.2, 0.2, -0.1] }]\n'
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, size + BODIES + CASE)
+    assert caught.value.key == "size 'top'.faces[1]"
+    assert "case.toml:1: size 'top'.faces[1]: no face of body" in str(caught.value)
+    assert "(-z, z = 0)" in (caught.value.allowed or "").split(", F")[0]
+
+
 def test_a_key_of_fifty_thousand_levels_is_refused_at_once(tmp_path: Path) -> None:
     """The parser took a minute and more for it; the check is by the text, so that nothing is parsed."""
     for text in ("a." * 50_000 + "b = 1\n", f"[{'a . ' * 50_000}b]\n", "x = { " + "\"a\".'b'." * 50_000 + "c = 1 }\n"):
