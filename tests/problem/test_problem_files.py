@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.primitives import Box
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem, load_problems
@@ -379,7 +381,9 @@ def test_a_face_of_a_size_that_is_not_there_was_placed_in_a_case_and_far_ones_li
         load(tmp_path, size + BODIES + CASE)
     assert caught.value.key == "size 'top'.faces[1]"
     assert "case.toml:1: size 'top'.faces[1]: no face of body" in str(caught.value)
-    assert "(-z, z = 0)" in (caught.value.allowed or "").split(", F")[0]
+    with pytest.raises(InputError) as caught:
+        Size("width", "movable", faces=[{"through": (5.4, 0, 0)}]).offsets(Box((10, 10, 10)))
+    assert "(+x, x = 5), " in (caught.value.allowed or "").split("F")[1]
 
 
 def test_a_key_of_fifty_thousand_levels_is_refused_at_once(tmp_path: Path) -> None:
