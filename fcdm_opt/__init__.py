@@ -18,11 +18,13 @@ _HOME = {
     for alias in statement.names
 }
 __all__ = sorted(_HOME)
+SYNONYMS = {"union": "joined", "fuse": "joined", "difference": "cut", "subtract": "cut"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        hint = f"; did you mean {SYNONYMS[name]!r}?" if name in SYNONYMS else ""
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value

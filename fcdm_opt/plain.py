@@ -18,6 +18,16 @@ DIGITS = 9
 """Significant digits of what is only drawn: far finer than any screen, and half the length of a float."""
 
 
+class ShortRepr:
+    """Base of the dataclasses, made with repr=False, of which a session shows the first line that `print` shows."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Return the name of the class and the first line of its text."""
+        return f"{type(self).__name__}({str(self).partition(chr(10))[0]})"
+
+
 class Plain:
     """Base of the dataclasses that can be told as plain data.
 

@@ -31,7 +31,7 @@ from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.true_faces import exact_where
-from fcdm_opt.plain import Plain
+from fcdm_opt.plain import Plain, ShortRepr
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.active_parts import moving_at_most, with_parts_met_along
 from fcdm_opt.problem.assembly import Assembly
@@ -73,8 +73,8 @@ class StateSpan(Plain):
     high: float
 
 
-@dataclass(frozen=True, eq=False)
-class ContactTimes(Plain):
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactTimes(ShortRepr, Plain):
     """States of a scale pair along motions q = x * direction, from low to high.
 
     Attributes

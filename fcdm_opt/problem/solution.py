@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to, rounding_line
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
-from fcdm_opt.plain import Plain, agree, plain
+from fcdm_opt.plain import Plain, ShortRepr, agree, plain
 from fcdm_opt.problem.evidence import ProofData
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.nominal import FIT
@@ -131,8 +131,8 @@ class Check(NamedTuple):
     note: str
 
 
-@dataclass(frozen=True)
-class Certificate(Plain, NotebookRepr):
+@dataclass(frozen=True, repr=False)
+class Certificate(ShortRepr, Plain, NotebookRepr):
     """Outcome of the judge: a list of checks, all of which must pass; an empty list does not.
 
     One that was `read`, from plain data, is a claim, which `verify` compares with what it finds.
@@ -172,8 +172,8 @@ class Certificate(Plain, NotebookRepr):
         return tuple(check for check in self.checks if not check.passed)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivity(Plain):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Sensitivity(ShortRepr, Plain):
     """First derivatives of the least amount.
 
     Each is by one datum, all others as they are. Seeds and `length` count as data of their own: with a rule such as

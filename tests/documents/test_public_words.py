@@ -120,3 +120,23 @@ def test_a_unit_is_carried_from_the_bodies_to_the_problem():
     parts = {"one": one, "two": two}
     joined = [{"parts": ("one", "two"), "goal": "touch"}]
     assert fo.Assembly(parts, joined, motions={"one": fo.Translation("x")}).unit == "mm"
+
+
+def test_a_session_shows_a_line_of_a_result_and_not_its_arrays() -> None:
+    """The derivatives of one motion filled screens."""
+    block = fo.cut(fo.Box((60, 40, 15), centre=(0, 0, -7.5)), fo.Box((20, 10, 12), centre=(0, 0, -5)), name="block")
+    width = fo.Size("width", "movable", faces=["right"], tolerance=0.05)
+    key = fo.Box((20, 9.8, 12), centre=(0, 0, -3), name="key")
+    problem = fo.Problem(key, block, motion=fo.Translation("x"), goal="clear", sizes=[width], made={"width": 0.04})
+    found = fo.solve(problem)
+    known = [found, found.sensitivity, found.certificate, fo.contact_times(problem), fo.best_pose(problem)]
+    for result in [*known, fo.compare(problem), fo.stack_up(problem), fo.contact_rows(problem)]:
+        shown = repr(result)
+        assert shown.startswith(f"{type(result).__name__}(")
+        assert "\n" not in shown
+        assert len(shown) < 400
+
+
+def test_names_of_other_libraries_are_answered_with_ours() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'union'; did you mean 'joined'"):
+        fo.union  # noqa: B018

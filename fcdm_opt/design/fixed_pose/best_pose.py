@@ -28,7 +28,7 @@ from fcdm_opt.judge.engagement import leaves_fit
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.model.task import Task
-from fcdm_opt.plain import Plain
+from fcdm_opt.plain import Plain, ShortRepr
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.nominal import FIT
@@ -49,8 +49,8 @@ FAR_ROUNDS = 4  # of such, at most
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BestPose(NotebookRepr, Plain):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class BestPose(ShortRepr, NotebookRepr, Plain):
     """One pose for all pairs of parts.
 
     Attributes

@@ -13,7 +13,7 @@ from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.plain import plain
+from fcdm_opt.plain import ShortRepr, plain
 from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -108,8 +108,8 @@ class FamilyRow(PlainMotion):
         return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Comparison(ShortRepr):
     """Families of motions, cheapest first; those without a usable motion last.
 
     Attributes
