@@ -121,6 +121,10 @@ def kept_clear(name: str) -> str:
     return f"keep-out {name!r}: clearance"
 
 
+PARALLEL = "faces in contact stay parallel: round or pointed locators would let the part tilt"
+"""Why flush contacts at unlike heights exclude each other."""
+
+
 class Check(NamedTuple):
     """One check of a certificate: `value` was compared with `limit`."""
 
@@ -577,8 +581,10 @@ class Solution(Bounded):
 
     @property
     def _why_not(self) -> str:
-        """Which widths do not go together."""
-        words = verdict(self.problem)
+        """Which widths do not go together, or contacts that are not met."""
+        words = verdict(self.problem) or "; ".join(self.active * (self.status is Status.NOT_FOUND))
+        if words and self.status is Status.NOT_FOUND and sum(own.is_flush for own in self.problem.contacts) > 1:
+            words += f"; {PARALLEL}"
         return words[:1].upper() + words[1:]
 
     @cached_property

@@ -87,6 +87,8 @@ def _refused_text(solution: Solution) -> str:
         through = listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         return more or f"does not fit: the only motion found {where}" + f"; {barred}" * bool(barred)
+    if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
+        return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
     return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
 
 

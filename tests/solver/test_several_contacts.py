@@ -768,3 +768,16 @@ def test_five_points_whose_newton_steps_went_to_and_fro_are_closed() -> None:
     assert np.abs(gaps(solution.parameters.values())).max() < 1e-9
     assert solution.amount == pytest.approx(best, rel=1e-6)
     assert best == pytest.approx(0.3957943, abs=1e-6)
+
+
+def test_flat_locators_at_unlike_heights_were_no_reason_why_none_was_found() -> None:
+    """Flush contacts keep faces parallel: neither side stop can be met with the other, and what clashes is told."""
+    work = fo.Box((60, 40, 20), centre=(30, 20, 10), name="work")
+    stops = [fo.Box((5, 8, 5), centre=(x, -4, 10)) for x in (10, 50)]
+    rests = [fo.Box((5, 5, 8), centre=(x, y, -4)) for x, y in ((10, 20), (50, 8), (50, 32))]
+    high = fo.Size("stop", "static", faces=[{"through": (50, 0, 10)}], tolerance=0.05)
+    asked = {"contacts": "all", "goal": "at", "sizes": [high], "made": {"stop": 0.04}}
+    found = fo.solve(fo.Problem(work, fo.joined(*rests, *stops, name="fixture"), motion=fo.Free(), **asked))
+    assert found.status.name == "NOT_FOUND"
+    assert "contacts 3, 4 exclude each other" in str(found)
+    assert "faces in contact stay parallel: round or pointed locators" in found.advice
