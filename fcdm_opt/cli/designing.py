@@ -366,12 +366,15 @@ def stack_command(
     With --cost it finds the cheapest tolerances too. With --out it writes the rows as CSV, and pictures.
     """
     from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.lazy_import import extra
     from fcdm_opt.plain import plain
     from fcdm_opt.show import stacks
     from fcdm_opt.show.printing import print_text
 
     if share is not None and not cost:
         raise InputError("this is for the cheapest tolerances", key="--share", found=share, allowed="with --cost")
+    if cost:
+        extra("cvxpy", "allocation", key="--cost")  # refused before tables are printed
     if cut is not None and out is None:
         raise InputError("this is for pictures", key="--slice", found=cut, allowed="with --out")
     named = {"--of": ("part", of or ()), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -44,6 +44,9 @@ are listed, letters of a name and of a line of one; and what a mean over pairs d
 
 SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back, below"}
 """Degrees from which faces are shown, so that all of them are seen that nothing hides."""
+
+OTHER_SIDES = {(27.0, 125.0): "from the back, above", (-27.0, -55.0): "from the front, below"}
+"""Those from which a body is shown too, where something hides faces of it."""
 
 HEIGHTS, HEAD, FOOT, SIDE, NAME = (1.6, 3.4), 0.3, 0.3, 0.3, 24
 """Inches: least and most that a body may be high there, above it, below all, and beside it; letters of its name."""
@@ -366,7 +369,7 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
 
 @styled
 def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Figure:
-    """Draw both bodies as drawn, from two opposite sides, with a number at each face that can be seen from there.
+    """Draw both bodies as drawn, with a number at each face that can be seen: from two opposite sides, or from four.
 
     Facets of one round face have one number, that of the first.
 
@@ -377,23 +380,41 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
         Text above and below the picture.
     """
     bodies: list[Body] = [problem.request[role] for role in ("movable", "static")]
-    shown = [[ShownPair((body, body), (), body.vertices, view) for view in SIDES] for body in bodies]
-    wide = PAGE / 2.0
-    heights = [float(np.clip(max(own.slenderness for own in row) * wide, *HEIGHTS)) + HEAD for row in shown]
-    sheet, hidden = Sheet.of(PAGE, sum(heights) + FOOT, title=title, caption=caption), list[str]()
-    for k, (body, row, role) in enumerate(zip(bodies, shown, ("movable", "static"), strict=True)):
-        numbered, every = _numbers(body), set[str]()
-        for column, (own, side) in enumerate(zip(row, SIDES.values(), strict=True)):
-            area = (column * wide + SIDE, FOOT + sum(heights[k + 1 :]), wide - SIDE, heights[k] - HEAD)
-            axes, seen = draw_numbered(sheet, area, own, (BLUE, VERMILLION)[k], numbered)
-            every |= seen
-            axes.set_title(literal(f"{role}: {shortened(body.name, NAME)}, {side}"), pad=2.0)
-            draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), problem.unit)
-        if left := [int(number[1:]) for number in dict.fromkeys(numbered.values()) if number not in every]:
-            hidden.append(f"of {shortened(body.name, NAME)} {shortened(_ranges(left), LONGEST)}")
-    if hidden:
-        sheet.list(0.1, FOOT, PAGE - 0.2, [f"hidden from both sides, or no room for the number: {'; '.join(hidden)}"])
+    _, hidden = _faces_sheet(bodies, [SIDES, SIDES], problem.unit)
+    each = [{**SIDES, **OTHER_SIDES} if unseen else SIDES for unseen in hidden]
+    sheet, hidden = _faces_sheet(bodies, each, problem.unit, title=title, caption=caption)
+    lines = [
+        f"of {shortened(body.name, NAME)} {shortened(_ranges(unseen), LONGEST)}"
+        for body, unseen in zip(bodies, hidden, strict=True)
+        if unseen
+    ]
+    if lines:
+        sheet.list(0.1, FOOT, PAGE - 0.2, [f"hidden, or no room for the number: {'; '.join(lines)}"])
     return sheet.figure
+
+
+def _faces_sheet(
+    bodies: Sequence[Body], sides: Sequence[Mapping[tuple[float, float], str]], unit: str, **texts: str
+) -> tuple[Sheet, list[list[int]]]:
+    """Return a sheet with each body from its sides, two a line, and which numbers of each have no place on it."""
+    wide, numbers, rows = PAGE / 2.0, [_numbers(body) for body in bodies], []
+    for k, body in enumerate(bodies):
+        shown = [(k, ShownPair((body, body), (), body.vertices, view), side) for view, side in sides[k].items()]
+        rows += [shown[first : first + 2] for first in range(0, len(shown), 2)]
+    heights = [float(np.clip(max(own.slenderness for _, own, _ in row) * wide, *HEIGHTS)) + HEAD for row in rows]
+    sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, **texts), [set[str](), set[str]()]
+    low = FOOT + sum(heights)
+    for row, high in zip(rows, heights, strict=True):
+        low -= high
+        for column, (k, own, side) in enumerate(row):
+            area = (column * wide + SIDE, low, wide - SIDE, high - HEAD)
+            axes, numbered = draw_numbered(sheet, area, own, (BLUE, VERMILLION)[k], numbers[k])
+            seen[k] |= numbered
+            role = ("movable", "static")[k]
+            axes.set_title(literal(f"{role}: {shortened(bodies[k].name, NAME)}, {side}"), pad=2.0)
+            draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), unit)
+    each = zip(numbers, seen, strict=True)
+    return sheet, [[int(own[1:]) for own in dict.fromkeys(of.values()) if own not in known] for of, known in each]
 
 
 def _numbers(body: Body) -> dict[Label, str]:

@@ -21,6 +21,7 @@ from ordinary import problems, solved
 from picture_checks import check_texts, shown
 from PIL import Image
 
+import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.exact_points import exact_at
@@ -50,6 +51,7 @@ from fcdm_opt.show.scene import (
     view_of,
 )
 from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
+from fcdm_opt.show.stacks import faces_figure
 from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
 
@@ -628,3 +630,18 @@ def test_a_share_of_no_variance_stood_beside_a_yield_that_changes(capsys: pytest
         printed = " ".join(capsys.readouterr().out.split())
         assert "of the amount's variance alone" in printed
         assert ("which pairs have no motion, and so no amount, shows in the yields alone" in printed) == told
+
+
+def test_walls_that_are_hidden_from_two_sides_had_no_number() -> None:
+    """A floor between two walls: what the near walls hide is seen from the other sides."""
+    tray = fo.cut(fo.Box((60, 40, 12), centre=(0, 0, 6)), fo.Box((56, 36, 12), centre=(0, 0, 8)), name="tray")
+    block = fo.Box((4, 4, 4), centre=(0, 0, 4), name="block")
+    figure = faces_figure(fo.Problem(block, tray, motion=fo.Translation("z"), target=(1, 1), goal="touch"))
+    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    assert [title for title in titles if title.startswith("static")] == [
+        f"static: tray, from the {side}" for side in ("front, above", "back, below", "back, above", "front, below")
+    ]
+    assert len([title for title in titles if title.startswith("movable")]) == 2
+    shown = {text.get_text() for text in figure.findobj(Text)}
+    assert {f"F{k}" for k in range(1, len(tray.faces) + 1)} <= shown
+    assert not [text for text in shown if "hidden" in text]

@@ -47,8 +47,8 @@ from fcdm_opt.tolerances import DEFAULT
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ANSWERED = (
-    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound", "doubt",
-    "pair_state", "usable",
+    "status", "outside", "barred", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
+    "doubt", "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
 PROOF = "proof"
@@ -86,12 +86,14 @@ def picture_of(pieces: ScenePieces, name: str) -> dict[str, Any]:
 def answered(solution: Solution) -> dict[str, Any]:
     """Return what a case, and a cell of the table of requirements, says of an answer; its bound, and how near it is."""
     text, _, near = bound_text(solution).partition("\n")  # the page adds the unit
+    verdict = verdict_text(solution)
     return {
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
-        "verdict": verdict_text(solution),
+        "verdict": verdict,
         "outcome": "does not fit" if misfit(solution.problem) else outcome_text(solution),
+        "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
