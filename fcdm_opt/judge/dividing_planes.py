@@ -1,4 +1,4 @@
-"""Whether convex parts stay divided by planes along a motion: then no part goes through another one."""
+"""Whether convex parts stay divided by planes along a motion, or only come apart: then none goes through another."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> boo
 
     Seen from the body that the facet is of, the other one's corners are taken to go straight on in a step, as `passes`
     takes them, and sizes move planes and corners in proportion: a plane that is between two parts at both ends is so
-    all along.
+    all along. Of parts that overlap at first it is enough that they do so less and less, until they are apart, along
+    the facet's normal on which they are the least deep in each other: they go back where they came from.
 
     Parameters
     ----------
@@ -76,14 +77,25 @@ def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> boo
     (one, two), turns = now, poses[:, :3, :3]
     offsets = (turns @ one.seed + poses[:, :3, 3] - two.seed)[:, None]
     seen = corners[0] @ turns.transpose(0, 2, 1) + offsets, (corners[1] - offsets) @ turns  # each from the other body
-    divided = [
-        _divided(points @ own.normals.T - heights[:, None], its.corners, own.facets, slack)
+    gaps = [
+        np.minimum.reduceat(points @ own.normals.T - heights[:, None], its.corners, axis=1)
         for points, its, own, heights in zip(seen, (one, two), (two, one), levels[::-1], strict=True)
+    ]
+    widest = [np.maximum.reduceat(own[0], its.facets, axis=1) for own, its in zip(gaps, (two, one), strict=True)]
+    start = np.maximum(widest[0], widest[1].T) - slack
+    divided = [
+        _divided(own, its.facets, first, slack)
+        for own, its, first in zip(gaps, (two, one), (start, start.T), strict=True)
     ]
     return bool((divided[0] | divided[1].transpose(0, 2, 1)).all())
 
 
-def _divided(heights: Array, corners: Ints, facets: Ints, slack: float) -> Flags:
-    """Tell of heights of corners above planes, (s, n, f), which parts are above one of another part's in each step."""
-    above = np.minimum.reduceat(heights, corners, axis=1) >= -slack
-    return np.logical_or.reduceat(above[1:] & above[:-1], facets, axis=2)
+def _divided(gaps: Array, facets: Ints, start: Array, slack: float) -> Flags:
+    """Tell of gaps of parts to planes, (s, k, f), which of another one's is between two parts in each step.
+
+    Or else is one to which the gap is `start`, (k, l), at first, grows in every step, and is none at last.
+    """
+    above = gaps >= -slack
+    parting = (gaps[1:] >= gaps[:-1] - slack).all(axis=0) & above[-1]
+    first = np.repeat(start, np.diff(facets, append=gaps.shape[2]), axis=1)
+    return np.logical_or.reduceat((above[1:] & above[:-1]) | (parting & (gaps[0] >= first)), facets, axis=2)

@@ -276,3 +276,33 @@ def test_a_box_drawn_a_hair_into_a_floor_of_tiles_may_be_lifted_by_that() -> Non
         far = fo.solve(fo.Problem(block, floor, target=(1.0, 1.0), goal="clear", clearance=3.0, motion=UP))
         assert far.usable
         assert not verdict(far.problem)
+
+
+# --------------------------------------------------------------------------------------- parts that overlap as drawn
+
+
+def test_a_plug_drawn_too_deep_in_its_funnel_was_said_to_go_through_it() -> None:
+    """Walls of slope .4 : 1, the plug .2 too wide there and .3 off centre: it comes to the middle, and .2 / .4 up."""
+    tip, rim = (box((-r, -r, z), (r, r, z))[::2] for r, z in ((2.0, -3.0), (12.0, 22.0)))
+    bore = fo.Body.convex(np.concatenate([tip, rim]))
+    funnel = fo.cut(fo.Box((30, 30, 22), centre=(0, 0, 11)), bore, name="funnel")
+    tip, rim = (box((0.3 - r, -r, z), (0.3 + r, r, z))[::2] for r, z in ((2.0, -3.5), (10.0, 16.5)))
+    plug = fo.Body.convex(np.concatenate([tip, rim]))
+    motion = fo.Translation("x") >> UP
+    solution = fo.solve(fo.Problem(plug, funnel, target=(1.0, 1.0), goal="clear", motion=motion))
+    assert list(solution.parameters.values()) == pytest.approx([-0.3, 0.5], abs=1e-9)
+    assert solution.status is Status.SOLVED
+
+
+@pytest.mark.parametrize("cuts", [(), (0.0,), (-0.2, 0.1)])
+@pytest.mark.parametrize("deep", [0.0, 0.4])
+def test_a_peg_goes_through_a_slab_however_deep_it_is_drawn_in_it(cuts: tuple[float, ...], deep: float) -> None:
+    """Out below by all of 50, and out above by `deep`; a cut of the slab that the peg is less deep in is no wall."""
+    ends = pairwise((-9.0, *cuts, 9.0))
+    slab = fo.Body.from_parts([box((low, -9.0, -20.0), (high, 9.0, 0.0)) for low, high in ends], name="slab")
+    peg = fo.Body.convex(box((-0.3, -0.3, -deep), (0.3, 0.3, 30.0)))
+    for limits, way in (((-60.0, -1e-3), -50.0), ((-60.0, 60.0), deep)):
+        asked = fo.Problem(peg, slab, target=(1.0, 1.0), goal="clear", motion=UP, limits={"TZ": limits})
+        solution = fo.solve(asked)
+        assert solution.parameters["TZ"] == pytest.approx(way, abs=1e-9)
+        assert (solution.status is Status.OUTSIDE_FIT) == (way < 0.0)
