@@ -296,7 +296,8 @@ class Holding:
         rho = np.array([task.target[0], obstacle.scale])
         sites, rows, separations = task.separations(parts, self.end.pose)
         widest = float(separations.max())
-        tight = np.flatnonzero(separations >= widest - self.slack).tolist()
+        # the widest first: along another one faces that are parallel but for their digits meet far aside of themselves
+        tight = np.argsort(-separations, kind="stable")[: int((separations >= widest - self.slack).sum())].tolist()
         body = task.keep_out[obstacle.keep_out].body if obstacle.keep_out >= 0 else task.static
         own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
         if not own and (widest <= self.slack or obstacle.need <= 0.0):

@@ -12,6 +12,7 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
+from manifold3d import Manifold
 from ordinary import box, problems
 from scipy.spatial import HalfspaceIntersection
 from scipy.spatial.transform import Rotation as Turn
@@ -463,9 +464,7 @@ def test_the_motion_changes_with_sizes_as_differences_of_exact_solves_say() -> N
         Size("shrink", "movable", scale="z", tolerance=0.1),
     )
     made = {"foot": 0.01, "top": 0.02, "shrink": 0.03}
-    problem = Problem(
-        block, slab, sizes=sizes, made=made, goal="touch", motion=Translation("x") >> Translation("z")
-    )
+    problem = Problem(block, slab, sizes=sizes, made=made, goal="touch", motion=Translation("x") >> Translation("z"))
     told = solve(problem).sensitivity
     expected = {"foot": 1.0, "top": 1.0, "shrink": 1.0}  # the foot is 1 below the seed
     for name, rate in expected.items():
@@ -479,3 +478,28 @@ def test_the_motion_changes_with_sizes_as_differences_of_exact_solves_say() -> N
     earlier = {key: value for key, value in told.to_dict().items() if not key.startswith("motion")}
     assert Sensitivity.from_dict(earlier).motion_by_pose.shape == (2, 6)
 
+
+@pytest.mark.parametrize(("turn", "shift"), [(0.0, 0.0), (33.3, 300.0)])
+def test_a_wall_in_single_precision_was_told_as_the_outer_face_of_its_plate(turn: float, shift: float) -> None:
+    """A hexagonal peg, parallel to the wall of its hole but for digits: a cut of the plate goes on in the wall's plane.
+
+    Both parts larger by 2 % about their seeds: what either wall is moved outwards, or into the hole, counts 1.02 times.
+    """
+    hexagon, plate = (Manifold.cylinder(height, radius, radius, 6) for height, radius in ((30, 9.8), (40, 10)))
+    plate = Manifold.cube([60, 60, 20], True).translate([0, 0, 10]) - plate.translate([0, 0, -5])
+    solids = (hexagon + Manifold.cube([40, 40, 8], True).translate([0, 0, 34]), plate)
+    bodies, middle = [], np.array([shift, 0.5 * shift, 0.0])
+    for solid, height in zip(solids, (27.0, 10.0), strict=True):
+        mesh = solid.rotate([0.0, 0.0, turn]).translate(middle.tolist()).to_mesh()
+        points = np.asarray(mesh.vert_properties, np.float32)[:, :3].astype(float)
+        bodies.append(Body.from_mesh(points, np.asarray(mesh.tri_verts), seed=middle + height * np.eye(3)[2]))
+    at = np.radians(turn + 210.0)
+    motion, limits = Translation((np.cos(at), np.sin(at), 0.0)), {"T": (0.0, 1.0)}
+    solution = solve(Problem(*bodies, tolerance=0.02, requirement="A", goal="touch", motion=motion, limits=limits))
+    assert solution.amount == pytest.approx(1.02 * 0.2 * np.cos(np.pi / 6), rel=3e-4)
+    counted = {name: value for name, value in solution.sensitivity.faces.items() if abs(value) > 1e-5}
+    assert [*counted.values()] == pytest.approx([-1.02, -1.02], rel=1e-5)
+    for name, body, radius in zip(counted, bodies, (9.8, 10.0), strict=True):
+        corners = body.vertices[[int(label) - 1 for label in name[2:].replace("V", "").split(",")]]
+        heights = (corners - middle) @ [np.cos(at), np.sin(at), 0.0]
+        assert heights == pytest.approx(np.full(4, radius * np.cos(np.pi / 6)), abs=1e-4)
