@@ -15,6 +15,7 @@ from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.texts import (
     CLOSED,
     DIGITS,
@@ -37,6 +38,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.features import Feature
+    from fcdm_opt.geometry.arrays import Array
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
@@ -117,7 +119,7 @@ def _without_clearance(problem: Problem, barred: str) -> str:
     bare = _solved(problem, clearance=0.0)
     if bare is None:
         return ""
-    contact = contact_text(bare.problem, bare.features)
+    contact = contact_text(bare.problem, bare.features, bare.transform)
     closed = f", where {contact}" if contact and bare.pair_state == "touching" else ""
     asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
     return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {barred}" * bool(barred)
@@ -241,7 +243,7 @@ def _effect(solution: Solution) -> str:
     """Return what holds after the motion: of the parts made, and of the contact meant where that is asked."""
     problem, state = solution.problem, solution.pair_state
     other, then = name_of(problem, 1), "then " * (solution.amount > 0.0)
-    contact = contact_text(problem, solution.features) or f"it touches {other}"
+    contact = contact_text(problem, solution.features, solution.transform) or f"it touches {other}"
     gap = length_text(problem, abs(solution.pair_gap))
     made = {"touching": "touch", "apart": f"are {gap} apart", "overlapping": f"overlap by {gap}"}.get(state, state)
     if problem.goal == "clear":
@@ -264,11 +266,14 @@ def sure_text(solution: Solution) -> str:
     return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
 
 
-def contact_text(problem: Problem, features: Sequence[Feature], *, named: bool = False) -> str:
+def contact_text(
+    problem: Problem, features: Sequence[Feature], transform: Array | None = None, *, named: bool = False
+) -> str:
     """Return what touches what: "its corner 5 touches the top face (facing +z) of plate"; of many the first ones.
 
-    `named`: the movable part is named, where no text before it does.
+    `transform`: of the movable part there. `named`: it is named, where no text before it does.
     """
+    features = with_whole_faces(problem, features, transform)
     told: dict[str, list[str]] = {}
     for feature in features:
         one, two = told_element(problem.movable, feature.one), told_element(problem.static, feature.two)

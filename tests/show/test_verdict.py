@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from manifold3d import Manifold
 
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
@@ -319,3 +322,29 @@ def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_
     monkeypatch.setattr(verdict, "_solved", lambda *_, **__: bare)
     told = verdict._without_clearance(asked, "")
     assert told.endswith("and its bottom face (facing -z) lies on face 8 (facing +z) of rail")
+
+
+def test_a_face_in_single_precision_was_told_as_one_of_its_edges(tmp_path: Path) -> None:
+    """A hexagonal peg pushed against the wall of its hole, parallel but for the digits of the file."""
+    plate = Manifold.cube([60, 60, 20], True) - Manifold.cylinder(40, 10, 10, 6).translate([0, 0, -20])
+    bodies = []
+    for name, solid in (("peg", Manifold.cylinder(30, 9.8, 9.8, 6)), ("plate", plate)):
+        mesh = solid.to_mesh()
+        points, rows = np.asarray(mesh.vert_properties, np.float32)[:, :3], np.asarray(mesh.tri_verts)
+        trimesh.Trimesh(points, rows, process=False).export(tmp_path / f"{name}.stl")
+        bodies.append(fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm"))
+    along = fo.Translation((-np.cos(np.pi / 6), -0.5, 0.0))
+    asked = {"tolerance": 0.02, "requirement": "A", "goal": "touch", "motion": along}
+    words = verdict_text(fo.solve(fo.Problem(*bodies, **asked), effort="quick"))
+    assert re.search(r"then its face \d \(facing -x and -y\) lies on face \d \(facing \+x and \+y\) of plate;", words)
+
+
+def test_a_face_that_lies_along_a_bar_was_told_as_two_of_its_edges() -> None:
+    bar = fo.Cylinder(7.0, 30.0, base=(0, 0, -15), name="bar", unit="mm")
+    finger = fo.Box((90, 6, 12), centre=(-15, 19, 0), name="finger", unit="mm")
+    for one, two, words in (
+        (finger, bar, "then its front face (facing -y) touches the cylinder of radius 7 of bar;"),
+        (bar, finger, "then its cylinder of radius 7 touches the front face (facing -y) of finger;"),
+    ):
+        motion = fo.Rotation("z", (-60, 20, 0))
+        assert words in verdict_text(fo.solve(fo.Problem(one, two, target=(1, 1), goal="touch", motion=motion)))
