@@ -23,6 +23,7 @@ from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, T
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.resizing import exact_vertex_rates, true_point_rate, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import number_text
@@ -39,6 +40,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 MOST_CHOICES = 256  # of alternatives that may hold the motion
 APART = 0.05  # of the amount: how far off another motion of the same amount is looked for
+NOT_WORKED_OUT = "not worked out: more holds the motion than it takes, or a keep-out or the way of a contact does"
+NONE_BY = (
+    "other contacts, or other ends of a line of contact that tilts, take over to either side, or a size makes other "
+    "corners: no derivative by: "
+)
 SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs the search for nothing takes minutes
 
 
@@ -309,6 +315,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
     moved, amounts = np.full((len(fields), len(task.weights)), np.nan), np.full(len(fields), np.nan)
+    reasons = list[str]()
     if q is not None and _keeps_its_steps(problem, task, q):
         moved = np.zeros_like(moved)
     elif q is not None and (task.amount(q) > 0 or task.joints) and problem.resolution is None:
@@ -316,8 +323,13 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
         moved, amounts = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
+        names = [f"{verb} {axis}" for verb in ("shifted along", "turned about") for axis in "xyz"]
+        names += [size.name for size in problem.sizes]
+        unknown = [name for name, own in zip(names, moved, strict=True) if np.isnan(own).any()]
+        reasons += [NOT_WORKED_OUT if len(unknown) == len(names) else NONE_BY + ", ".join(unknown)] * bool(unknown)
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
-    return {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size}, amounts[6:]
+    rates = {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size, "motion_reasons": tuple(reasons)}
+    return rates, amounts[6:]
 
 
 def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
@@ -388,9 +400,23 @@ def _by_one_size(problem: Problem, size: Size) -> Field:
         rows = np.flatnonzero((body.vertices == point).all(axis=1))
         if body.exact is not None and not len(rows) and rates is not None:
             return true_point_rate(body, problem.request[size.body], size, point)
-        return np.full(3, np.nan) if rates is None or not len(rows) else np.asarray(rates[rows[0]])
+        if rates is None:
+            return np.full(3, np.nan)
+        return np.asarray(rates[rows[0]]) if len(rows) else _within_face(body, rates, point)
 
     return moves
+
+
+def _within_face(body: Body, rates: Array, point: Array) -> Array:
+    """Return how a point moves with the corners of the piece of a face that it is in; nan where it is in none."""
+    corners, _ = body.face_triangles
+    off = distances(point[None], corners)[:, 0]
+    nearest = corners[off.argmin()]
+    if off.min() > DEFAULT.nominal * body.size:
+        return np.full(3, np.nan)
+    rows = [int(np.flatnonzero((body.vertices == corner).all(axis=1))[0]) for corner in nearest]
+    shares = np.linalg.lstsq((nearest[1:] - nearest[0]).T, point - nearest[0])[0]
+    return np.asarray(np.append(1.0 - shares.sum(), shares) @ rates[rows])
 
 
 def _by_size(problem: Problem, faces: Mapping[str, float], vertices: Mapping[str, Array]) -> dict[str, float]:

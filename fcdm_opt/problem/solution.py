@@ -231,6 +231,8 @@ class Sensitivity(ShortRepr, Plain):
         keep-out or the way of a contact holds the motion, or it is rounded to steps of the machine.
     motion_by_size : dict
         Name of each of the problem's sizes -> (k,) array of the same parameters by it, per unit of the size.
+    motion_reasons : tuple of str
+        Why the motion has no derivative by some of these, and which, where `reasons` does not say it.
     """
 
     exists: bool
@@ -251,6 +253,7 @@ class Sensitivity(ShortRepr, Plain):
     residual: float
     motion_by_pose: Array
     motion_by_size: Mapping[str, Array]
+    motion_reasons: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the derivatives that there are as a table, by what they are; vertices and faces that count alone."""
@@ -266,7 +269,11 @@ class Sensitivity(ShortRepr, Plain):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
         """Rebuild it from plain data, of earlier versions too, which did not work out how the motion changes."""
-        unknown = {"motion_by_pose": [[None] * 6] * len(data.get("limits", ())), "motion_by_size": {}}
+        unknown = {
+            "motion_by_pose": [[None] * 6] * len(data.get("limits", ())),
+            "motion_by_size": {},
+            "motion_reasons": (),
+        }
         return super().from_dict({**unknown, **data})
 
 

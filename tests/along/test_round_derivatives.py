@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 import fcdm_opt as fo
+from fcdm_opt.problem.solution import Sensitivity
 
 X, Y, Z = map(fo.Translation, "xyz")
 BORE = 10.0
@@ -184,3 +186,31 @@ def test_a_box_in_a_corner_of_which_one_wall_is_two() -> None:
     assert np.isnan(told.motion_by_size["one"]).all()
     assert told.sizes == pytest.approx({"both": 0.6, "third": 0.8, "block": 0.6})
     assert told.motion_by_size["both"] == pytest.approx([1.0, 0.0])
+
+
+def test_the_face_of_a_finger_on_a_bar_had_no_derivative_of_the_motion() -> None:
+    """It turns by -t about P until its face, 4 + pad below P, is on the bar: R sin(t' + phi) = 4 + pad + 7 + bar.
+
+    R and phi of P seen from the bar, t' = -t. The contact is within the face, at none of its corners.
+    """
+    bar = fo.Cylinder(7.0, 30.0, base=(0, 0, -15), name="bar")
+    finger = fo.Box((90, 6, 12), centre=(-15, 19, 0), name="finger")
+    sizes = [
+        fo.Size("bar", "static", faces="cylinder radius 7", each=1.0, tolerance=0.1),
+        fo.Size("pad", "movable", faces="-y", tolerance=0.05),
+    ]
+    problem = fo.Problem(
+        finger, bar, motion=fo.Rotation("z", (-60, 20, 0)), goal="touch", sizes=sizes, made={"bar": 0.05, "pad": 0.05}
+    )
+    solution = fo.solve(problem)
+    far, high = np.hypot(60.0, 20.0), 11.1
+    assert solution.parameters["RZ"] == pytest.approx(np.arcsin(high / far) - np.arctan2(20.0, 60.0), abs=1e-9)
+    found, rate = solution.sensitivity, 1.0 / np.sqrt(far**2 - high**2)
+    assert found.motion_by_size["pad"] == pytest.approx([rate], abs=1e-9)
+    assert found.motion_by_size["bar"] == pytest.approx([rate], abs=1e-9)
+    assert found.motion_by_pose[0, 1] == pytest.approx(-rate, abs=1e-9)  # higher by 1, it turns further
+    assert np.isnan(found.motion_by_pose[0]).tolist() == [False] * 3 + [True, False, False]
+    (why,) = found.motion_reasons
+    assert why.endswith("a line of contact that tilts, take over to either side, or a size makes other corners: "
+                        "no derivative by: turned about x")  # fmt: skip
+    assert Sensitivity.from_dict(json.loads(json.dumps(found.to_dict()))).motion_reasons == (why,)
