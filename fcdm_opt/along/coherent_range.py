@@ -111,6 +111,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     Attributes
     ----------
     problem : Problem
+        About the parts that are followed.
     direction : (k,) array
     features : tuple of Feature
     first, last : Event
@@ -163,8 +164,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], problem: Problem | None = None) -> Self:
         """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
-        asked = needed_question(cls, problem)
-        asked = asked if asked.made is None else asked.changed(made=None)
+        asked = with_contact_closed(needed_question(cls, problem))
         known = {"problem": asked, "direction": checked_direction(asked, data.get("direction")), "_followed": ()}
         ends = dict(zip(("first", "last"), data.get("events", ()), strict=False))
         return replace(super().from_dict({**data, **known, **ends}), _followed=followed(asked))
@@ -241,8 +241,9 @@ def coherent_range(
     Parameters
     ----------
     problem : Problem or Assembly
-        Goal, target and path do not matter, nor what sizes are made: what the nominal pair touches with as drawn is
-        followed. Of an assembly each contact is, in the parameters of all motions: "part.parameter".
+        Goal, target and path do not matter: what the nominal pair touches with is followed, of the parts of the sizes
+        made. A size that would open it, or let it overlap, is left as drawn: `CoherentRange.problem` has those made.
+        Of an assembly each contact is followed, in the parameters of all motions: "part.parameter".
     direction : mapping of parameter name to value, (k,) array or number, optional
         Length units and radians a unit of x; parameters that a mapping leaves out stay. Default for a motion of one
         parameter: 1, so that x is the parameter.
@@ -259,7 +260,7 @@ def coherent_range(
     if isinstance(problem, Assembly):
         return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
-    problem = problem if problem.made is None else problem.changed(made=None)
+    problem = with_contact_closed(problem)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest, clear = min(end.x for end in ends.values()), dict.fromkeys(ends, 0.0)
     while True:
@@ -274,6 +275,22 @@ def coherent_range(
             break
     (first, before), (last, after) = found
     return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
+
+
+def with_contact_closed(problem: Problem) -> Problem:
+    """Return the question about the parts made; where they lose the contact, with the sizes as drawn that open it."""
+    if not problem.made or _is_closed(problem):
+        return problem
+    each = ((name, problem.changed(made={name: x})) for name, x in problem.made.items() if x)
+    kept = {name: own.made[name] for name, own in each if _is_closed(own)}
+    return problem.changed(made=kept or None)
+
+
+def _is_closed(problem: Problem) -> bool:
+    """Tell whether the contacts that are followed are closed at the nominal pair."""
+    pose, rho = relative_pose(*problem.active, np.eye(4)), problem.nominal_pair
+    gaps = [joint.gap(*problem.active, pose, rho) for joint in problem.chosen_joints]
+    return max(map(abs, gaps)) <= problem.contact_slack if gaps else problem.nominal_contact is not None
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> AssemblyRange:

@@ -18,7 +18,7 @@ from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, needed_question, ray_of, reach
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
-from fcdm_opt.along.expansions import safe_steps
+from fcdm_opt.along.expansions import ROUNDING, safe_steps
 from fcdm_opt.along.march import March
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
@@ -401,6 +401,8 @@ class _OneWay:
         body = problem.movable
         self._local = pair[0] * (np.concatenate([part.vertices for part in body.parts]) - body.seed)
         self._slack = DEFAULT.tie * problem.size
+        far = max(float(np.abs(own.vertices).max()) for own in (problem.movable, problem.static))
+        self._rounding = ROUNDING * (problem.size + far)  # of what slides along a face
         self.spans: list[tuple[State, float, float]] = []
         self.touches: list[Touch] = []
         self.proved = True
@@ -411,7 +413,7 @@ class _OneWay:
         state: State = "overlapping" if self._gap(0.0) < -self._slack else "apart"
         if abs(self._gap(0.0)) <= self._slack:
             self._touch(0.0, False)
-            state = "apart" if self._gap(min(self._floor, self._end)) >= -self._slack * DEFAULT.march else "overlapping"
+            state = "apart" if self._gap(min(self._floor, self._end)) >= -self._rounding else "overlapping"
         for _ in range(TOUCHES):
             found = self._parts_at(x) if state == "overlapping" else self._meets_at(x)
             if found is None:

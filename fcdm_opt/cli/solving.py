@@ -137,7 +137,7 @@ def range_command(
     Of a file of an assembly it is told of each contact whose parts move against each other; parameters are
     "part.parameter".
     """
-    from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range
+    from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, with_contact_closed
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.family import family_figure
@@ -147,7 +147,8 @@ def range_command(
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange | None, Any]]:
         along = _default_direction(file, problem) if direction is None else direction
-        if isinstance(problem, Problem) and not problem.contacts and problem.nominal_contact is None:
+        kept = with_contact_closed(problem) if isinstance(problem, Problem) else None
+        if kept is not None and not kept.contacts and kept.nominal_contact is None:
             touching = contact_times(problem, along)
             entry |= {"contact_times": touching.to_dict()}
             if inquiry.pictures:

@@ -207,6 +207,9 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
             head, *ends = range_texts(coherent)
             if not coherent.proved:
                 ends.append("a condition touches zero at rest: what is near there is not proved")
+            asked = problem if isinstance(times, str) else cast("Problem", times.problem)
+            if opening := [name for name, x in (asked.made or {}).items() if x != (problem.made or {}).get(name, 0.0)]:
+                ends.append(f"{' and '.join(opening)} as drawn: made, no such contact is there without a motion")
         else:
             assert not isinstance(times, str)
             problem, direction, ends = cast("Problem", times.problem), times.direction, []

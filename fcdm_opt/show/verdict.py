@@ -193,6 +193,7 @@ def no_contact_text(problem: Problem) -> str:
     if any(map(round_surfaces, (problem.movable, problem.static))):  # by how much facets say
         lie = "are apart" if gap > 0.0 else "overlap"
     drawn = "as drawn" if (problem.nominal_pair == 1.0).all() else "at their nominal sizes"
+    drawn = "as made" if any((problem.made or {}).values()) else drawn
     return f"{drawn} the parts {lie}, so that no contact is there to be followed"
 
 

@@ -60,6 +60,43 @@ def test_a_tip_slides_until_it_reaches_the_edge_of_a_plate():
     assert found.proved
 
 
+def between_stops(made: dict[str, float], goal: str = "touch", motion: fo.Motion | None = None) -> fo.Problem:
+    """A foot 30 wide on a floor between two stops, each 0.05 off it."""
+    foot = fo.Box((30, 20, 6), centre=(0, 0, 3), name="foot")
+    stops = [fo.Box((10, 60, 8), centre=(side * 20.05, 0, 4)).vertices for side in (1, -1)]
+    base = fo.Body.from_parts([fo.Box((80, 60, 10), centre=(0, 0, -5)).vertices, *stops], name="base")
+    at = {"right": (15.05, 0, 4), "left": (-15.05, 0, 4), "floor": (0, 0, 0)}
+    sizes = [fo.Size(name, "static", faces={"through": point}, tolerance=0.05) for name, point in at.items()]
+    return fo.Problem(foot, base, motion=motion or fo.Translation("x"), goal=goal, sizes=sizes, made=made)
+
+
+@pytest.mark.parametrize("goal", ["touch", "clear", "seat"])
+@pytest.mark.parametrize(
+    ("made", "low", "high"),
+    [
+        ({}, -0.05, 0.05),
+        ({"right": 0.04, "left": -0.04}, -0.09, 0.01),  # a stop that grows comes nearer
+        ({"floor": 0.02, "right": 0.04}, -0.05, 0.01),  # the floor would lift the foot: as drawn, the stop as made
+    ],
+)
+def test_a_range_is_of_the_sizes_made(made: dict[str, float], low: float, high: float, goal: str):
+    asked = between_stops(made, goal)
+    found = fo.coherent_range(asked, {"TX": 1.0})
+    assert (found.low, found.high) == pytest.approx((low, high), abs=1e-12)
+    assert found.proved
+    assert type(found).from_dict(found.to_dict(), asked).rho(high) == pytest.approx([1.0, 1.0])
+    if "floor" not in made:
+        free = fo.contact_times(asked, {"TX": 1.0}).free
+        assert free == pytest.approx((low, high), abs=1e-12)
+
+
+def test_what_slides_is_apart_whatever_rounding_of_its_place_says():
+    for x, y, z in np.random.default_rng(7).uniform(-100.0, 100.0, (12, 3)).tolist():
+        foot, base = fo.Box((30, 20, 6), centre=(x, y, z + 3)), fo.Box((80, 60, 10), centre=(x, y, z - 5))
+        found = fo.contact_times(fo.Problem(foot, base, motion=fo.Translation("x"), goal="touch", target=(1, 1)))
+        assert [span.state for span in found.spans] == ["apart"]
+
+
 def test_a_tip_moves_towards_a_plate_until_a_scale_is_zero_and_away_for_ever():
     found = fo.coherent_range(tip(fo.Translation("x")))
     # the point of a line (1/2, 1/4) moved by x nearest to (1.5, 2) is off by -x (1.6, 0.8): rho_1 vanishes first
