@@ -470,9 +470,17 @@ class _CornersOfParts(NamedTuple):
     surface: Surface | None
 
 
-def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
-    body, near = moving.body, DEFAULT.planarity * moving.body.size
-    found, changed = [], dict[int, Array]()
+def corners_made(body: Body, made: Mapping[Size, float]) -> list[Array]:
+    """Return the corners at given sizes of each part as drawn, however the body made is cut; raises as `resized`."""
+    scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
+    if not lengths:
+        return [part.vertices for part in scaled.parts]
+    return _moved_corners(_resizing(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
+
+
+def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[int, Array]]:
+    """Return the corners of each part, (m, 3), and by number those of parts that have others than as drawn."""
+    near, found, changed = DEFAULT.planarity * moving.body.size, [], dict[int, Array]()
     for k, own in enumerate(moving.parts):
         depth, change = own.slack
         inside = depth + change @ values
@@ -483,6 +491,11 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
         if low.min() <= near:
             points = changed[k] = _intersected(moving, own, values, int(low.argmin()))
         found.append(points)
+    return found, changed
+
+
+def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
+    body, (found, changed) = moving.body, _moved_corners(moving, values)
     numbered = _kept_numbers(moving, values, changed) if not (changed and len(found) == 1) else None
     if numbered is None:
         return _CornersOfParts(found, np.empty((0, 3)), [], None)

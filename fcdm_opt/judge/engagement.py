@@ -31,7 +31,7 @@ from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
 from fcdm_opt.judge.passing import passes, past_after
-from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit, overlap_as_drawn
+from fcdm_opt.problem.fit import REST, corners_made_of_parts, drawn_bodies, holds, misfit, overlap_as_drawn
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -191,16 +191,19 @@ def _any_comes_off(problem: Problem, T: Array) -> bool:
     bodies = problem.movable, problem.static
     if _comes_off(problem, T, [body.vertices for body in bodies]):
         return True
-    if (found := misfit(problem)) is None:
+    found, corners = misfit(problem), corners_made_of_parts(problem)
+    if found is None or corners is None:
         return False
-    sides = zip(bodies, drawn_bodies(problem), found.faces, found.parts, strict=True)
+    sides = zip(bodies, drawn_bodies(problem), found.faces, found.parts, corners, strict=True)
     return _comes_off(problem, T, [_walls(*own) for own in sides])
 
 
-def _walls(made: Body, drawn: Body, faces: Sequence[Element | None], parts: Sequence[int]) -> Array:
+def _walls(
+    made: Body, drawn: Body, faces: Sequence[Element | None], parts: Sequence[int], corners: Sequence[Array]
+) -> Array:
     """Return the corners, as made, of faces of the body as drawn; of convex parts where only a cut made one."""
     if len(made.vertices) != len(drawn.vertices) or None in faces:
-        return np.concatenate([made.parts[k].vertices for k in parts])
+        return np.concatenate([corners[k] for k in parts])
     return made.vertices[[vertex - 1 for own in faces if own is not None for vertex in own.vertices]]
 
 

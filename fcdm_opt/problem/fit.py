@@ -12,6 +12,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
@@ -19,6 +20,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
+from fcdm_opt.geometry.resizing import corners_made
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -30,7 +32,6 @@ REST = np.eye(4)
 FAR = 2.0
 """Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
 
-MOST_PACKED = 256  # parts up to which all are handed to kernels, whichever are asked for
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 LINE_TO_LINE = "drawn line to line"
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
@@ -55,9 +56,7 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there by more
     than a hair, none, nor of those that bounds tell to be further apart than twice `most`.
     """
-    drawn, made = drawn_bodies(problem), (problem.movable, problem.static)
-    if any(len(one.parts) != len(other.parts) for one, other in zip(drawn, made, strict=True)):
-        return np.empty((0, 3)), np.empty((0, 2), np.int64)
+    drawn = drawn_bodies(problem)
     alike = 2.0 ** np.ceil(np.log2(most)) if 0.0 < most < np.inf else most  # so that like questions share the answer
     return _walls_of(drawn, tuple(problem.nominal_pair.tolist()), float(alike), DEFAULT.snap * problem.size)
 
@@ -114,22 +113,45 @@ def _cut(parts: list[ConvexPart], normals: Array, body: Body) -> Flags:
     return found
 
 
+@lru_cache(maxsize=4)
+def corners_made_of_parts(problem: Problem) -> tuple[list[Array], list[Array]] | None:
+    """Return the corners that the parts of both bodies as drawn have at the sizes made; None where that is not known.
+
+    Bodies made may be cut anew, into other parts.
+    """
+    found = list[list[Array]]()
+    for role, drawn, made in zip(problem.drawn, drawn_bodies(problem), problem.bodies[:2], strict=True):
+        if drawn is not made and not made.is_surface:
+            off = {size: problem.made[size.name] for size in problem.sizes if size.body == role}
+            try:
+                found.append(corners_made(drawn, off))
+            except InputError:
+                return None
+        elif [len(part.vertices) for part in drawn.parts] == [len(part.vertices) for part in made.parts]:
+            found.append([part.vertices for part in made.parts])
+        else:
+            return None
+    return found[0], found[1]
+
+
 def _change(problem: Problem) -> float:
     """Return how much two parts may come nearer each other along any direction as they are made; length units."""
-    change = 0.0
-    for drawn, made, before, after in zip(
-        drawn_bodies(problem), (problem.movable, problem.static), problem.nominal_pair, problem.target, strict=True
+    corners, change = corners_made_of_parts(problem), 0.0
+    if corners is None:
+        return np.inf
+    for drawn, made, points, before, after in zip(
+        drawn_bodies(problem), problem.bodies[:2], corners, problem.nominal_pair, problem.target, strict=True
     ):
         if drawn is made:
             change += abs(after - before) * max(part.reach for part in made.parts)
             continue
-        was, now = (
-            [part.seed + rho * (part.vertices - part.seed) for part in body.parts]
-            for body, rho in ((drawn, before), (made, after))
-        )
-        if [*map(len, was)] != [*map(len, now)]:
-            return np.inf
-        change += float(np.linalg.norm(np.concatenate(now) - np.concatenate(was), axis=1).max())
+        was = [before * (part.vertices - part.seed) for part in drawn.parts]
+        now = [after * (own - part.seed) for own, part in zip(points, drawn.parts, strict=True)]
+        if [*map(len, was)] == [*map(len, now)]:
+            change += float(norms(np.concatenate(now) - np.concatenate(was)).max())
+        else:  # corners split: each is that far from one as drawn
+            far = (norms(own[:, None] - before).min(axis=1).max() for own, before in zip(now, was, strict=True))
+            change += float(max(far))
     return change
 
 
@@ -199,20 +221,17 @@ def misfit(problem: Problem) -> Misfit | None:
     """
     if problem.partial and pacing.over():
         return None
-    normals, places = _walls(problem, 2.0 * _change(problem))
-    if not len(normals):
+    corners, (normals, places) = corners_made_of_parts(problem), _walls(problem, 2.0 * _change(problem))
+    if corners is None or not len(normals):
         return None
     # how far the parts made reach, from the origin: body 1 along the normal, body 2 against it; apart by minus the sum
     reaches = np.empty((len(normals), 2))
     for k, (body, rho, side) in enumerate(
         zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
     ):
-        ways, rows = side * normals, np.ascontiguousarray(places[:, k])
-        if len(body.parts) > MOST_PACKED:
-            own, rows = np.unique(rows, return_inverse=True)
-            body = body.subset(own.tolist())
-        heights = kernels.heights(*body.packed, rows, ways)
-        reaches[:, k] = ways @ body.seed + rho * heights
+        for rows in filter(len, groups_of(places[:, k])):
+            ways, points = side * normals[rows], corners[k][places[rows[0], k]] - body.seed
+            reaches[rows, k] = ways @ body.seed + rho * (points @ ways.T).max(axis=0)
     gaps = -reaches.sum(axis=1)
     if gaps.min() >= 0.0:
         return None

@@ -595,3 +595,35 @@ def test_planes_between_parts_tell_of_no_passage_what_lines_do(
         found.append([engagement.goes_through(problem, q) for q in asked])
     assert found[0] == found[1]
     assert 0 < sum(found[0]) < len(asked)
+
+
+@pytest.mark.parametrize(
+    ("made", "clearance", "words"),
+    [
+        # a play of 0.02 at the radius, and what stops a clearance is the top
+        ({"place": 0.03}, 0.004, "fits, but no such motion leaves a clearance of 0.004 in the place it is drawn in, "),
+        ({"place": 0.001}, 0.004, "fits, but no such motion leaves a clearance of 0.004 in the place it is drawn in, "),
+        ({"place": 0.001, "bore": -0.06}, 0.0, "does not fit: cover 7.960 in base 7.940, across the bore of radius 4 "),
+        (
+            {"place": 0.03, "bore": -0.05},
+            0.0,
+            "does not fit: cover 7.9600 in base 7.9500, across the bore of radius 4 ",
+        ),
+    ],
+)
+def test_widths_are_of_the_true_faces_where_the_body_made_is_cut_anew(
+    made: dict[str, float], clearance: float, words: str
+):
+    plate, pin = fo.Box((60, 40, 5), centre=(0, 0, 2.5)), fo.Cylinder(3.98, 9, base=(0, 0, -8))
+    cover = fo.joined(plate, pin, name="cover")
+    base = fo.cut(fo.Box((60, 40, 15), centre=(0, 0, -7.5)), fo.Cylinder(4.0, 11, base=(0, 0, -10)), name="base")
+    sizes = [
+        fo.Size("place", "static", faces=["bore radius 4"], along="y", tolerance=0.03),
+        fo.Size("bore", "static", faces=["bore radius 4"], each=-0.5, tolerance=0.1),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    solution = fo.solve(
+        fo.Problem(cover, base, motion=motion, goal="clear", clearance=clearance, sizes=sizes, made=made)
+    )
+    assert solution.status.name == "OUTSIDE_FIT"
+    assert str(solution).startswith(words)
