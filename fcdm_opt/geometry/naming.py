@@ -25,6 +25,7 @@ FEWEST = 6  # facets side by side that are taken for a cylinder
 BALL = 20  # those that are taken for a sphere
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
 GENTLE = math.cos(2.0 * math.pi / (ROUNDED - 0.5))  # cosine: the most that two of them are turned against one another
+EVENLY = 0.25  # of the bend at an edge between facets of a round face, by which that at the next edge may differ
 ROUND = 1e-4  # of the radius: how far corners may be off it
 WHOLLY = 0.1  # share of directions across a cone's: a sphere looks all ways
 STEEP = 0.9  # cosine: two cones side by side that are turned less against one another are rings of a rounding
@@ -300,12 +301,33 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     groups = [(None, group) for group in _side_by_side(pairs, BALL)]
     by_axis = groups_of(own.reshape(-1))
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
-        groups += [(axes[k], group) for group in _side_by_side(pairs[by_axis[k]], FEWEST)]
+        along = _evenly_bent(body.vertices, facets, pairs[by_axis[k]], ends[by_axis[k]], axes[k])
+        groups += [(axes[k], group) for group in along]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
     found = [each for faces, axis in rounds if (each := _radius(body, faces, normals, axis)) is not None]
     known = {face for each in found for face in each.faces}
     left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
     return found + _cones(body, facets, normals, pairs[left], ends[left])
+
+
+def _evenly_bent(points: Array, facets: list[Label], pairs: Ints, ends: Ints, axis: Array) -> list[Ints]:
+    """Return the groups of facets along an axis that are side by side and bent alike.
+
+    Of those that meet, (m, 2), in rows of points. A plane that goes on where a round face ends, tangent to it, turns
+    against the last facet by half as much as that against the next.
+    """
+    flat = np.linalg.svd(axis[None])[2][1:].T
+    middles, arms = np.repeat(points[ends[:, 0]] @ flat, 2, axis=0), np.empty((2 * len(pairs), 2))
+    for places, corners in by_size([facets[k] for k in pairs.reshape(-1).tolist()]):
+        away = points[corners - 1] @ flat - middles[places][:, None]
+        arms[places] = away[np.arange(len(away)), (away * away).sum(axis=2).argmax(axis=1)]
+    u, v = arms[::2], arms[1::2]
+    sides = np.prod([np.sqrt((own * own).sum(axis=1)) for own in (u, v, u - v)], axis=0)
+    bends = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / sides  # half of that of the circle through all three
+    one, two = np.hstack([np.empty((2, 0), np.int64), *equal_pairs(pairs.T.reshape(-1))]) % len(pairs)
+    alike = np.abs(bends[one] - bends[two]) <= EVENLY * bends[one]
+    groups = groups_of(components(np.column_stack([one, two])[alike], len(pairs)))
+    return [own for own in (np.unique(pairs[group]) for group in groups) if len(own) >= FEWEST]
 
 
 def _cones(body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints) -> list[Round]:

@@ -16,6 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
+from fcdm_opt.geometry.facet_errors import all_recognised, round_surfaces
 from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut
@@ -220,3 +221,41 @@ def test_facets_of_a_torus_were_listed_one_by_one(capsys: pytest.CaptureFixture[
     print_faces(ring.faceted(), "movable")
     listed = capsys.readouterr().out.splitlines()
     assert listed[-1] == f"... and {len(ring.faces) - 200} more: --json lists all"
+
+
+def slotted(ends: tuple[float, ...], length: float, facets: int, middle: float = 0.0) -> Body:
+    """A mesh of a block with a slot 8 wide along x, closed by half turns about these places, from an STL's floats."""
+    block = Box((60, 40, 15), centre=(0, 0, -7.5))
+    slot = Box((length, 8, 11), centre=(middle, 0, -4.5))
+    solid = cut(block, slot, *(Cylinder(4, 11, base=(x, 0, -10), facets=facets) for x in ends))
+    corners = solid.face_triangles[0].reshape(-1, 3).astype(np.float32).astype(float)
+    points, rows = np.unique(corners, axis=0, return_inverse=True)
+    return Body.from_mesh(points, rows.reshape(-1, 3), seed=(0, 0, 0), name="block")
+
+
+@pytest.mark.parametrize("facets", [12, 24, 48, 96])
+def test_half_turns_that_planes_go_on_from_are_round(facets: int) -> None:
+    """The walls of a slot turn against the last facet of its end by less than the next one does, and were taken in."""
+    slots = {
+        "two ends": slotted((-2.0, 2.0), 4.0, facets),
+        "one end": slotted((0.0,), 31.0, facets, 15.5),
+        "in the wall": slotted((30.0,), 0.1, facets, 30.05),
+    }
+    for name, body in slots.items():
+        round_one = body.rounded()
+        found = {float(own.origin[0].round(5)): (own.radius, len(rows)) for own, rows in round_surfaces(round_one)}
+        places = {"two ends": (-2.0, 2.0), "one end": (0.0,), "in the wall": (30.0,)}[name]
+        assert sorted(found) == pytest.approx(places, abs=1e-4), name
+        assert [*found.values()] == [(pytest.approx(4.0, rel=1e-6), facets // 2)] * len(places)
+        assert all_recognised(round_one)
+        assert Counter(names_of_rows(body))[f"bore radius 4{' no. 1' * (len(places) > 1)}"] == facets // 2
+
+
+def test_a_pin_slides_to_the_true_end_of_a_slot() -> None:
+    """As far as 2 + 4 - 3.9; to facets of an end that was taken for a polygon it was 4 (1 - cos 7.5 deg) less."""
+    pin = Cylinder(3.9, 12, base=(0, 0, -9), name="pin")
+    for end in (-2.1, 2.1):
+        limits = {"TX": (min(end, 0.0) * 2.0, max(end, 0.0) * 2.0)}
+        block = slotted((-2.0, 2.0), 4.0, 24).rounded()
+        asked = Problem(pin, block, motion=Translation("x"), goal="touch", limits=limits, target=(1, 1))
+        assert solve(asked).parameters["TX"] == pytest.approx(end, abs=2e-6)
