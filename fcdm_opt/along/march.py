@@ -149,7 +149,7 @@ class March:
 
     def advanced(self, x: float) -> Stop | None:
         """Return where the march from x stops, None where it reaches its end."""
-        span = self.unit
+        span, known = self.unit, Known(np.full(len(self._others.pairs), x), {})
         for _ in range(STEPS):
             pacing.check()
             span = min(span, self._end - x)
@@ -166,7 +166,7 @@ class March:
             steps = safe_steps(expanded, span)
             reaches = self._reaches(steps)
             held = float(reaches.min(initial=span))
-            other = self._others.bound(here, held)
+            other = self._others.bound(here, held, known)
             step = min(held, other.step)
             last = steps >= reaches[self._groups]  # of a group that which holds furthest: others of it say nothing
             grazes = flat(expanded[last & (steps <= step)])
@@ -277,17 +277,28 @@ class PairBound(NamedTuple):
     condition: Conditions | None = None
 
 
+class Known(NamedTuple):
+    """What earlier steps of a march found of part pairs.
+
+    `apart_to`, (pairs,): up to where on the ray each does not overlap. `ways`, by pair: that it is apart along the
+    direction that proved so last, which may do further on too.
+    """
+
+    apart_to: Array
+    ways: dict[int, Conditions]
+
+
 class Others:
     """All part pairs of two bodies along a ray; what vanishes identically is told over x up to `within`."""
 
     def __init__(self, movable: Body, static: Body, ray: Ray, within: float) -> None:
         self._bodies, self._ray, self._within = (movable, static), ray, within
         self._tie = DEFAULT.tie * max(movable.size, static.size)
-        self._pairs = [(i, j) for i in range(len(movable.parts)) for j in range(len(static.parts))]
+        self.pairs = [(i, j) for i in range(len(movable.parts)) for j in range(len(static.parts))]
         self._tracked: set[tuple[int, int]] = set()
         self._samples: list[RayStretch] = []
         (c1, r1), (c2, r2) = _balls(movable), _balls(static)
-        i, j = np.array(self._pairs).T
+        i, j = np.array(self.pairs).T
         self._spheres = c1[i], c2[j], np.column_stack([r1[i], r2[j]])
         self._points = [np.concatenate([part.vertices for part in body.parts]) - body.seed for body in self._bodies]
         self._planes: list[tuple[Conditions, Conditions]] = []
@@ -313,15 +324,15 @@ class Others:
             zero &= is_tied(sample.expanded(conditions))
         return zero
 
-    def bound(self, at: RayStretch, step: float) -> PairBound:
+    def bound(self, at: RayStretch, step: float, known: Known) -> PairBound:
         """Return how far none overlaps but those tracked, at most a given step.
 
         Spheres about the parts settle most pairs, and planes of tracked features between them; of the others the
         direction that separates them best at x does, as long as it still separates: where they come to touch, steps
-        close in on that as fast as Newton's.
+        close in on that as fast as Newton's. What is found is added to what is `known` from earlier steps to this side.
         """
         best = PairBound(step)
-        if len(self._tracked) == len(self._pairs) or step <= 0:
+        if len(self._tracked) == len(self.pairs) or step <= 0:
             return best
         rho, (v, w, radii) = at.rho, self._spheres
         ways = at.d[0] + rho[1] * w - rho[0] * v @ at.R[0].T
@@ -329,18 +340,26 @@ class Others:
         steps = safe_steps(at.expanded(Conditions.of(forms.ALONG, v=v, w=w, m=ways, radii=radii)), at.span)
         if steps.min() >= best.step:
             return best
-        steps = np.maximum(steps, self._in_planes(at))
-        for k in np.argsort(steps):
+        steps = np.maximum(np.maximum(steps, self._in_planes(at)), known.apart_to - at.x)
+        near = [k for k in np.flatnonzero(steps < best.step).tolist() if k in known.ways]
+        if near:
+            conditions = [known.ways[k] for k in near]
+            held = np.minimum(safe_steps(at.expanded(Conditions.joined(conditions)), at.span), at.span)
+            starts = np.cumsum([0, *(len(own.rows) for own in conditions[:-1])])
+            steps[near] = np.maximum(steps[near], np.minimum.reduceat(held, starts))
+            known.apart_to[near] = at.x + steps[near]
+        for k in np.argsort(steps).tolist():
             if steps[k] >= best.step:
                 break
-            if self._pairs[k] not in self._tracked:
-                bound = self._pair_bound(self._pairs[k], at)
+            if self.pairs[k] not in self._tracked:
+                bound, known.ways[k] = self._pair_bound(self.pairs[k], at)
+                known.apart_to[k] = at.x + max(steps[k], bound.step)
                 best = bound if bound.step < best.step else best
         return best
 
     def _in_planes(self, at: RayStretch) -> Array:
         """Return how far either part of each pair stays on its side of a tracked feature's plane, (pairs,)."""
-        best, rows = np.full(len(self._pairs), -1.0), np.array(self._pairs).T
+        best, rows = np.full(len(self.pairs), -1.0), np.array(self.pairs).T
         for both in self._planes:
             held = []
             for own, body, row in zip(both, self._bodies, rows, strict=True):
@@ -353,8 +372,8 @@ class Others:
             best = np.maximum(best, np.minimum(*held))
         return best
 
-    def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> PairBound:
-        """Return the furthest that one of the directions proves which separate a part pair best at x."""
+    def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> tuple[PairBound, Conditions]:
+        """Return the furthest that one of the directions proves which separate a part pair best at x, and that one."""
         ways = self._ways(parts, at)
         conditions = Conditions.joined(ways)
         expanded = at.expanded(conditions)
@@ -362,19 +381,19 @@ class Others:
         if tied.any():
             tied[tied] = self.vanishing(conditions.chosen(tied))
         steps = np.where(tied, np.inf, safe_steps(expanded, at.span))
-        best, start = PairBound(-1.0), 0
+        best, furthest, start = PairBound(-1.0), ways[0], 0
         for way in ways:
             worst = start + int(np.argmin(steps[start : start + len(way.rows)]))
             start += len(way.rows)
             if min(steps[worst], at.span) > best.step:
-                known = tied[worst]
+                known, furthest = tied[worst], way
                 best = PairBound(
                     float(min(steps[worst], at.span)),
                     parts,
                     None if known else expanded[worst],
                     None if known else conditions.chosen([worst]),
                 )
-        return best
+        return best, furthest
 
     def _ways(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:
         """Return the conditions that a part pair is apart along the directions that separate it best at x.

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.along.followed import KINDS
+from fcdm_opt.along.march import Others
 from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
@@ -541,3 +542,26 @@ def test_plain_data_of_ranges_come_back_with_what_was_asked():
     stuck = fo.conflicts(asked.changed(limits={"TX": (0, 0), "TY": (0, 0)}, target=(1.1, 1)))
     with pytest.raises(fo.InputError, match="a Conflicts are without its problem, and cannot be read back; allowed: "):
         type(stuck).from_dict(stuck.to_dict())
+
+
+def test_pairs_of_parts_that_turn_beside_each_other_were_looked_at_in_every_step(monkeypatch) -> None:
+    """A plate on two pins, the first in a hole, the second in a slot .02 wider to either side: 74 s.
+
+    50 from the first pin, the second is touched at a sine of .02 / 50. Directions that divide parts go on to do so.
+    """
+    hole, *ends = (fo.Cylinder(5.02, 14, base=(x, 0, -2), facets=16) for x in (-25, 22, 28))
+    slot = fo.joined(fo.Box((6, 10.04, 14), centre=(25, 0, 5)), *ends)
+    plate = fo.cut(fo.Box((90, 40, 10), centre=(0, 0, 5)), hole, slot, name="plate")
+    pins = fo.joined(*(fo.Cylinder(5, 12, base=(x, 0, -0.5), facets=16) for x in (-25, 25)), name="pins")
+    asked = fo.Problem(plate, pins, motion=fo.Rotation("z", (-25, 0, 0)), target=(1, 1), goal="touch")
+    counts = {"bound": 0, "_ways": 0}
+    for name, method in ((name, getattr(Others, name)) for name in counts):
+
+        def counted(self: Others, *given: Any, name: str = name, method: Any = method) -> Any:
+            counts[name] += 1
+            return method(self, *given)
+
+        monkeypatch.setattr(Others, name, counted)
+    times = fo.contact_times(asked, {"RZ": 1.0}, limit=0.1)
+    assert [touch.x for touch in times.touches] == pytest.approx([-math.asin(4e-4), math.asin(4e-4)], abs=1e-12)
+    assert 0 < counts["_ways"] < 0.5 * len(plate.parts) * counts["bound"]
