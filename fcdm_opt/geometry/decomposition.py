@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.approximate import approximate
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, groups_of
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES, cover, is_star_shaped, merged, partition, partition_by_features
@@ -105,12 +106,15 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     pacing.at(f"cutting {mesh.name} into convex parts: {known}")
     if method == "coacd":
         return _approximated(mesh, "asked for")
-    work = reflex * len(mesh.triangles)
-    large = method == "auto" and work > MOST_WORK
-    most = FEW if large else None
-    exact = None
-    if method != "surface" and (not large or work <= MOST_FOR_FEW):
-        exact = _exact(mesh, seed, known, thoroughly=work <= MOST_FOR_RULES, most=most)
+    exact, solids = None, _solids(mesh) if method != "surface" else []
+    works = [len(rows) * _reflex_edges(own, np.unique(own.triangles)) for own, rows in solids]
+    large = method == "auto" and sum(works) > MOST_WORK
+    if solids and (not large or sum(works) <= MOST_FOR_FEW):
+        most = FEW if large else None
+        if len(solids) > 1:
+            exact = _each_exact(mesh, solids, works, known, most)
+        else:
+            exact = _exact(mesh, seed, known, thoroughly=works[0] <= MOST_FOR_RULES, most=most)
     asked = "asked for" if method == "surface" else f"{known} and {len(mesh.triangles)} triangles"
     return _under_faces(mesh, asked) if exact is None else exact
 
@@ -143,7 +147,54 @@ def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
     return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
-def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool, most: int | None) -> Decomposition | None:
+def _solids(mesh: Mesh) -> list[tuple[Mesh, Ints]]:
+    """Return the solids of a mesh of which no box meets another's, each with the rows of its triangles."""
+    shells = components(mesh.triangles[:, [0, 1, 0, 2]].reshape(-1, 2), len(mesh.vertices))[mesh.triangles[:, 0]]
+    numbers, shells = np.unique(shells, return_inverse=True)
+    ends = [np.full((len(numbers), 3), sign * np.inf) for sign in (1.0, -1.0)]
+    for end, further in zip(ends, (np.minimum, np.maximum), strict=True):
+        further.at(end, np.repeat(shells, 3), mesh.vertices[mesh.triangles.ravel()])
+    near = DEFAULT.nominal * (ends[1].max(axis=0) - ends[0].min(axis=0)).max()
+    pairs = overlapping(ends[0] - near, ends[1] + near, np.arange(len(numbers))) if len(numbers) > 1 else ()
+    links = np.concatenate([np.empty((0, 2), np.int64), *map(np.column_stack, pairs)])
+    solids = components(links, len(numbers))[shells]
+    if not solids.any():
+        return [(mesh, np.arange(len(solids)))]
+    found = []
+    for own in groups_of(solids):
+        faces, place = np.unique(mesh.triangle_faces[own], return_inverse=True)
+        polygons = tuple(mesh.faces[k] for k in faces.tolist())
+        found.append((replace(mesh, faces=polygons, triangles=mesh.triangles[own], triangle_faces=place), own))
+    return found
+
+
+def _each_exact(
+    mesh: Mesh, solids: Sequence[tuple[Mesh, Ints]], works: Sequence[int], known: str, most: int | None
+) -> Decomposition | None:
+    """Return exact decompositions of several solids as one; None where they have more parts than `most`."""
+    drawn, points, parts, surfaces = len(mesh.vertices), [mesh.vertices], list[Ints](), list[Surface]()
+    for (own, _), work in zip(solids, works, strict=True):
+        spare = None if most is None else most - len(parts)
+        made = _exact(own, None, known, thoroughly=work <= MOST_FOR_RULES, most=spare)
+        if made is None:
+            return None
+        further = sum(map(len, points)) - drawn
+        parts += [frozen(np.where(rows < drawn, rows, rows + further), np.int64) for rows in made.parts]
+        points.append(made.points[drawn:])
+        assert made.surface is not None
+        surfaces.append(made.surface)
+    each = f"not all of it is seen from the seed, each of {len(solids)} solids cut by itself"
+    why = f"{len(parts)} parts side by side, exactly the solid: {known}, {each}"
+    owners, start = np.empty(len(mesh.triangles), np.int64), 0
+    for surface, (_, rows) in zip(surfaces, solids, strict=True):
+        owners[rows] = start + surface.owners
+        start += len(surface.faces)
+    return Decomposition(
+        "exact", why, frozen(np.concatenate(points)), tuple(parts), Surface.of(mesh.vertices, mesh.triangles, owners)
+    )
+
+
+def _exact(mesh: Mesh, seed: Array | None, known: str, *, thoroughly: bool, most: int | None) -> Decomposition | None:
     """Return the best of exact decompositions; None where they have more parts than `most`."""
     solid = _Solid.of(mesh)
     space = solid.space
@@ -160,10 +211,10 @@ def _exact(mesh: Mesh, seed: Array, known: str, *, thoroughly: bool, most: int |
     if best is None:
         raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
     covering, kind = None, "side by side"
-    centre = space.point(seed)
+    centre = None if seed is None else space.point(seed)
     if not thoroughly:
         reason = "so many that no cover is looked for"
-    elif not is_star_shaped(space, solid.facets, centre):
+    elif centre is None or not is_star_shaped(space, solid.facets, centre):
         reason = "not all of it is seen from the seed"
     elif len(best) > MOST_COVERED:
         reason = f"more than {MOST_COVERED} parts, no cover looked for"

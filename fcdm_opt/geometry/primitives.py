@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
@@ -347,9 +347,9 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
     touched = np.unique(corners[owners < len(surfaces)])
-    moved = points.copy()
+    moved, every, at = points.copy(), [*surfaces, *planes], groups_of(corners)
     for v in touched.tolist():
-        meeting = [(*surfaces, *planes)[k] for k in np.unique(owners[corners == v]).tolist()]
+        meeting = [every[k] for k in np.unique(owners[at[v]]).tolist()]
         for _ in range(STEPS):
             misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)
             moved[v] -= np.linalg.lstsq(np.concatenate(slopes), np.concatenate(misses), rcond=DEFAULT.sharp)[0]

@@ -180,11 +180,18 @@ class Surface:
         origin, end = (self.points[self.edges[edges, k]] for k in (0, 1))
         along, lengths = end - origin, self.lengths[edges]
         lengths = np.where(lengths > 0.0, lengths, np.inf)  # of ends that rounding made one: only they lie on it
-        spokes = points[:, None] - origin
-        share = (spokes * along).sum(axis=2) / (lengths * self.size) ** 2
-        on = norms(spokes - share[:, :, None] * along) <= DEFAULT.nominal * self.size
-        room = DEFAULT.nominal / lengths
-        return on, on & (share >= -room) & (share <= 1 + room)
+        places, starts = (own - self.points[self.triangles[0, 0]] for own in (points, origin))
+        ways = along / (lengths * self.size)[:, None]
+        heights = places @ ways.T - (starts * ways).sum(axis=1)
+        off = (places**2).sum(axis=1)[:, None] - 2.0 * places @ starts.T + (starts**2).sum(axis=1) - heights**2
+        largest = max(np.abs(own).max(initial=0.0) for own in (places, starts))
+        i, j = np.nonzero(off <= (DEFAULT.snap * max(largest, self.size)) ** 2)  # as far as digits tell
+        spokes = points[i] - origin[j]
+        share = (spokes * along[j]).sum(axis=1) / (lengths[j] * self.size) ** 2
+        near = norms(spokes - share[:, None] * along[j]) <= DEFAULT.nominal * self.size
+        room, found = DEFAULT.nominal / lengths[j], np.zeros((2, len(points), len(origin)), np.bool_)
+        found[:, i, j] = near, near & (share >= -room) & (share <= 1 + room)
+        return found[0], found[1]
 
 
 def rims(triangles: Iterable[Rows]) -> list[list[int]]:

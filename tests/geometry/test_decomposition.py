@@ -21,6 +21,7 @@ from fcdm_opt.geometry.decomposition import decompose
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.mesh import Mesh, checked_mesh
 from fcdm_opt.geometry.partition import RULES, merged, partition
+from fcdm_opt.geometry.primitives import Sphere, joined
 
 CENTRES = {"L": (0.5, 0.5, 0.5), "T": (1.5, 0.5, 0.5), "two cubes sharing an edge": (1, 1, 0.5)}
 CENTRES |= {"two cubes sharing a vertex": (1, 1, 1), "cube less an eighth": (0.75, 1, 1)}
@@ -369,3 +370,24 @@ def test_a_deviation_is_two_lengths():
     for wrong in ((-1.0, 0.0), (0.0, np.inf), 0.1, (1.0, 2.0, 3.0), "thin"):
         with pytest.raises(InputError, match="'lid': deviation"):
             Body.from_parts([cube], deviation=wrong, name="lid")
+
+
+def test_solids_apart_were_cut_by_the_planes_of_each_others_facets(monkeypatch):
+    """Six spheres took minutes; of two that are not convex, with room between them, cuts go through their own alone."""
+    monkeypatch.setattr(Arrangement, "split", None)
+    spheres = [Sphere(4.0, centre=(10.0 * k, 0.0, 0.0), facets=12) for k in range(6)]
+    body = joined(*spheres)
+    assert len(body.parts) == 6
+    assert sum(len(part.vertices) for part in body.parts) == len(body.vertices) == 6 * len(spheres[0].vertices)
+    assert body.seed == pytest.approx([25.0, 0.0, 0.0], abs=1e-9)
+    monkeypatch.undo()
+    vertices, faces = surface_of(VOXELS["comb"][0])
+    corners = np.array(vertices, float)
+    away = 3.0 * np.ptp(corners, axis=0).max()
+    both = np.concatenate([corners, corners + np.array([away, 0.3, 0.0])])
+    one = Body.from_mesh(corners, faces)
+    two = Body.from_mesh(both, [*faces, *([k + len(corners) for k in own] for own in faces)])
+    assert len(two.parts) == 2 * len(one.parts)
+    assert len(two.faces) == 2 * len(one.faces)
+    shapes = [{tuple(np.round(part.vertices, 9).ravel().tolist()) for part in body.parts} for body in (one, two)]
+    assert shapes[0] < shapes[1]
