@@ -280,12 +280,12 @@ class PairBound(NamedTuple):
 class Known(NamedTuple):
     """What earlier steps of a march found of part pairs.
 
-    `apart_to`, (pairs,): up to where on the ray each does not overlap. `ways`, by pair: that it is apart along the
+    `apart_to`, (pairs,): up to where on the ray each does not overlap. `directions`, by pair: that it is apart along the
     direction that proved so last, which may do further on too.
     """
 
     apart_to: Array
-    ways: dict[int, Conditions]
+    directions: dict[int, Conditions]
 
 
 class Others:
@@ -341,9 +341,9 @@ class Others:
         if steps.min() >= best.step:
             return best
         steps = np.maximum(np.maximum(steps, self._in_planes(at)), known.apart_to - at.x)
-        near = [k for k in np.flatnonzero(steps < best.step).tolist() if k in known.ways]
+        near = [k for k in np.flatnonzero(steps < best.step).tolist() if k in known.directions]
         if near:
-            conditions = [known.ways[k] for k in near]
+            conditions = [known.directions[k] for k in near]
             held = np.minimum(safe_steps(at.expanded(Conditions.joined(conditions)), at.span), at.span)
             starts = np.cumsum([0, *(len(own.rows) for own in conditions[:-1])])
             steps[near] = np.maximum(steps[near], np.minimum.reduceat(held, starts))
@@ -352,7 +352,7 @@ class Others:
             if steps[k] >= best.step:
                 break
             if self.pairs[k] not in self._tracked:
-                bound, known.ways[k] = self._pair_bound(self.pairs[k], at)
+                bound, known.directions[k] = self._pair_bound(self.pairs[k], at)
                 known.apart_to[k] = at.x + max(steps[k], bound.step)
                 best = bound if bound.step < best.step else best
         return best

@@ -174,8 +174,8 @@ def _each_exact(
     """Return exact decompositions of several solids as one; None where they have more parts than `most`."""
     drawn, points, parts, surfaces = len(mesh.vertices), [mesh.vertices], list[Ints](), list[Surface]()
     for (own, _), work in zip(solids, works, strict=True):
-        spare = None if most is None else most - len(parts)
-        made = _exact(own, None, known, thoroughly=work <= MOST_FOR_RULES, most=spare)
+        at_most = None if most is None else most - len(parts)
+        made = _exact(own, None, known, thoroughly=work <= MOST_FOR_RULES, most=at_most)
         if made is None:
             return None
         further = sum(map(len, points)) - drawn

@@ -181,8 +181,8 @@ class Surface:
         along, lengths = end - origin, self.lengths[edges]
         lengths = np.where(lengths > 0.0, lengths, np.inf)  # of ends that rounding made one: only they lie on it
         places, starts = (own - self.points[self.triangles[0, 0]] for own in (points, origin))
-        ways = along / (lengths * self.size)[:, None]
-        heights = places @ ways.T - (starts * ways).sum(axis=1)
+        directions = along / (lengths * self.size)[:, None]
+        heights = places @ directions.T - (starts * directions).sum(axis=1)
         off = (places**2).sum(axis=1)[:, None] - 2.0 * places @ starts.T + (starts**2).sum(axis=1) - heights**2
         largest = max(np.abs(own).max(initial=0.0) for own in (places, starts))
         i, j = np.nonzero(off <= (DEFAULT.snap * max(largest, self.size)) ** 2)  # as far as digits tell
