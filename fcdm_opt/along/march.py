@@ -280,7 +280,7 @@ class PairBound(NamedTuple):
 class Known(NamedTuple):
     """What earlier steps of a march found of part pairs.
 
-    `apart_to`, (pairs,): up to where on the ray each does not overlap. `directions`, by pair: that it is apart along the
+    `apart_to`, (pairs,): up to where on the ray each does not overlap. `directions`: that pairs are apart along the
     direction that proved so last, which may do further on too.
     """
 
