@@ -630,3 +630,13 @@ def test_the_load_of_the_machine_decided_how_many_places_a_slider_has():
     assert [frames_of(problem, cases) for cases in (1, 4, 8)] == [1.0, 1.0, 0.5]
     families = gather([opened("boxes", "both made larger")], certify=False)["cases"][0]["families"]
     assert [families[name]["values"] for name in ("tolerance", "motion")] == [list(FACTORS), list(SHARES)]
+
+
+def test_a_stack_up_of_true_faces_is_not_said_to_come_near_them() -> None:
+    plate = fo.cut(fo.Box((40, 40, 10)), fo.Cylinder(4.0, 20, base=(0, 0, -10)), name="plate")
+    pin = fo.Cylinder(3.9, 30, base=(0, 0, -15), name="pin")
+    size = fo.Size("bore", "static", faces="bore radius 4", each=-0.5, tolerance=0.02)
+    asked = fo.Problem(pin, plate, sizes=[size], motion=fo.Translation("x"), goal="clear", target=(1, 1))
+    found = stack_report(asked)
+    assert found["worst"][0]["gap"] == pytest.approx(0.1 - 0.01, abs=1e-9)  # of the radius, with the true faces
+    assert not [note for note in found["notes"] if "true parts" in note]

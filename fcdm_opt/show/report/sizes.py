@@ -12,7 +12,6 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.show.remarks import known_gaps
 from fcdm_opt.show.texts import NONE, listed, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
@@ -64,7 +63,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         with pacing.looking(STACKED):
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
-            shares, notes = contributions_of(found), [*stack_notes(found), *known_gaps(scene)]
+            shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
         why = "left out, it takes long: `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
