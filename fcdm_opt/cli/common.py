@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -201,7 +201,7 @@ def opened_files(
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
     Files of assemblies are refused unless `assemblies` are known what to do with. Only cases that are wanted are made,
-    with `some` the first that can be.
+    with `some` the first that can be, or what is about its bodies alone.
 
     Raises
     ------
@@ -239,7 +239,8 @@ def opened_files(
             files.append(OpenedFile(path, error=own))
             continue
         try:
-            make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, Problem)
+            made_of = _of_bodies if some else Problem
+            make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, made_of)
             files.append(OpenedFile(path, own.title, own.note, _cases_of(make, path, own.case, wanted, some=some)))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
@@ -248,10 +249,20 @@ def opened_files(
 
 def _cases_of(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
     """Return the problems of the cases of a file that are wanted, of all, or of the first that can be made."""
-    for case in cases[:-1] if some else ():
-        with suppress(InputError):
-            return tuple(make(path, wanted=(case.name,)))
-    return tuple(make(path, wanted=[own.name for own in cases[-1:]] if some else wanted))
+    return tuple(make(path, wanted=[own.name for own in cases[:1]] if some else wanted))
+
+
+def _of_bodies(**asked: Any) -> Any:
+    """Return a problem, or one about the same bodies alone where it is refused; says on stderr why that is."""
+    from fcdm_opt.problem.problem import Problem
+
+    try:
+        return Problem(**asked)
+    except InputError as reason:
+        bodies = {key: asked[key] for key in ("movable", "static", "motion", "unit")}
+        found = Problem(**bodies, goal="touch", target=(1.0, 1.0))
+        say(f"this is of both bodies as drawn, {asked.get('name') or 'the case'} is refused: {reason}")
+        return found
 
 
 def _refused(reason: InputError, **place: Any) -> str:

@@ -165,9 +165,12 @@ class TouchingSizes:
                     )  # fmt: skip
                 own_corners = corners[k] = _all_corners(part)
                 if _is_lost(part, own_corners, low[own], high[own]):
+                    parted, piece = moving.parted(), "a piece that is cut off " * (len(moving.parts) > 1)
                     raise InputError(
-                        f"within these tolerances nothing may be left of body '{body.name}'",
-                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
+                        f"within these tolerances nothing may be left of {piece}body '{body.name}'"
+                        f"{parted and f': {parted}'}",
+                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
+                        allowed=f"smaller ones{', or all of these faces in one size' if parted else ''}",
                     )  # fmt: skip
             if reach[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
                 with placed(key="sizes.tolerance"):

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
-from fcdm_opt.geometry.naming import numbered_face
+from fcdm_opt.geometry.naming import GENTLE, neighbours, numbered_face
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
@@ -168,6 +168,19 @@ class Resizing:
         if face < 0:
             return f"a cut {body}"
         return f"{numbered_face(self.body, face, f' ({direction(own.part.normals[facet])})')} {body}"
+
+    def parted(self) -> str:
+        """Return which faces move and not those that go on from them, nearly in one plane; "" where none are."""
+        body = self.body if self.body.exact is None else self.body.exact.facets
+        pairs, normals = neighbours([*body.faces])[0], body.face_planes[0]
+        moved = np.abs(self.faces).max(axis=1, initial=0.0) > 0.0
+        turned = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1)
+        pairs = pairs[(turned > GENTLE) & (moved[pairs[:, 0]] != moved[pairs[:, 1]])]
+        move, stay = (
+            ", ".join(dict.fromkeys(numbered_face(body, k) for k in np.unique(pairs[moved[pairs] == own]).tolist()))
+            for own in (True, False)
+        )
+        return f"{move} move, and {stay}, which go on from there, do not" if len(pairs) else ""
 
     def inclined(self) -> str:
         """Return a face that a scale along an axis turns, "" where none is turned."""

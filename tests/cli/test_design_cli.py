@@ -293,6 +293,10 @@ def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Pat
     assert (code, said.count("lost")) == (0, 0)
     assert "0.0325" in told
     assert run("faces", path)[0] == 0
+    path.write_text(text.replace("[[size]]", '[[size]]\nname = "wrong"\nbody = "static"\nfaces = "F999"\n[[size]]', 1))
+    code, told, said = run("faces", path)  # refused, though the names that it lists are what such a size lacks
+    assert (code, "F999" in said, "static: body" in told) == (0, True, True)
+    path.write_text(text.replace("[[case]]", '[[case]]\nname = "lost"\nmade = { key_width = -20.0 }\n[[case]]', 1))
     assert run("stack", path, "--case", "lost", "--draws", "1000")[0] == 2
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fcdm_opt import Body, Problem, Size, Translation, decision_curve, solve
+from fcdm_opt import Body, Problem, Size, Translation, decision_curve, solve, stack_up
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
@@ -20,7 +22,7 @@ from fcdm_opt.geometry.facet_errors import all_recognised, round_surfaces
 from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut
-from fcdm_opt.geometry.resizing import _by_features
+from fcdm_opt.geometry.resizing import Resizing, _by_features
 from fcdm_opt.show.stacks import print_faces
 
 
@@ -223,11 +225,13 @@ def test_facets_of_a_torus_were_listed_one_by_one(capsys: pytest.CaptureFixture[
     assert listed[-1] == f"... and {len(ring.faces) - 200} more: --json lists all"
 
 
-def slotted(ends: tuple[float, ...], length: float, facets: int, middle: float = 0.0) -> Body:
+def slotted(ends: tuple[float, ...], length: float, facets: int, middle: float = 0.0, flattened: float = 1.0) -> Body:
     """A mesh of a block with a slot 8 wide along x, closed by half turns about these places, from an STL's floats."""
     block = Box((60, 40, 15), centre=(0, 0, -7.5))
     slot = Box((length, 8, 11), centre=(middle, 0, -4.5))
-    solid = cut(block, slot, *(Cylinder(4, 11, base=(x, 0, -10), facets=facets) for x in ends))
+    circle = ring(4.0, facets, 0.0) * (flattened, 1.0, 1.0)
+    turns = (Body.convex(np.vstack([np.add(circle, (x, 0.0, z)) for z in (-10.0, 1.0)])) for x in ends)
+    solid = cut(block, slot, *turns)
     corners = solid.face_triangles[0].reshape(-1, 3).astype(np.float32).astype(float)
     points, rows = np.unique(corners, axis=0, return_inverse=True)
     return Body.from_mesh(points, rows.reshape(-1, 3), seed=(0, 0, 0), name="block")
@@ -259,3 +263,34 @@ def test_a_pin_slides_to_the_true_end_of_a_slot() -> None:
         block = slotted((-2.0, 2.0), 4.0, 24).rounded()
         asked = Problem(pin, block, motion=Translation("x"), goal="touch", limits=limits, target=(1, 1))
         assert solve(asked).parameters["TX"] == pytest.approx(end, abs=2e-6)
+
+
+def across_slot(flattened: float) -> Problem:
+    """A pin with 0.02 of play in a slot, of which a size shifts the walls."""
+    pin = Cylinder(3.98, 12, base=(0, 0, -9), name="pin")
+    walls = [{"through": (0, y, -5)} for y in (-4, 4)]
+    place = Size("place", "static", faces=walls, along="y", tolerance=0.03)
+    block = slotted((-2.0, 2.0), 4.0, 48, flattened=flattened).rounded()
+    return Problem(pin, block, motion=Translation("y"), goal="clear", sizes=[place], made={"place": 0.03})
+
+
+def test_the_ends_of_a_slot_go_with_its_walls() -> None:
+    """Refused, as "nothing may be left of body 'base'"."""
+    asked = across_slot(1.0)
+    found = round_surfaces(asked.static)
+    assert sorted(own.origin[:2].tolist() for own, _ in found) == [
+        pytest.approx([x, 0.03], abs=1e-6) for x in (-2.0, 2.0)
+    ]
+    assert [own.radius for own, _ in found] == pytest.approx([4.0, 4.0], rel=1e-6)
+    assert solve(asked).parameters["TY"] == pytest.approx(0.01, abs=1e-6)
+    assert stack_up(asked).worst().least == pytest.approx(0.02 - 0.03, abs=1e-6)
+
+
+def test_what_goes_on_from_a_wall_that_moves_is_named() -> None:
+    """An end that is half of an oval is no round face, and its first facets would be gone."""
+    asked = across_slot(0.8)
+    (place,) = asked.sizes
+    told = Resizing.of(asked.request["static"], [place]).parted()
+    assert re.fullmatch(r"(face F\d+,? ){2}move, and (face F\d+, ){4}which go on from there, do not", told)
+    with pytest.raises(InputError, match="nothing may be left of a piece that is cut off body 'block'"):
+        stack_up(asked.changed(sizes=[replace(place, tolerance=0.1)]))
