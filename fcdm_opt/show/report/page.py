@@ -24,7 +24,6 @@ from fcdm_opt.show.texts import amount_text, asked_text, bound_line, listed, sho
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.solution import Solution
 
@@ -144,7 +143,6 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
     certificate = solution.certificate
     told = [*(() if solution.usable else solution.active), *filter(None, [solution.doubt])]
-    bodies = assembly.bodies_made
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
@@ -160,7 +158,7 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
         "contacts": [
-            (f"{pair.one} - {pair.two}", _touching(bodies[pair.one], bodies[pair.two], own), own.pair_state or "-")
+            (f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-")
             for pair, own in solved
         ],
         "stages": solution.stages,
@@ -168,8 +166,9 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     }
 
 
-def _touching(one: Body, two: Body, solution: Solution) -> str:
-    """Return what touches, in words."""
+def _touching(solution: Solution) -> str:
+    """Return what touches, in words; of the solution's own bodies, which may be exact at points of round faces."""
+    one, two = solution.problem.bodies
     pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
 
