@@ -168,6 +168,8 @@ class Size(Plain):
         towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
         ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
+        if len(own) and not len(also):
+            across = _opposite(body, own, across, levels, float(moved[own[0]]))
         for others in (also,) if len(also) else (np.setdiff1d(ahead, rows), across):  # these stay: a step, or a width
             one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
             if one_plane and len(own) + len(also) == len(rows):
@@ -315,6 +317,23 @@ class Size(Plain):
             several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
             raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
         return rows
+
+
+def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) -> Ints:
+    """Return those of the faces that look the other way that faces are opposite to, through room or through material.
+
+    Those nearest along the normal on the side from which the faces move away, of those they overlap in projection; all
+    where there are none.
+    """
+    sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
+    (mine, theirs) = (
+        [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows.tolist()] for rows in (own, across)
+    )
+    lows, highs = np.min([x.min(axis=0) for x in mine], axis=0), np.max([x.max(axis=0) for x in mine], axis=0)
+    over = [bool(((x.max(axis=0) > lows) & (x.min(axis=0) < highs)).all()) for x in theirs]
+    off = -np.sign(moved) * (levels[across] - levels[own[0]])
+    known = np.array(over, bool) & (off > DEFAULT.nominal * body.size)
+    return across[known & (off <= off[known].min() + DEFAULT.nominal * body.size)] if known.any() else across
 
 
 @lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points

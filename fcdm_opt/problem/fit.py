@@ -239,12 +239,18 @@ def misfit(problem: Problem) -> Misfit | None:
     normals, places, reaches, gaps = normals[told], places[told], reaches[told], gaps[told]
     walls = _ClosedWalls(problem, normals, places, reaches, gaps)
     found = walls.tightest(np.arange(len(gaps)))
-    if found is None or walls.of_one_feature(found):
+    if found is None or _of_one_feature(problem, found):
         return found
     each = map(walls.tightest, walls.by_feature())
-    named = [one for one in each if one is not None and walls.of_one_feature(one)]
+    named = [one for one in each if one is not None and _of_one_feature(problem, one)]
     one = max(named, key=lambda own: own.inner - own.outer, default=None)
     return found if one is None else one._replace(wider=found)
+
+
+def _of_one_feature(problem: Problem, found: Misfit) -> bool:
+    """Tell whether the walls of either body are of one round face, or of none."""
+    bodies = zip(map(_round_numbers, drawn_bodies(problem)), found.faces, strict=True)
+    return all(len({_number(known, own) for own in faces if own is not None}) < 2 for known, faces in bodies)
 
 
 class _ClosedWalls(NamedTuple):
@@ -319,11 +325,6 @@ class _ClosedWalls(NamedTuple):
         errors = ((facet_errors(body), rho) for body, rho in both if round_surfaces(body))
         return sum(2.0 * rho * float(own.sum(axis=1).max()) for own, rho in errors if own is not None)
 
-    def of_one_feature(self, found: Misfit) -> bool:
-        """Tell whether the walls of either body are of one round face, or of none."""
-        bodies = zip(map(_round_numbers, drawn_bodies(self.problem)), found.faces, strict=True)
-        return all(len({_number(known, own) for own in faces if own is not None}) < 2 for known, faces in bodies)
-
     def by_feature(self) -> Iterator[Ints]:
         """Yield the rows of each round face of either body, and of all others."""
         for body, side, own in zip(drawn_bodies(self.problem), (1.0, -1.0), self.places.T.tolist(), strict=True):
@@ -396,7 +397,8 @@ def _verdict(problem: Problem) -> str:
         return ""
     all_round = found.wider is not None and true_widths(problem, found.wider) is not None
     words = [_in_words(problem, own) for own in (found, found.wider if all_round else None) if own is not None]
-    return f"does not fit: {'; nor '.join(words)}"
+    where = "" if _of_one_feature(problem, found) else " where it is drawn"  # along round walls a long shift may help
+    return f"does not fit{where}: {'; nor '.join(words)}"
 
 
 def _in_words(problem: Problem, found: Misfit) -> str:

@@ -11,7 +11,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import is_round, rows_of_element, told_element
+from fcdm_opt.geometry.naming import is_round, round_faces, rows_of_element, told_element
 from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -26,11 +26,11 @@ def with_whole_faces(problem: Problem, features: Sequence[Feature], transform: A
     """Return contacts with those of faces in place of those of their edges and corners, each once.
 
     Of a face that lies on another one but for the digits of files, where the movable part's `transform` is told; and of
-    one that touches a round face with two of its edges, and so between them.
+    one that lies along a round face, by one of its edges, in that place or as drawn.
     """
     found = [own if transform is None else _on_a_face(problem, own, transform) for own in features]
     for role in (0, 1):
-        found = _along_round_faces((problem.movable, problem.static), found, role)
+        found = [_along_round_face(problem, own, np.eye(4) if transform is None else transform, role) for own in found]
     return list(dict.fromkeys(found))
 
 
@@ -59,20 +59,31 @@ def _on_a_face(problem: Problem, feature: Feature, transform: Array) -> Feature:
     return feature
 
 
-def _along_round_faces(bodies: tuple[Body, Body], features: Sequence[Feature], role: int) -> list[Feature]:
-    """Return the contacts with those of faces of body `role` where two of a face's edges touch a convex round face."""
-    found = dict[object, list[tuple[Element, Element]]]()
-    for feature in features:
-        own, other = (feature.one, feature.two)[:: 1 - 2 * role]
-        text = told_element(bodies[1 - role], other)
-        edge = own.kind != "F" and not is_round(told_element(bodies[role], own))
-        found.setdefault(text if edge and is_round(text) and text.startswith(CONVEX) else feature, []).append(
-            (own, other)
-        )
-    kept = list[Feature]()
-    for pairs in found.values():
-        rows = set.intersection(*(set(rows_of_element(bodies[role], own)) for own, _ in pairs))
-        if len(dict(pairs)) > 1 and len(rows) == 1:
-            pairs = [(Element("F", _drawn(bodies[role]).faces[rows.pop()]), pairs[0][1])]
-        kept += [Feature(*pair[:: 1 - 2 * role]) for pair in pairs]
-    return kept
+def _along_round_face(problem: Problem, feature: Feature, transform: Array, role: int) -> Feature:
+    """Return a contact of a face of body `role` in place of that of its edge, where it lies along a convex round face.
+
+    There the round face's normal is against that of the face, which its axis or generator is in.
+    """
+    bodies = [own.full_body or own for own in (problem.movable, problem.static)]
+    own, other = (feature.one, feature.two)[:: 1 - 2 * role]
+    text, rows = told_element(bodies[1 - role], other), rows_of_element(bodies[1 - role], other)
+    if own.kind == "F" or not is_round(text) or not text.startswith(CONVEX):
+        return feature
+    labels = {tuple(sorted(_drawn(bodies[1 - role]).faces[row])) for row in rows}
+    surface = next(each.surface for each in round_faces(bodies[1 - role]) if labels & set(each.faces))
+    turn, shift = transform[:3, :3], transform[:3, 3]
+    if role:  # all in the frame of the round body
+        turn, shift = turn.T, -turn.T @ shift
+    seed, rho = bodies[role].seed, problem.target[role]
+    ends = (seed + rho * (bodies[role].vertices[np.array(own.vertices) - 1] - seed)) @ turn.T + shift
+    seed, rho = bodies[1 - role].seed, problem.target[1 - role]
+    ends = seed + (ends - seed) / rho - surface.origin
+    away = ends - (ends @ surface.axis)[:, None] * surface.axis
+    along = away[-1] - away[0]
+    place = np.clip(-(away[0] @ along) / max(along @ along, DEFAULT.weld), 0.0, 1.0)
+    _, normal = surface.misses((ends[0] + place * (ends[-1] - ends[0]) + surface.origin)[None])
+    drawn = _drawn(bodies[role])
+    against = [row for row in rows_of_element(bodies[role], own)
+               if drawn.face_planes[0][row] @ turn.T @ normal[0] < -np.cos(DEFAULT.sharp)]  # fmt: skip
+    lying = Element("F", drawn.faces[against[0]]) if len(against) == 1 else own
+    return Feature(*(lying, other)[:: 1 - 2 * role])

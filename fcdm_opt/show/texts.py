@@ -253,7 +253,7 @@ def _unfit(problem: Problem) -> str:
     from fcdm_opt.geometry.solids import depth_as_drawn
     from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, verdict
 
-    widths = verdict(problem.deviating(ALMOST)).removeprefix("does not fit: ")
+    widths = verdict(problem.deviating(ALMOST)).partition(": ")[2]
     depth = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)
     if not widths and depth > problem.contact_slack:
         return f"as drawn, they overlap by {measured(number(depth, DIGITS), problem.unit)}"

@@ -635,3 +635,19 @@ def test_a_fillet_stayed_where_it_was_when_the_shaft_that_it_ends_got_thinner() 
     assert solution.amount == pytest.approx(16.0 - (3.99 + 10.0) - math.sqrt(2.0), rel=1e-9)
     assert solution.amount_low == pytest.approx(solution.amount, rel=1e-4)
     assert solution.sensitivity.sizes["diameter"] == pytest.approx(-0.5, rel=1e-6)
+
+
+def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:
+    """Across the room that a face looks into, or through the material behind it: not to just any face of its kind."""
+    rail = fo.cut(
+        fo.Box((40, 60, 20), centre=(0, 0, 10)),
+        fo.Box((20, 80, 6.2), centre=(0, 0, 8.1)),
+        fo.Box((8, 80, 20), centre=(0, 0, 20)),
+    )
+    lips = [{"through": (x, 0, 11.2)} for x in (-7, 7)]
+    assert fo.Size("channel", "static", faces=lips, each=[-1, -1]).drawn(rail) == pytest.approx(6.2)
+    assert fo.Size("lips", "static", faces=lips, each=[1, 1]).drawn(rail) == pytest.approx(8.8)
+    tray = fo.cut(fo.Box((60, 38, 20), centre=(0, 0, 10)), fo.Box((56, 36, 20), centre=(0, 0, 12)))
+    wall = {"through": (0, 18, 10)}
+    assert fo.Size("width within", "static", faces=wall, each=-1).drawn(tray) == pytest.approx(36.0)
+    assert fo.Size("wall", "static", faces=wall, each=1).drawn(tray) == pytest.approx(1.0)

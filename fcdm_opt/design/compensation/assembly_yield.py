@@ -247,12 +247,14 @@ def assembly_yield(
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     exchanged = cache(lambda *own: looked_up(np.where(own, *ends[::-1])).amount)  # of two sizes one's is the other's
+    known = points.error[np.isfinite(points.error)]
+    varies = len(amounts) > 0 and np.ptp(amounts) > known.max(initial=0.0)  # by more than the map is off
     contributions = []
     for k, body in enumerate(BODIES if over == SCALES else over):
         own, held = np.arange(len(over)) == k, pairs[:: max(len(pairs) * len(over) // MOST_HELD, 1)].copy()
         held[:, k] = scatter[k].quantile(0.5)
         one, other = exchanged(*own.tolist()), exchanged(*(~own).tolist())
-        indices, deviations = sobol_indices(here, one, other, there)
+        indices, deviations = sobol_indices(here, one, other, there) if varies else np.full((2, 2), np.nan)
         (first, total), (first_error, total_error) = indices.tolist(), deviations.tolist()
         fixed = looked_up(held)
         without = math.nan if fixed.unknown.any() else fixed.share
