@@ -56,7 +56,7 @@ VERDICTS = {
     ),
     ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
         "impossible with this motion and these limits (proved): at the nearest pose found (TX 0 mm + TZ 0.36 mm) "
-        "bottom face of bracket, top face of plate are 2 mm apart; in the way, bottom face of bracket, top face no. 2 "
+        "bottom face of bracket, top face of plate are 2 mm apart; in the way, bottom face of bracket, top face no. 1 "
         "of ribs are 0.5 mm apart, 0.5 mm asked"
     ),
 }

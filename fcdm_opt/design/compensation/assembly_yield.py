@@ -304,6 +304,7 @@ class _LookedUp(NamedTuple):
     possibly: Flags
     outside: Flags
     unknown: Flags
+    error: Array
 
     @property
     def share(self) -> float:
@@ -322,7 +323,7 @@ def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, fl
         surely, possibly = amount + error <= most, ~((amount - error > most) | np.isnan(amount))
         outside, unknown = points.region < 0, points.undecided
         possibly = possibly & kept | unknown | outside
-        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly, outside, unknown))
+        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly, outside, unknown, error))
     return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
 
 
