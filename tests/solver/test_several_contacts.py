@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
@@ -779,5 +780,5 @@ def test_flat_locators_at_unlike_heights_were_no_reason_why_none_was_found() -> 
     asked = {"contacts": "all", "goal": "at", "sizes": [high], "made": {"stop": 0.04}}
     found = fo.solve(fo.Problem(work, fo.joined(*rests, *stops, name="fixture"), motion=fo.Free(), **asked))
     assert found.status.name == "NOT_FOUND"
-    assert "contacts 3, 4 exclude each other" in str(found)
+    assert re.search(r"contacts \d, \d exclude each other; below the amount", str(found))
     assert "faces in contact stay parallel: round or pointed locators" in found.advice
