@@ -168,7 +168,7 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
 
 def _touching(solution: Solution) -> str:
     """Return what touches, in words; of the solution's own bodies, which may be exact at points of round faces."""
-    one, two = solution.problem.bodies
+    one, two = solution.problem.movable, solution.problem.static
     pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
 
