@@ -149,7 +149,7 @@ class March:
 
     def advanced(self, x: float) -> Stop | None:
         """Return where the march from x stops, None where it reaches its end."""
-        span, known = self.unit, Known(np.full(len(self._others.pairs), x), {})
+        span, known = self.unit, ProvedSeparations(np.full(len(self._others.pairs), x), {})
         for _ in range(STEPS):
             pacing.check()
             span = min(span, self._end - x)
@@ -277,7 +277,7 @@ class PairBound(NamedTuple):
     condition: Conditions | None = None
 
 
-class Known(NamedTuple):
+class ProvedSeparations(NamedTuple):
     """What earlier steps of a march found of part pairs.
 
     `apart_to`, (pairs,): up to where on the ray each does not overlap. `directions`: that pairs are apart along the
@@ -324,7 +324,7 @@ class Others:
             zero &= is_tied(sample.expanded(conditions))
         return zero
 
-    def bound(self, at: RayStretch, step: float, known: Known) -> PairBound:
+    def bound(self, at: RayStretch, step: float, known: ProvedSeparations) -> PairBound:
         """Return how far none overlaps but those tracked, at most a given step.
 
         Spheres about the parts settle most pairs, and planes of tracked features between them; of the others the

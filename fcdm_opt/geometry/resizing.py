@@ -483,7 +483,7 @@ class _CornersOfParts(NamedTuple):
     surface: Surface | None
 
 
-def corners_made(body: Body, made: Mapping[Size, float]) -> list[Array]:
+def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
     """Return the corners at given sizes of each part as drawn, however the body made is cut; raises as `resized`."""
     scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
     if not lengths:

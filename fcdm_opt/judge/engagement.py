@@ -31,7 +31,7 @@ from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
 from fcdm_opt.judge.passing import passes, past_after
-from fcdm_opt.problem.fit import REST, corners_made_of_parts, drawn_bodies, holds, misfit, overlap_as_drawn
+from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit, overlap_as_drawn, part_corners_as_made
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -191,7 +191,7 @@ def _any_comes_off(problem: Problem, T: Array) -> bool:
     bodies = problem.movable, problem.static
     if _comes_off(problem, T, [body.vertices for body in bodies]):
         return True
-    found, corners = misfit(problem), corners_made_of_parts(problem)
+    found, corners = misfit(problem), part_corners_as_made(problem)
     if found is None or corners is None:
         return False
     sides = zip(bodies, drawn_bodies(problem), found.faces, found.parts, corners, strict=True)

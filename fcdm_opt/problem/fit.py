@@ -20,7 +20,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
-from fcdm_opt.geometry.resizing import corners_made
+from fcdm_opt.geometry.resizing import resized_part_corners
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
@@ -114,7 +114,7 @@ def _cut(parts: list[ConvexPart], normals: Array, body: Body) -> Flags:
 
 
 @lru_cache(maxsize=4)
-def corners_made_of_parts(problem: Problem) -> tuple[list[Array], list[Array]] | None:
+def part_corners_as_made(problem: Problem) -> tuple[list[Array], list[Array]] | None:
     """Return the corners that the parts of both bodies as drawn have at the sizes made; None where that is not known.
 
     Bodies made may be cut anew, into other parts.
@@ -124,7 +124,7 @@ def corners_made_of_parts(problem: Problem) -> tuple[list[Array], list[Array]] |
         if drawn is not made and not made.is_surface:
             off = {size: problem.made[size.name] for size in problem.sizes if size.body == role}
             try:
-                found.append(corners_made(drawn, off))
+                found.append(resized_part_corners(drawn, off))
             except InputError:
                 return None
         elif [len(part.vertices) for part in drawn.parts] == [len(part.vertices) for part in made.parts]:
@@ -136,7 +136,7 @@ def corners_made_of_parts(problem: Problem) -> tuple[list[Array], list[Array]] |
 
 def _change(problem: Problem) -> float:
     """Return how much two parts may come nearer each other along any direction as they are made; length units."""
-    corners, change = corners_made_of_parts(problem), 0.0
+    corners, change = part_corners_as_made(problem), 0.0
     if corners is None:
         return np.inf
     for drawn, made, points, before, after in zip(
@@ -221,7 +221,7 @@ def misfit(problem: Problem) -> Misfit | None:
     """
     if problem.partial and pacing.over():
         return None
-    corners, (normals, places) = corners_made_of_parts(problem), _walls(problem, 2.0 * _change(problem))
+    corners, (normals, places) = part_corners_as_made(problem), _walls(problem, 2.0 * _change(problem))
     if corners is None or not len(normals):
         return None
     # how far the parts made reach, from the origin: body 1 along the normal, body 2 against it; apart by minus the sum

@@ -380,9 +380,10 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
         Text above and below the picture.
     """
     bodies: list[Body] = [problem.request[role] for role in ("movable", "static")]
-    _, hidden = _faces_sheet(bodies, [SIDES, SIDES], problem.unit)
-    each = [{**SIDES, **OTHER_SIDES} if unseen else SIDES for unseen in hidden]
-    sheet, hidden = _faces_sheet(bodies, each, problem.unit, title=title, caption=caption)
+    sheet, hidden = _faces_sheet(bodies, [SIDES, SIDES], problem.unit, title=title, caption=caption)
+    if any(hidden):
+        each = [{**SIDES, **OTHER_SIDES} if unseen else SIDES for unseen in hidden]
+        sheet, hidden = _faces_sheet(bodies, each, problem.unit, title=title, caption=caption)
     lines = [
         f"of {shortened(body.name, NAME)} {shortened(_ranges(unseen), LONGEST)}"
         for body, unseen in zip(bodies, hidden, strict=True)
