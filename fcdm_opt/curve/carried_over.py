@@ -113,6 +113,8 @@ class _PartsAlike:
     @cached_property
     def faces(self) -> Ints:
         """The facet as made of each as drawn, -1 where it is gone."""
+        if not self._renamed and self.drawn.loops == self.made.loops:  # those of round faces are not where planes go
+            return np.arange(len(self.made.loops))
         normals, levels = self._planes
         made, size = self.made, self._body.size
         out = (made.normals * (made.bases - self._body.seed)).sum(axis=1)

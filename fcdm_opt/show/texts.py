@@ -149,9 +149,13 @@ def in_unit(value: float, unit: str) -> float:
 
 
 def telling(scene: Scene, values: Sequence[float], least: float = UNSEEN) -> list[float]:
-    """Return values of the parameters, 0 for those that add no more than a share of the weighted amount of all."""
+    """Return values of the parameters, 0 for those that add no more than a share of the weighted amount of all.
+
+    And for those that move no part further than the digits of its file leave open where it is (single precision).
+    """
     weighted = [own.weight * q for q, own in zip(values, scene.coordinates, strict=False)]
-    return [q if abs(x) > least * math.hypot(*weighted) else 0.0 for q, x in zip(values, weighted, strict=False)]
+    open_by = max(2.0 * max(body.rounding for body in scene.drawn.values()), least * math.hypot(*weighted))
+    return [q if abs(x) > open_by else 0.0 for q, x in zip(values, weighted, strict=False)]
 
 
 def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:

@@ -210,7 +210,8 @@ def _steps(solution: Solution) -> list[tuple[str, str]]:
 
 def motion_said(solution: Solution) -> str:
     """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
-    return _in_order(_steps(solution), "")[1] if solution.amount > 0.0 else ""
+    steps = _steps(solution)
+    return _in_order(steps, "")[1] if steps else ""
 
 
 def instruction(solution: Solution) -> str:
@@ -243,7 +244,7 @@ def _in_order(steps: list[tuple[str, str]], again: str) -> tuple[str, str]:
 def _effect(solution: Solution) -> str:
     """Return what holds after the motion: of the parts made, and of the contact meant where that is asked."""
     problem, state = solution.problem, solution.pair_state
-    other, then = name_of(problem, 1), "then " * (solution.amount > 0.0)
+    other, then = name_of(problem, 1), "then " * bool(_steps(solution))
     contact = contact_text(problem, solution.features, solution.transform) or f"it touches {other}"
     gap = length_text(problem, abs(solution.pair_gap))
     made = {"touching": "touch", "apart": f"are {gap} apart", "overlapping": f"overlap by {gap}"}.get(state, state)
@@ -258,7 +259,7 @@ def _effect(solution: Solution) -> str:
 
 def sure_text(solution: Solution) -> str:
     """Return whether less would do, in words."""
-    if not solution.amount > 0.0:
+    if not _steps(solution):
         return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh)))
     if solution.doubt:
         return solution.doubt

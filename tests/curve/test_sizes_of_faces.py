@@ -651,3 +651,15 @@ def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> 
     wall = {"through": (0, 18, 10)}
     assert fo.Size("width within", "static", faces=wall, each=-1).drawn(tray) == pytest.approx(36.0)
     assert fo.Size("wall", "static", faces=wall, each=1).drawn(tray) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("goal", ["seat", "at", "touch"])
+def test_a_stop_on_a_round_rod_lost_its_contact_at_another_diameter(goal: Any) -> None:
+    # corners of a rod that is taken as round go with its cylinder: facets are not where their planes would be alone
+    angles = 2.0 * np.pi * np.arange(64) / 64
+    ring = 5.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    rod = fo.Body.convex(np.vstack([np.column_stack([ring, np.full(64, z)]) for z in (-15.0, 15.0)])).rounded()
+    stop = box((-15, -6, -7), (-5, 6, 7))
+    size = fo.Size("diameter", "static", faces=["cylinder radius 5"], each=0.5)
+    asked = fo.Problem(stop, rod, sizes=[size], made={"diameter": -0.05}, goal=goal, motion=X)
+    assert fo.solve(asked).parameters["TX"] == pytest.approx(0.025, abs=1e-14)

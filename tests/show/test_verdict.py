@@ -348,3 +348,16 @@ def test_a_face_that_lies_along_a_bar_was_told_as_two_of_its_edges() -> None:
     ):
         motion = fo.Rotation("z", (-60, 20, 0))
         assert words in verdict_text(fo.solve(fo.Problem(one, two, target=(1, 1), goal="touch", motion=motion)))
+
+
+def test_what_a_file_s_digits_leave_open_was_told_as_a_motion() -> None:
+    """A jaw in single precision, 3.6e-8 off its rod by rounding, was to be moved by that."""
+    asked = {"target": (1, 1), "goal": "touch", "motion": fo.Translation("z")}
+    wall = cube("wall", 2.0, (0.0, 0.0, -3.0))
+    jaws = cube("jaw", 2.0), replace(cube("jaw", 2.0), rounding=1e-7)
+    exact, single = (fo.solve(fo.Problem(jaw, wall, **asked)) for jaw in jaws)
+    assert telling(exact.problem, [3.6e-8]) == [3.6e-8]
+    assert telling(single.problem, [3.6e-8]) == [0.0]
+    moved = replace(single, parameters={"TZ": 3.6e-8}, amount=3.6e-8)
+    assert verdict_text(moved).startswith("leave jaw where it is")
+    assert verdict_text(moved).endswith("nothing to do")
