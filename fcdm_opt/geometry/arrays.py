@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 LARGEST = 1e50  # of any coordinate: volumes stay finite
+AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
 SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows, groups_of, numbers
+from fcdm_opt.geometry.arrays import AXES, Array, Ints, distinct_rows, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
@@ -27,7 +27,6 @@ from fcdm_opt.tolerances import DEFAULT
 FACETS = 32
 """Facets of a turn where nothing else is asked: as many as in STEP files, see `Tolerances.tessellation_turn`."""
 STEPS = 12  # of Newton's method, onto a curve or a corner
-X_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @known_arguments
@@ -63,7 +62,7 @@ def Prism(  # noqa: N802
     height: float,
     *,
     base: ArrayLike = (0.0, 0.0, 0.0),
-    axis: ArrayLike = Z_AXIS,
+    axis: ArrayLike | str = "z",
     name: str = "prism",
     unit: UnitOrNone = "",
 ) -> Body:
@@ -77,8 +76,8 @@ def Prism(  # noqa: N802
         How far it is drawn out, > 0.
     base : (3,) array
         Where the origin of the polygon is.
-    axis : (3,) array
-        The direction in which it is drawn out.
+    axis : (3,) array or axis word
+        The direction in which it is drawn out: "x", "-z" or a vector.
     name, unit
         As in `Box`.
 
@@ -92,7 +91,7 @@ def Prism(  # noqa: N802
         raise InputError("no polygon", key=f"body '{name}': polygon", found=flat.shape, allowed="(n, 2), n >= 3")
     on = np.roll(flat, -1, axis=0)
     flat = flat if (flat[:, 0] * on[:, 1] - flat[:, 1] * on[:, 0]).sum() > 0.0 else flat[::-1]
-    frame = _frame(_vector(axis, name, "axis"), name)
+    frame = _frame(axis, name)
     start, count = _vector(base, name, "base"), len(flat)
     points = np.concatenate([np.column_stack([flat, np.full(count, z)]) for z in (0.0, tall)])
     sides = [(k, (k + 1) % count, count + (k + 1) % count, count + k) for k in range(count)]
@@ -106,7 +105,7 @@ def Cylinder(  # noqa: N802
     height: float,
     *,
     base: ArrayLike = (0.0, 0.0, 0.0),
-    axis: ArrayLike = Z_AXIS,
+    axis: ArrayLike | str = "z",
     facets: int = FACETS,
     name: str = "cylinder",
     unit: UnitOrNone = "",
@@ -119,8 +118,8 @@ def Cylinder(  # noqa: N802
         > 0.
     base : (3,) array
         The middle of the disc that it starts with.
-    axis : (3,) array
-        The direction from there to the other one.
+    axis : (3,) array or axis word
+        The direction from there to the other one: "x", "-z" or a vector.
     facets : int
         How many a turn has as drawn, >= 12; contacts are those of the true face whatever it is.
     name, unit
@@ -141,7 +140,7 @@ def Cone(  # noqa: N802
     height: float,
     *,
     base: ArrayLike = (0.0, 0.0, 0.0),
-    axis: ArrayLike = Z_AXIS,
+    axis: ArrayLike | str = "z",
     facets: int = FACETS,
     name: str = "cone",
     unit: UnitOrNone = "",
@@ -163,7 +162,7 @@ def Cone(  # noqa: N802
         For what is no radius, height, place or direction.
     """
     low, high, tall = (_length(x, name, key) for x, key in ((radius, "radius"), (top, "top"), (height, "height")))
-    frame, start = _frame(_vector(axis, name, "axis"), name), _vector(base, name, "base")
+    frame, start = _frame(axis, name), _vector(base, name, "base")
     x, y = _turn(facets, name)
     rings = [np.column_stack([r * x, r * y, np.full(len(x), z)]) for r, z in ((low, 0.0), (high, tall))]
     body = Body.convex(start + np.concatenate(rings) @ frame, name=name, unit=unit)
@@ -205,7 +204,7 @@ def Sphere(  # noqa: N802
     rings = [np.column_stack([math.cos(t) * x, math.cos(t) * y, np.full(len(x), math.sin(t))]) for t in heights]
     points = np.concatenate([[[0.0, 0.0, -1.0]], *rings, [[0.0, 0.0, 1.0]]])
     body = Body.convex(middle + r * points, seed=middle, name=name, unit=unit)
-    return _with_surfaces(body, [Swept(middle, np.array(Z_AXIS), None, 0.0, r)])
+    return _with_surfaces(body, [Swept(middle, np.array(AXES["z"]), None, 0.0, r)])
 
 
 @known_arguments
@@ -214,7 +213,7 @@ def Torus(  # noqa: N802
     radius: float,
     *,
     centre: ArrayLike = (0.0, 0.0, 0.0),
-    axis: ArrayLike = Z_AXIS,
+    axis: ArrayLike | str = "z",
     facets: int = FACETS,
     name: str = "torus",
     unit: UnitOrNone = "",
@@ -227,8 +226,9 @@ def Torus(  # noqa: N802
         Radius of the circle, larger than that of the tube.
     radius : float
         Of the tube, > 0.
-    centre, axis : (3,) array
-        Of the circle.
+    centre : (3,) array
+    axis : (3,) array or axis word
+        Of the circle: "x", "-z" or a vector.
     facets, name, unit
         As in `Cylinder`; around the circle, and half as many around the tube.
 
@@ -241,7 +241,7 @@ def Torus(  # noqa: N802
     if not small < large:
         allowed = f"less than {ring}"
         raise InputError("the tube meets itself", key=f"body '{name}': radius", found=radius, allowed=allowed)
-    frame, middle = _frame(_vector(axis, name, "axis"), name), _vector(centre, name, "centre")
+    frame, middle = _frame(axis, name), _vector(centre, name, "centre")
     x, y = _turn(facets, name)
     u, v = x[::2], y[::2]
     rings = ([(large + small * u) * a, (large + small * u) * b, small * v] for a, b in zip(x, y, strict=True))
@@ -374,12 +374,16 @@ def _turn(facets: int, name: str) -> tuple[Array, Array]:
     return np.concatenate([x, -y, -x, y]), np.concatenate([y, x, -y, -x])
 
 
-def _frame(axis: Array, name: str) -> Array:
+def _frame(axis: ArrayLike | str, name: str) -> Array:
     """Return rows x, y, z of a frame whose z is an axis; that of the world for the world's."""
-    if not np.linalg.norm(axis) > 0.0:
-        raise InputError("no direction", key=f"body '{name}': axis", found=axis.tolist(), allowed="not (0, 0, 0)")
-    z = units(axis)
-    x = units(cross(np.array((0.0, 1.0, 0.0)), z)) if abs(z[1]) < 0.9 else np.array(X_AXIS)
+    key = f"body '{name}': axis"
+    if isinstance(axis, str) and axis not in AXES:
+        raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
+    z = _vector(AXES[axis] if isinstance(axis, str) else axis, name, "axis")
+    if not np.linalg.norm(z) > 0.0:
+        raise InputError("no direction", key=key, found=z.tolist(), allowed="not (0, 0, 0)")
+    z = units(z)
+    x = units(cross(np.array((0.0, 1.0, 0.0)), z)) if abs(z[1]) < 0.9 else np.array(AXES["x"])
     x = units(x - (x @ z) * z)
     return np.array([x, cross(z, x), z])
 

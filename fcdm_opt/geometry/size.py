@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import hold
@@ -20,7 +20,6 @@ from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
 FACES_LISTED = 12  # of a body, where none of them is meant
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 SELECTORS = (
     '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a round face all '
     'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
@@ -196,10 +195,8 @@ class Size(Plain):
         return tuple(found.tolist())
 
     def _axis(self, value: Any, key: str) -> tuple[float, ...]:
-        sign, word = (-1.0, value[1:]) if isinstance(value, str) and value[:1] == "-" else (1.0, value)
-        word = word.removeprefix("+") if isinstance(word, str) else word
-        if isinstance(word, str) and word in AXES:
-            return tuple(sign * x for x in AXES[word])
+        if isinstance(value, str) and (word := value.removeprefix("+")) in AXES:
+            return AXES[word]
         allowed = '"x", "y", "z", "-x", "-y", "-z" or a vector that is not zero'
         axis = np.array(self._numbers(value, key, 3, allowed))
         length = float(np.linalg.norm(axis))
@@ -223,7 +220,7 @@ class Size(Plain):
         raise self._refused("no face is named like this", "faces", value, SELECTORS)
 
     def _scale(self) -> Any:
-        if self.scale is None or (isinstance(self.scale, str) and self.scale in ("xyz", *AXES)):
+        if self.scale is None or (isinstance(self.scale, str) and self.scale in ("xyz", *"xyz")):
             return self.scale
         if isinstance(self.scale, str):
             raise self._refused("unknown scale", "scale", self.scale, '"xyz", "x", "y", "z" or a vector')
@@ -283,7 +280,7 @@ class Size(Plain):
             names = names_of_rows(body)  # a facet of a round face means all of it, as it is listed
             return np.array([k for k, name in enumerate(names) if name == names[row]])
         if isinstance(selector, str):
-            n = np.array(AXES[selector[1]]) * (1.0 if selector[0] == "+" else -1.0)
+            n = np.array(AXES[selector.removeprefix("+")])
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
         elif "through" in selector:
             rows = _faces_through(body, np.array(selector["through"]))

@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, Flags, frozen
+from fcdm_opt.geometry.arrays import AXES, Array, Flags, frozen
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.motion.kinematics import Kinematics
 
-AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
 ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart are the same
 Matrix = tuple[tuple[Any, ...], ...]
 ORIGIN = (0.0, 0.0, 0.0)

@@ -109,7 +109,7 @@ def _none_below(problems: Problems, amount: float) -> bool:
     while len(low) and looked_at + len(low) <= PIECES and not pacing.over():
         looked_at += len(low)
         boxes = _boxes(low, high)
-        centre, half, slopes = boxes.centre, np.where(moving, boxes.half, 1.0), equations.slopes(boxes)
+        centre, half, slopes = boxes.centre, np.where(boxes.half > 0.0, boxes.half, 1.0), equations.slopes(boxes)
         values = equations.centred(boxes) + Interval(0.0, noise)  # corners as made are off each other
         J = slopes.middle / half[:, None]
         inverse = np.linalg.pinv(J, rcond=DEFAULT.nominal)
@@ -126,7 +126,7 @@ def _none_below(problems: Problems, amount: float) -> bool:
             far = np.where(far > 0.0, far / steep * (1.0 - 2.0**-40), 0.0)  # nan is not
             reach = np.sqrt(np.maximum(amount * amount - far * far, 0.0)) + 2.0**-38 * amount
             near = np.where(far > 0.0, np.where(far < amount, reach, -np.inf), np.inf)[:, None]
-            place = np.where(far > 0.0, far / steep, 0.0)[:, None] * w
+            place = np.where((far > 0.0) & (steep > 0.0), far / steep, 0.0)[:, None] * w  # 0: no y meets it at all
             below, above = np.maximum(below, place - near), np.minimum(above, place + near)
         # each number by itself, as far as the equations determine it
         fixed = Interval(inverse, np.zeros_like(inverse))

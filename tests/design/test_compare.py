@@ -13,6 +13,8 @@ from ordinary import box, problems
 
 from fcdm_opt.design.whatif.compare import Comparison, FamilyRow, _checked, compare, contained, families
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.primitives import Cylinder
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.tables import print_comparison
@@ -184,3 +186,13 @@ def test_only_a_problem_can_be_compared() -> None:
         compare("example1.toml")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="certify: not a truth value"):
         compare(boxes(), [Translation("z")], certify=1)  # type: ignore[arg-type]
+
+
+def test_a_turn_that_moves_no_contact_ended_with_an_error_of_a_library() -> None:
+    """A jaw turned about its contact's normal: no equation changes, and one that is not met excludes all."""
+    rod, jaw = Cylinder(5.0, 30.0, base=(0, 0, -15)), box((-15, -6, -7), (-5, 6, 7))
+    size = Size("d", "static", faces=["cylinder radius 5"], each=0.5)
+    asked = Problem(jaw, rod, sizes=[size], made={"d": -0.05}, goal="at", motion=Translation("x"))
+    rows = {row.name: row for row in compare(asked).table}
+    assert rows["translation x"].amount == pytest.approx(0.025, rel=1e-9)
+    assert math.isnan(rows["rotation x"].amount)

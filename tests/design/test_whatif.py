@@ -15,6 +15,8 @@ from ordinary import box, problems
 from fcdm_opt.design.whatif.whatif import WhatIf, whatif
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.primitives import Box, Cylinder, cut
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -289,3 +291,20 @@ def test_bad_input_is_named() -> None:
         whatif("example1.toml")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="tolerance"):
         whatif(of_file("example1", "B"), tolerance=-1.0)
+
+
+def test_an_amount_was_predicted_below_zero_where_the_motion_goes_the_other_way() -> None:
+    """A pin 0.02 thicker in a bore 0.02 smaller has a play of 0.03; 0.02 thinner, in one 0.01 larger, 0.065."""
+    pin = Cylinder(3.95, 30.0, base=(0, 0, -15))
+    plate = cut(Box((30, 30, 10)), Cylinder(4.0, 30.0, base=(0, 0, -15)))
+    named = (("pin", "movable", "cylinder radius 3.95", 0.5), ("bore", "static", "bore radius 4", -0.5))
+    sizes = [Size(name, role, faces=[face], each=each) for name, role, face, each in named]
+    asked = Problem(pin, plate, sizes=sizes, made={"pin": 0.02, "bore": -0.02}, goal="touch", motion=Translation("x"))
+    assert whatif(asked, made={"pin": -0.02, "bore": 0.01}).predicted_amount == pytest.approx(0.065, rel=1e-9)
+    # a stop moved out by 0.02 for a rod that is too thick is moved in by 0.01 for one that is too thin
+    stop, rod = Box((10, 12, 14), centre=(-10, 0, 0)), Cylinder(5.0, 30.0, base=(0, 0, -15))
+    size = Size("rod", "static", faces=["cylinder radius 5"], each=0.5)
+    held = Problem(stop, rod, sizes=[size], made={"rod": 0.04}, goal="touch", motion=Translation("x"))
+    found = whatif(held, made={"rod": -0.02})
+    assert found.predicted_amount == pytest.approx(0.01, rel=1e-9)
+    assert found.after.amount == pytest.approx(0.01, rel=1e-9)

@@ -756,3 +756,11 @@ def test_a_hub_stays_off_its_shoulder_by_the_fillet_that_its_bore_or_chamfer_mee
     inner, outer = (r - math.sqrt(r * r - (r - off) ** 2) for off in (p, p + chamfer))
     assert solution.amount == pytest.approx(max(inner - chamfer, outer), abs=1e-9)
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-6)
+
+
+def test_axes_of_round_parts_are_words_as_those_of_motions() -> None:
+    for word, axis in (("x", (1, 0, 0)), ("-y", (0, -1, 0)), ("z", (0, 0, 1))):
+        assert np.array_equal(fo.Cylinder(2.0, 5.0, axis=word).vertices, fo.Cylinder(2.0, 5.0, axis=axis).vertices)
+    assert np.array_equal(fo.Torus(4.0, 1.0, axis="y").vertices, fo.Torus(4.0, 1.0, axis=(0, 1, 0)).vertices)
+    with pytest.raises(fo.InputError, match="body 'cone': axis: unknown axis; found 'w'; allowed: x, y, z, -x, -y"):
+        fo.Cone(2.0, 1.0, 5.0, axis="w")

@@ -32,7 +32,8 @@ class Prediction(Plain):
     Attributes
     ----------
     amount : float
-        Amount before plus all `terms`, length units; nan where one of them is.
+        That of the motion which the derivatives of the motion predict, where sizes alone are changed and these are
+        known; else the amount before plus all `terms`. Length units; nan where one of them is.
     terms : dict
         What was changed -> what it adds to the amount, to first order; nan where there is no derivative by it.
     reasons : tuple of str
@@ -69,11 +70,29 @@ def prediction(before: Any, problem: Any) -> Prediction:
         if told and blocking:
             told = [(name, NAN, blocking) for name, _, _ in told]
     terms = {name: term for name, term, _ in told}
-    amount = before.amount + sum(terms.values())
+    amount = _of_motion(before, problem, terms)
+    amount = before.amount + sum(terms.values()) if amount is None else amount
     reasons = dict.fromkeys(reason for _, _, reason in told if reason)
     if terms and amount < -DEFAULT.tie * problem.size:
         reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
+
+
+def _of_motion(before: Any, new: Any, terms: Mapping[str, float]) -> float | None:
+    """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed.
+
+    It is right across motions at which the amount has a kink, as where a part is moved the other way.
+    """
+    old, rates = before.question, before.sensitivity
+    each = {f"{key}.{name}": (key, name) for key in BY_SIZE for name in getattr(old, key, None) or ()}
+    if not terms or not terms.keys() <= each.keys() or old.amount != "weighted":
+        return None
+    q = np.array([*before.coordinates.values()])
+    for key, name in map(each.__getitem__, terms):
+        by = rates.motion_by_size if key == "made" else rates.motion_by_scale
+        q = q + by.get(name, NAN) * (getattr(new, key)[name] - getattr(old, key)[name])
+    amount = float(np.linalg.norm(q * [own.weight for own in old.coordinates]))
+    return None if np.isnan(amount) else amount
 
 
 def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
