@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
+from itertools import chain
 from typing import Any
 
 import typer
@@ -156,7 +157,8 @@ def _misunderstood(reason: Any) -> str:
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:
         name, known = unknown.group(2), list(command.commands)
-        hint = closest(name, known)
+        of = [own for own, each in command.commands.items() if f"--{name}" in chain(*(p.opts for p in each.params))]
+        hint = f"; an option: fcdm-opt {of[0]} --{name}" if of else closest(name, known)
         return f"{name or repr(name)}: no such command{hint or '; allowed: ' + ', '.join(known)}"
     parameter = getattr(reason, "param", None)
     if parameter is not None:

@@ -300,9 +300,14 @@ class TouchingSizes:
     def largest(self) -> tuple[float, Array]:
         """Return the largest gap in the box, exact, and sizes at which it is: the largest play.
 
-        The gap is the least over pairs of the largest of each pair's rows: branched over which row a pair takes, each
-        node a linear program.
+        Of several such sizes those with the largest gap of all that they move: beside a lid that lies close, as always,
+        a slide is loosest where it has most play to its sides. The gap is the least over pairs of the largest of each
+        pair's rows: branched over which row a pair takes, each node a linear program.
         """
+        moved = tuple(pair for pair in self.pairs if pair.values[:, 1:].any())
+        if 0 < len(moved) < len(self.pairs):
+            where = replace(self, pairs=moved).largest()[1]
+            return float(self.gap(where)), where
         box = self.box
         middle, half = _centred(box)
         tops = [

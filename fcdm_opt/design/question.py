@@ -431,6 +431,8 @@ class Question:
             if place[0] in ("bodies", "part", "contact", "size") or (place[0] == "keep_out" and len(place) > 1):
                 scene = scene.with_value(place, given)
             else:
+                if place[0] == "made" and len(place) > 1 and isinstance(case.get("made"), str):  # a corner, by its word
+                    case = {**case, "made": plain_value(self.problem().made)}
                 case = put(case, place, given, kept=together, dropped=excluded)
         return Question(scene, case)
 

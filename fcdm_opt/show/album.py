@@ -30,7 +30,7 @@ from fcdm_opt.show.scene import (
 )
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import sensitivities_figure
-from fcdm_opt.show.texts import asked_text
+from fcdm_opt.show.texts import asked_text, goal_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
 
 LONGEST_NAME = 100
@@ -94,7 +94,7 @@ class Album:
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         meant = EXPLAINED[problem.goal].removeprefix("goal: ")
-        caption = f"{asked_text(problem)}, goal {problem.goal} ({meant}): {verdict_text(solution)}"
+        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         view = self._views.setdefault(

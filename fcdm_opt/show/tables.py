@@ -22,6 +22,7 @@ from fcdm_opt.show.texts import (
     asked_text,
     bound_line,
     bound_text,
+    goal_text,
     motion_text,
     outcome_text,
     share_text,
@@ -171,7 +172,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     return {
         "case": wrapped(problem.name, CELL_WIDTH),
         "asked": wrapped(asked_text(problem), CELL_WIDTH),
-        "goal": problem.goal,
+        "goal": goal_text(problem).replace(" by ", "\nby "),
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount)
@@ -240,10 +241,13 @@ def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> st
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
+def _asked(scene: Scene) -> str:
+    return asked_text(scene) + (f", goal {goal_text(scene)}" if isinstance(scene, Problem) else "")
+
+
 def print_case(file: str, problem: Scene) -> None:
     """Print which case is asked about, and once what its numbers are in."""
-    goal = f", goal {problem.goal}" if isinstance(problem, Problem) else ""
-    console().print(f"{file}: {problem.name} ({asked_text(problem)}{goal})", style="bold")
+    console().print(f"{file}: {problem.name} ({_asked(problem)})", style="bold")
     if problem.unit:
         console().print(units_text(problem.unit))
 
@@ -386,7 +390,7 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
 def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
-        "asked": asked_text(solution.question),
+        "asked": _asked(solution.question),
         "amount": amount_text(solution.amount),
         "motion": motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),

@@ -110,6 +110,12 @@ def asked_text(scene: Scene) -> str:
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{more}"
 
 
+def goal_text(problem: Problem) -> str:
+    """Return the goal, with the least gap where it asks for one: "clear by 0.04 mm"."""
+    asked = problem.goal == "clear" and problem.clearance > 0.0
+    return f"{problem.goal} by {measured(number(problem.clearance), problem.unit)}" if asked else problem.goal
+
+
 def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]

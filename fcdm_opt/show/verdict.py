@@ -25,6 +25,7 @@ from fcdm_opt.show.texts import (
     asked_text,
     bound_line,
     counted,
+    goal_text,
     listed,
     motion_text,
     number,
@@ -129,7 +130,7 @@ def answer_text(solution: Solution) -> str:
     """Return the verdict of a case, and below it what its table row says: all that `print` shows of a solution."""
     problem = solution.problem
     head = f"{problem.name}: " * bool(problem.name)
-    row = f"{asked_text(problem)}, goal {problem.goal}"
+    row = f"{asked_text(problem)}, goal {goal_text(problem)}"
     if solution.status.found:
         amount = amount_text(solution.amount, problem.amount_unit)
         row += f": {motion_text(solution)}; amount {amount}, proved at least {bound_line(solution)}; "

@@ -150,6 +150,7 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
     [
         ("solv x.toml", "error: solv: no such command, did you mean 'solve'?"),
         ("zzz x.toml", "error: zzz: no such command; allowed: init,"),
+        ("budget x.toml", "error: budget: no such command; an option: fcdm-opt whatif --budget"),
         ("solve x.toml --certfy", "error: --certfy: no such option, did you mean '--certify'?"),
         ("solve --jsn x.toml", "error: --jsn: no such option, did you mean '--json'?"),
         ("init --jsonn a b", "error: --jsonn: no such option; see"),  # dashes alone made '--version' near

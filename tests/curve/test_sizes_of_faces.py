@@ -663,3 +663,25 @@ def test_a_stop_on_a_round_rod_lost_its_contact_at_another_diameter(goal: Any) -
     size = fo.Size("diameter", "static", faces=["cylinder radius 5"], each=0.5)
     asked = fo.Problem(stop, rod, sizes=[size], made={"diameter": -0.05}, goal=goal, motion=X)
     assert fo.solve(asked).parameters["TX"] == pytest.approx(0.025, abs=1e-14)
+
+
+def test_the_loosest_slide_was_as_drawn_where_what_no_size_moves_lies_closer(tmp_path: Path) -> None:
+    """A slide with 0.1 to floor and lips, as always, has most play to its sides where it is least and they are far."""
+    walls = [box((-15, -20, -6), (-5.1, 20, 6)).vertices, box((5.1, -20, -6), (15, 20, 6)).vertices]
+    rail = fo.Body.from_parts([*walls, box((-15, -20, -6), (15, 20, -2.1)).vertices], seed=(0, 0, 0), name="rail")
+    slide = box((-5, -15, -2), (5, 15, 2), "slide")
+    sizes = [
+        fo.Size("slide", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.05),
+        fo.Size(
+            "channel", "static", faces=[{"through": (x, 0, 0)} for x in (-5.1, 5.1)], each=-0.5, tolerance=(-0.02, 0.06)
+        ),
+    ]
+    problem = fo.Problem(slide, rail, sizes=sizes, made="loosest", motion=X, goal="touch")
+    assert problem.made == {"slide": -0.05, "channel": 0.06}
+    assert fo.solve(problem).amount == pytest.approx(0.155, rel=1e-9)
+    assert fo.stack_up(problem).largest.gap == pytest.approx(0.1, rel=1e-9)
+    # one of the sizes of a corner is changed, the other stays
+    from fcdm_opt.design.question import Question
+
+    changed = Question.of(problem.changed(made="loosest")).changed({"made.channel": 0.01}).problem()
+    assert changed.made == {"slide": -0.05, "channel": 0.01}

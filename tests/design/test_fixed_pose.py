@@ -431,7 +431,7 @@ def test_results_are_plain_data():
     assert data["parameters"] == found.parameters
     assert data["motion"] == found.motion
     turned = np.degrees(found.parameters["screw_angle"])
-    assert str(found).startswith(f"least worst gap: {found.motion}; gaps from {-found.least.gap:.6g} interference to ")
+    assert str(found).startswith(f"least worst gap: {found.motion}; gaps from {-found.least.gap:.4g} interference to ")
     assert found.motion.endswith(f"{turned:.6g} deg")
 
 

@@ -361,3 +361,9 @@ def test_what_a_file_s_digits_leave_open_was_told_as_a_motion() -> None:
     moved = replace(single, parameters={"TZ": 3.6e-8}, amount=3.6e-8)
     assert verdict_text(moved).startswith("leave jaw where it is")
     assert verdict_text(moved).endswith("nothing to do")
+
+
+def test_the_clearance_asked_for_stood_in_no_table() -> None:
+    asked = {"target": (1, 1), "motion": fo.Translation("x"), "goal": "clear", "clearance": 1.25, "unit": "mm"}
+    problem = fo.Problem(cube("key", 2.0), cube("wall", 2.0, (3.0, 0.0, 0.0)), **asked)
+    assert "goal clear by 1.25 mm: TX -0.25 mm" in str(fo.solve(problem))

@@ -332,7 +332,7 @@ def gaps_text(least: float, most: float, unit: str) -> str:
 
 
 def _gap_text(gap: float, unit: str) -> str:
-    return f"{measured(abs(gap), unit)} {'interference' if gap < 0 else 'clearance'}"
+    return f"{measured(abs(gap), unit, 4)} {'interference' if gap < 0 else 'clearance'}"
 
 
 def transform_of(problem: Problem, pose: Any) -> Array:
