@@ -230,6 +230,17 @@ def has_round_faces(problem: Problem) -> bool:
     return any(map(round_surfaces, problem.of_facets.bodies[:2]))
 
 
+def met_by_facets_alone(found: Solution) -> bool:
+    """Tell whether parts that are to touch do so by their facets, and their true faces are as far apart as before."""
+    asked = None if found.transform is None or found.problem.goal != "touch" else Exchange.of(found.problem)
+    if asked is None or found.transform is None:
+        return False
+    slack = asked.facets.contact_slack
+    ends = [asked.nearest(pose, slack) for pose in (np.eye(4), found.transform)]
+    before, after = (near[0].gap if near else np.inf for near in ends)
+    return bool(after > slack and after >= before - slack)
+
+
 def points_of_true_faces(
     problem: Problem, solve: Callable[[Problem], Solution], refused: Callable[[Solution], bool]
 ) -> Points | None:

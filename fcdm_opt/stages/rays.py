@@ -24,7 +24,8 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
 
-STEPS = 2000  # safe steps along one ray, at most
+STEPS, FEWEST = 2000, 100  # safe steps along one ray, at most; where many rays are tried
+TRIED = 400_000  # steps of a part pair each along many rays, beyond which none takes more than the fewest
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
@@ -85,7 +86,7 @@ def one_parameter(task: Task) -> Answer | None:
     return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
 
 
-def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0) -> FirstContact:
+def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0, most: int = STEPS) -> FirstContact:
     """Return where along a ray the target pair first has just the gap it needs.
 
     Parameters
@@ -98,6 +99,8 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
         Amount to go to.
     start : float
         Amount to go from.
+    most : int
+        Steps at most where body 1 does not move steadily.
 
     Notes
     -----
@@ -105,7 +108,7 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
     """
     pacing.check()
     if not is_steady(task, direction):
-        return _searched(task, direction, limit, start)
+        return _searched(task, direction, limit, start, most)
     way, (movable, others, needs) = steady_way(task, direction), _solids(task)
     pairs = meeting(task, way, start, limit)
     floor, finest = (share * task.size / _speed(way, movable[0]) for share in (DEFAULT.march, DEFAULT.line))
@@ -155,7 +158,7 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     return np.column_stack([one, two])
 
 
-def _searched(task: Task, direction: Array, limit: float, start: float) -> FirstContact:
+def _searched(task: Task, direction: Array, limit: float, start: float, most: int) -> FirstContact:
     """Return the first contact by steps of first order, which along one parameter of known reach prove as much."""
     from scipy.optimize import brentq
 
@@ -168,7 +171,7 @@ def _searched(task: Task, direction: Array, limit: float, start: float) -> First
     side = math.copysign(1.0, value)
     floor = DEFAULT.march * task.size / rate
     proved, sure = 0.0, len(direction) == 1 and task.bounded
-    for _ in range(STEPS):
+    for _ in range(most):
         pacing.check()
         if here >= limit:
             return FirstContact(math.inf, limit if sure else proved)
@@ -198,11 +201,12 @@ def on_a_ray(task: Task, known: Answer | None) -> Answer | None:
     best known motion is as large as the bodies.
     """
     large = known is None or known.amount * search_rate(task) > LARGE * task.size
-    contact = None
-    for direction in directions(task, FINE) if large else directions(task, ()):
+    contact, tried = None, directions(task, FINE) if large else directions(task, ())
+    most = min(max(TRIED // (task.part_pairs * len(tried)), FEWEST), STEPS)
+    for direction in tried:
         least = contact or known
         limit = min(reach(task, direction), np.inf if least is None else least.amount)
-        amount = first_contact(task, direction, limit).amount
+        amount = first_contact(task, direction, limit, most=most).amount
         if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
             contact = task.answer(q, active=ON_THE_WAY, modelled=task.modelled_by_gaps(q))
     return contact

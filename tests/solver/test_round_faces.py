@@ -764,3 +764,14 @@ def test_axes_of_round_parts_are_words_as_those_of_motions() -> None:
     assert np.array_equal(fo.Torus(4.0, 1.0, axis="y").vertices, fo.Torus(4.0, 1.0, axis=(0, 1, 0)).vertices)
     with pytest.raises(fo.InputError, match="body 'cone': axis: unknown axis; found 'w'; allowed: x, y, z, -x, -y"):
         fo.Cone(2.0, 1.0, 5.0, axis="w")
+
+
+@pytest.mark.parametrize("motion", [fo.Rotation("z"), fo.Rotation("z", centre="origin")])
+def test_a_pin_that_turns_about_its_own_axis_was_said_to_touch_its_bore(motion: fo.Motion) -> None:
+    """Its play is the same whatever it is turned by, about its axis or that of the bore: only facets meet."""
+    pin = fo.Cylinder(3.97, 30.0, base=(0.02, 0.01, -15))
+    bore = fo.cut(fo.Box((30, 30, 10)), fo.Cylinder(4.0, 30.0, base=(0, 0, -15)))
+    found = fo.solve(fo.Problem(pin, bore, target=(1, 1), goal="touch", motion=motion))
+    assert found.status.name == "NOT_FOUND"
+    assert not found.usable
+    assert "the only motion found brings facets together, and no true round faces" in str(found)
