@@ -21,7 +21,7 @@ from fcdm_opt.model.mesh_error import facets_known, too_wide, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.model.true_faces import has_round_faces, met_by_facets_alone, points_of_true_faces
+from fcdm_opt.model.true_faces import has_round_faces, met_by_facets_only, points_of_true_faces
 from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -170,7 +170,7 @@ def _least(problem: Problem, how: _How) -> Solution:
         solution = _solved_all(problem, how)
         if wide and _may_be_used(solution, how):  # as where one part is lifted off the other
             solution = _of_true_faces(problem, how) or solution
-        elif met_by_facets_alone(solution):  # as of a pin that turns about its own axis
+        elif met_by_facets_only(solution):  # as of a pin that turns about its own axis
             why = "the only motion found brings facets together, and no true round faces"
             rest = Solution(problem=solution.problem, status=Status.NOT_FOUND, pair=solution.pair)
             solution = replace(rest, active=(why,), stage=solution.stage, seconds=solution.seconds)

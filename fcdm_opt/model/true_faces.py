@@ -230,7 +230,7 @@ def has_round_faces(problem: Problem) -> bool:
     return any(map(round_surfaces, problem.of_facets.bodies[:2]))
 
 
-def met_by_facets_alone(found: Solution) -> bool:
+def met_by_facets_only(found: Solution) -> bool:
     """Tell whether parts that are to touch do so by their facets, and their true faces are as far apart as before."""
     asked = None if found.transform is None or found.problem.goal != "touch" else Exchange.of(found.problem)
     if asked is None or found.transform is None:
