@@ -361,6 +361,8 @@ def checked_direction(problem: Problem, direction: Any) -> Array:
     allowed = f"values for {', '.join(names)}, not all zero"
     if direction is None and len(names) == 1:
         return frozen([1.0])
+    if direction is None:
+        raise InputError("missing: which way, of several parameters", key="direction", allowed=allowed)
     if isinstance(direction, Mapping):
         unknown = [key for key in direction if key not in names]
         if unknown:
