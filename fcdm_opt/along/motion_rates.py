@@ -34,6 +34,9 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
 
 DECIMALS = 12  # of points that are the same
+NOT_WORKED_OUT = "not worked out: more holds the motion than it takes, or a keep-out or the way of a contact does"
+OTHER_CONTACTS = "other contacts, or other ends of a line of contact that tilts, take over to either side"
+OTHER_CORNERS = "the parts made have other corners or faces there than as drawn"
 
 Field = Callable[[int, Array], Array]
 """How a point as drawn, (3,), of body 1 or 2 moves; of body 0 how the seed of body 1 does."""
@@ -48,10 +51,11 @@ class Change(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """How a least motion, (n, k), and its amount, (n,), change; nan where there is no derivative."""
+    """How a least motion, (n, k), and its amount, (n,), change; nan where there is no derivative, and why, (n,)."""
 
     motion: Array
     amount: Array
+    reasons: tuple[str, ...]
 
 
 @template
@@ -123,7 +127,8 @@ def motion_rates(
         here holds. Of the amount there is one where all multipliers that balance say the same.
     """
     none, task = np.full(len(q), np.nan), tasks[0]
-    unknown = Rates(np.full((len(changes), len(q)), np.nan), np.full(len(changes), np.nan))
+    missing = (NOT_WORKED_OUT,) * len(changes)
+    unknown = Rates(np.full((len(changes), len(q)), np.nan), np.full(len(changes), np.nan), missing)
     known = [(k, own) for k, each in enumerate(tasks) for own in _constraints(each, q, limits=k == 0)]
     held, owners = [own for _, own in known if own is not None], [k for k, _ in known]
     if len(held) < len(known):
@@ -152,7 +157,7 @@ def motion_rates(
     across = np.linalg.svd(slopes[used] / weights)[2][count:] / weights  # what the constraints leave open
     sure = np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) == count
     sure &= not len(across) or float(np.linalg.eigvalsh(across @ bend @ across.T).min()) > DEFAULT.stationary
-    motions, amounts = [], []
+    motions, amounts, reasons = [], [], list[str]()
     unit = 1.0 if given else task.amount(q) or np.nan
     start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
     for change in changes:
@@ -164,16 +169,19 @@ def motion_rates(
             for k, own in zip(owners, held, strict=True)
         ]  # fmt: skip
         off = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
-        dq = none
-        if sure:
+        dq, why = none, "" if sure else NOT_WORKED_OUT
+        if not np.isfinite(off).all():
+            why = OTHER_CORNERS
+        elif sure:
             mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=False))
             dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
             left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
             near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
-            dq = dq if np.abs(left).max(initial=0.0) <= near else none
+            dq, why = (dq, "") if np.abs(left).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
         motions.append(dq)
+        reasons.append(why)
         amounts.append(-_alike(held, slopes / weights, off, used, multipliers) / unit)
-    return Rates(np.array(motions).reshape(-1, len(q)), np.array(amounts))
+    return Rates(np.array(motions).reshape(-1, len(q)), np.array(amounts), tuple(reasons))
 
 
 def _alike(held: Sequence[_Constraint], slopes: Array, off: Array, used: Ints, multipliers: Array) -> float:

@@ -40,11 +40,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 MOST_CHOICES = 256  # of alternatives that may hold the motion
 APART = 0.05  # of the amount: how far off another motion of the same amount is looked for
-NOT_WORKED_OUT = "not worked out: more holds the motion than it takes, or a keep-out or the way of a contact does"
-NONE_BY = (
-    "other contacts, or other ends of a line of contact that tilts, take over to either side, or a size makes other "
-    "corners: no derivative by: "
-)
 SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs the search for nothing takes minutes
 
 
@@ -322,11 +317,14 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
-        moved, amounts = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
+        ratio = problem.target / problem.nominal_pair
+        moved, amounts, missing = motion_rates([task], q, changes, nominal, ratio)
         names = [f"{verb} {axis}" for verb in ("shifted along", "turned about") for axis in "xyz"]
         names += [size.name for size in problem.sizes]
-        unknown = [name for name, own in zip(names, moved, strict=True) if np.isnan(own).any()]
-        reasons += [NOT_WORKED_OUT if len(unknown) == len(names) else NONE_BY + ", ".join(unknown)] * bool(unknown)
+        for why in dict.fromkeys(filter(None, missing)):
+            without = [name for name, own in zip(names, missing, strict=True) if own == why]
+            some = f" by {', '.join(without)}" if len(without) < len(names) else ""
+            reasons.append(f"no derivative{some}: {why}")
     by_size = {size.name: frozen(own) for size, own in zip(problem.sizes, moved[6:], strict=True)}
     rates = {"motion_by_pose": frozen(moved[:6].T), "motion_by_size": by_size, "motion_reasons": tuple(reasons)}
     return rates, amounts[6:]
@@ -362,7 +360,7 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     elif assembly.resolution:
         reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
     else:
-        moved, amounts = motion_rates(tasks, q, changes)
+        moved, amounts, _ = motion_rates(tasks, q, changes)
     if not reasons and np.isnan(moved).any():
         reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
@@ -392,14 +390,14 @@ def _by_pose(seed: Array, k: int) -> Field:
 
 def _by_one_size(problem: Problem, size: Size) -> Field:
     """Return how the vertices of a body as made move with one of its sizes."""
-    body, rates = getattr(problem, size.body), _size_rates(problem, size)
+    body, made, rates = getattr(problem, size.body), _made_of(problem, size.body), _size_rates(problem, size)
 
     def moves(owner: int, point: Array) -> Array:
         if owner != (1 if size.body == "movable" else 2):
             return np.zeros(3)
         rows = np.flatnonzero((body.vertices == point).all(axis=1))
-        if body.exact is not None and not len(rows) and rates is not None:
-            return true_point_rate(body, problem.request[size.body], size, point)
+        if body.exact is not None and not len(rows):
+            return true_point_rate(body, problem.request[size.body], made, size, point)
         if rates is None:
             return np.full(3, np.nan)
         return np.asarray(rates[rows[0]]) if len(rows) else _within_face(body, rates, point)
@@ -432,10 +430,15 @@ def _by_size(problem: Problem, faces: Mapping[str, float], vertices: Mapping[str
 def _size_rates(problem: Problem, size: Size) -> Array | None:
     """Return how the vertices of a body as made move a unit of one of its sizes, see `vertex_rates`."""
     drawn, body = problem.request[size.body], getattr(problem, size.body)
-    made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
+    made = _made_of(problem, size.body)
     if body.exact is not None:
         return exact_vertex_rates(body, drawn, made, size)
     return vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
+
+
+def _made_of(problem: Problem, body: str) -> dict[Size, float]:
+    """Return the deviations of a body's sizes."""
+    return {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == body}
 
 
 def by_moves(

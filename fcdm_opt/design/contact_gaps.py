@@ -323,7 +323,7 @@ def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) ->
         return np.asarray((point - body.seed) @ size.directions())
     if facet is None and round_surfaces(body):  # facets' corners move otherwise than the faces that they stand for
         with suppress(InputError):
-            move = true_point_rate(body, body, size, point)
+            move = true_point_rate(body, body, {}, size, point)
             if np.isfinite(move).all():
                 return move
     if body.is_surface:

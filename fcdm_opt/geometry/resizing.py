@@ -430,13 +430,19 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
     return rates
 
 
-def true_point_rate(body: Body, drawn: Body, size: Size, point: Array) -> Array:
-    """Return how a point of a body's round faces moves, also of one exact at points; nan where it is of none, (3,)."""
-    faces = true_faces(body if body.exact is None else body.exact.facets)
-    near = faces.at(point)
-    if not faces.is_round[near].any():
+def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
+    """Return how a point of a body's true faces moves, also of one exact at points, (3,).
+
+    nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn.
+    """
+    facets = body if body.exact is None else body.exact.facets
+    faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
+    near, offsets = faces.at(point), offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
+    alike = len(near) == 1 or faces.is_round[near].any()
+    of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
+    if of_drawn is None:
         return np.full(3, np.nan)
-    rows = [faces.row_at(k, point) for k in near]
+    rows = [int(of_drawn[faces.row_at(k, point)]) for k in near]
     normals = np.concatenate([faces.patches[k].gaps(point[None])[1] for k in near])
     return MovesOfFaces.of(drawn, (size,)).at(point, rows, normals)[:, 0]
 

@@ -232,7 +232,7 @@ class Sensitivity(ShortRepr, Plain):
     motion_by_size : dict
         Name of each of the problem's sizes -> (k,) array of the same parameters by it, per unit of the size.
     motion_reasons : tuple of str
-        Why the motion has no derivative by some of these, and which, where `reasons` does not say it.
+        By which of these the motion has no derivative, and why: "no derivative by slot: ...", one a reason.
     """
 
     exists: bool
@@ -256,15 +256,16 @@ class Sensitivity(ShortRepr, Plain):
     motion_reasons: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """Return the derivatives that there are as a table, by what they are; vertices and faces that count alone."""
+        """Return a table of the derivatives that there are, and why others are missing; of faces those that count."""
         each: dict[str, Any] = {"scales made": self.target, **self.sizes, "clearance": self.clearance}
         each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
         many = ((name, name.split(","), x) for name, x in self.faces.items() if x)
         each |= {name if len(own) <= MOST_CORNERS else f"{','.join(own[:3])},... {own[-1]}": x for name, own, x in many}
         known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
         lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
+        lines += [f"  by {name}: none" for name, x in self.sizes.items() if np.isnan(x)]
         first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
-        return "\n".join([first, *lines])
+        return "\n".join([first, *lines, *(f"  of the motion {why}" for why in self.motion_reasons)])
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
