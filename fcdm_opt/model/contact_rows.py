@@ -184,7 +184,7 @@ def contact_rows(
     if q.shape != task.rest.shape:
         names = ", ".join(task.motion.names)
         raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
-    exact = exact_where(problem, lambda _: (task.transform(q),))
+    exact = exact_where(problem, lambda _: (task.transform(q),), task.gap(q))
     if exact is not problem:
         problem, task = exact, Task.of(exact)
     if problem.partial or any(own.body.is_surface for own in problem.keep_out):

@@ -197,13 +197,16 @@ class Exchange:
         """Return those at which the parts are not exact, or that overlap by more than rounding."""
         return [own for own in found if own.gap < -self._slack or not self.has(own)]
 
-    def refine(self, transform: Array, *, at_least: bool = False) -> bool:
+    def refine(self, transform: Array, apart: float | None = None) -> bool:
         """Make the parts exact where true faces overlap after a motion; tell whether they were not.
 
-        With `at_least` also where they are nearest.
+        With `apart` also where they are nearer than that, and where they are nearest.
         """
-        near = self.nearest(transform, self._slack if at_least else -TIGHT * self._slack)
-        new = [own for own in near if (own.gap < -TIGHT * self._slack or at_least) and not self.has(own)]
+        limit = -TIGHT * self._slack if apart is None else max(self._slack, apart)
+        near = self.nearest(transform, limit)
+        if apart is not None and not near:  # directions of facets alone may say less than the distance
+            near = self.nearest(transform, 2.0 * limit)[:1]
+        new = [own for own in near if (own.gap < limit or apart is not None) and not self.has(own)]
         self.add(new)
         return bool(new)
 
@@ -309,7 +312,7 @@ def on_true_faces(scene: Scene) -> bool:
     return all(Exchange.of(own) is not None and all(map(all_recognised, (own.movable, own.static))) for own in off)
 
 
-def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -> Problem:
+def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]], apart: float = 0.0) -> Problem:
     """Return the same question with parts that are exact where their round faces meet at poses.
 
     The question itself where all faces are plane, where what they are is not known, or it comes to no end.
@@ -320,12 +323,15 @@ def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]]) -
     poses : callable
         Of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of them
         true faces overlap where the parts are not exact. At the first, parts are made exact where they are nearest.
+    apart : float
+        How far apart they may be there, as facets say.
     """
     asked = Exchange.of(problem)
     for count in range(ROUNDS if asked is not None else 0):
         assert asked is not None
         current = asked.problem
-        refined = [asked.refine(transform, at_least=count == k == 0) for k, transform in enumerate(poses(current))]
+        first = apart if count == 0 else None
+        refined = [asked.refine(transform, None if k else first) for k, transform in enumerate(poses(current))]
         if not any(refined):
             return current
     return problem

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from voxels import VOXELS, surface_of
 
 import fcdm_opt as fo
@@ -52,6 +53,32 @@ def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart
         assert np.abs(block.vertices[int(number) - 1, :2]).max() <= 3.0
         lines = [line for line in str(rows).splitlines() if line.startswith(("contacts", "clearances"))]
         assert all(" +3 " in line for line in lines)
+
+
+@pytest.mark.parametrize("kind", ["ball", "bar", "mesh"])
+@pytest.mark.parametrize("assembled", [False, True])
+def test_rows_of_round_parts_that_are_apart_were_those_of_their_facets(kind: str, assembled: bool) -> None:
+    """A ball, and a bar, of radius 5 whose middle is 5.1 off a face that looks between the facets' corners."""
+    part = fo.Sphere(5.0, name="part") if kind != "bar" else fo.Cylinder(5.0, 30.0, base=(0, 0, -15), name="part")
+    if kind == "mesh":
+        corners = part.face_triangles[0].reshape(-1, 3)
+        points, rows = np.unique(corners, axis=0, return_inverse=True)
+        part = fo.Body.from_mesh(points, rows.reshape(-1, 3), name="part").rounded()
+    turn = Rotation.from_rotvec((0.0, 0.0, 0.21) if kind == "bar" else (0.3, 0.2, 0.0)).as_matrix()
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, turn @ ((7.1, 0.0, 0.0) if kind == "bar" else (0.0, 0.0, 7.1))
+    size = (4, 20, 20) if kind == "bar" else (20, 20, 4)
+    slab = fo.Box(size, name="slab").moved(pose)
+    for goal, more in (("touch", {}), ("clear", {"clearance": 0.01})):
+        if assembled:
+            contact = {"parts": ("part", "slab"), "goal": goal, **more}
+            asked = fo.Assembly({"part": part, "slab": slab}, [contact], motions={"part": SHIFT})
+        else:
+            asked = fo.Problem(part, slab, target=(1.0, 1.0), goal=goal, motion=SHIFT, **more)
+        rows = fo.contact_rows(asked)
+        assert min(float(row(q=rows.at)["gap"]) for row in rows.contacts) == pytest.approx(0.1, abs=1e-9)
+        lifted = -0.03 * turn[:, 0 if kind == "bar" else 2]
+        assert min(float(row(q=lifted)["gap"]) for row in rows.contacts) == pytest.approx(0.13, abs=1e-9)
 
 
 def test_rows_of_one_kind_share_their_function():
