@@ -21,7 +21,12 @@ from fcdm_opt.model.mesh_error import facets_known, too_wide, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
-from fcdm_opt.model.true_faces import has_round_faces, met_by_facets_only, points_of_true_faces
+from fcdm_opt.model.true_faces import (
+    balanced_on_true_faces,
+    has_round_faces,
+    met_by_facets_only,
+    points_of_true_faces,
+)
 from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -301,6 +306,7 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = answer or _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
     answer, evidence = _proved(problem, task, answer, how)
+    answer = balanced_on_true_faces(problem, task, answer, last=how.judge)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount != "displacement"  # of which the checker knows nothing

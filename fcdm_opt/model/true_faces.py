@@ -11,15 +11,17 @@ the true faces.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
+from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
@@ -32,6 +34,7 @@ TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 JUMP = 1e4  # times what counts as touching: by more the next motion is another one, as line to line nothing else fits
 FAR = 0.05  # of the size: nearer points of a time are one
 STEPS = 30  # of a search for a smaller motion after which true faces touch
+NEWTON_STEPS = 8  # to the least motion on true faces
 SLOW = 0.9  # of an overlap that a round leaves: where it is more, where the next ones lead to is not foreseen
 
 Points = dict[str, list[list[float]]]
@@ -173,8 +176,58 @@ class Exchange:
             method="SLSQP",
             options={"maxiter": STEPS, "ftol": DEFAULT.nominal},
         )
-        near = self.nearest(kinematics.transform(unit * least.x), self._slack)[:1]
+        q = unit * least.x
+        balanced = self.balanced(q, -1.0)
+        near = self.nearest(kinematics.transform(q if balanced is None else balanced), self._slack)[:1]
         return [own for own in near if not self.has(own)]
+
+    def balanced(self, q: Array, sign: float) -> Array | None:
+        """Return the least motion next to one, by Newton's method on its optimality conditions; None if it is that.
+
+        There y = W q, of length 1, is a sum of multipliers times the slopes by y of gaps that are 0: of `sign` 1 where
+        these keep parts apart, -1 of the one that they close. How slopes change is taken by differences. A motion
+        counts only where it leaves less of the conditions open.
+        """
+        facets, size = self.facets, float(np.linalg.norm(self.facets.weights * q))
+        free = (q > facets.limits[:, 0]) & (q < facets.limits[:, 1])
+        if facets.amount != "weighted" or np.count_nonzero(free) < 2 or not size > self._slack:
+            return None
+        kinematics = facets.motion.kinematics(facets.movable.seed, facets.static.seed)
+        seed, scale, unit = facets.movable.seed, float(facets.target[0]), size / facets.weights
+
+        def met(y: Array, known: Sequence[NearestPoints] = ()) -> tuple[list[NearestPoints], Array, Array]:
+            """Return contacts, those next to known ones, with their gaps and the slopes of these, by `size`."""
+            pose, rates = kinematics.rates(unit * y)
+            near = self._sorted(pose, self._slack) if known else self.nearest(pose, self._slack)
+            found = [min(near, key=lambda own: float(norms(own.points[0] - x.points[0])), default=x) for x in known]
+            found = found or [own for own in near[: 1 if sign < 0.0 else None] if own.gap <= self._slack]
+            points = [np.append(seed + scale * (own.points[0] - seed), 1.0) for own in found]
+            slopes = [-(rates[:, :3] @ x) @ own.normal * unit for x, own in zip(points, found, strict=True)]
+            return found, np.array([own.gap for own in found]) / size, np.array(slopes).reshape(-1, len(y)) / size
+
+        y = start = q / unit
+        known, gaps, slopes = met(y)
+        shares = nnls(sign * slopes[:, free].T, y[free])[0] if known else np.zeros(0)
+        holds = np.flatnonzero(shares > 0.0)
+        known, gaps, slopes, shares = [known[k] for k in holds], gaps[holds], slopes[holds], sign * shares[holds]
+        best, least, none = start, np.inf, np.zeros((len(known), len(known)))
+        for turn in range(NEWTON_STEPS if known else 0):
+            if turn:
+                _, gaps, slopes = met(y, known)
+            off = np.concatenate([(y - shares @ slopes)[free], gaps])
+            if not float(np.linalg.norm(off)) < SLOW * least:
+                break
+            best, least = y, float(np.linalg.norm(off))
+            if least <= DEFAULT.tie:
+                break
+            if not turn:  # near enough for all steps
+                ahead = [met(y + DEFAULT.snap * own, known)[2] for own in np.eye(len(y))[free]]
+                bend = np.array([(shares @ (own - slopes))[free] for own in ahead]).T / DEFAULT.snap
+            system = np.block([[np.eye(len(bend)) - bend, -slopes[:, free].T], [slopes[:, free], none]])
+            step = np.linalg.lstsq(system, off)[0]
+            y, shares = y.copy(), shares - step[len(bend) :]
+            y[free] -= step[: len(bend)]
+        return None if best is start else unit * best
 
     def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
         """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
@@ -303,6 +356,23 @@ def points_of_true_faces(
                 break
             deepest = -worst[0].gap
     return points if not worst or worst[0].gap >= -slack else None
+
+
+def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last: bool) -> Answer:
+    """Return an answer with the least motion on true faces next to its own, where the parts are exact at some points.
+
+    Between these the motion of the least amount is known only to the root of what an amount is known to. Before the
+    `last` one of several questions only where parts are to touch: to one that parts them, others lead as fast.
+    """
+    asked = Exchange.of(problem) if problem.exact_at and answer.q is not None else None
+    if asked is None:
+        return answer
+    closes = task.must_touch and task.gap(task.rest) > 0.0
+    q = asked.balanced(answer.motion, -1.0 if closes else 1.0) if closes or last else None
+    near = q is not None and abs(task.amount(q) - answer.amount) <= problem.contact_slack
+    if q is None or not near or not (task.allows(q) and task.meets(q, DEFAULT.requirement)):
+        return answer
+    return replace(answer, q=q, amount=task.amount(q), lower_bound=min(answer.lower_bound, task.amount(q)))
 
 
 def on_true_faces(scene: Scene) -> bool:

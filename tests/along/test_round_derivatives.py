@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq
 
 import fcdm_opt as fo
 from fcdm_opt.problem.solution import Sensitivity
@@ -76,8 +76,10 @@ def test_derivatives_by_diameters_were_not_told_off_the_middle_or_in_two_directi
 )
 def test_the_motion_of_a_pin_follows_the_curvature_of_its_bore(radius, centre, weights) -> None:
     """The least weighted shift until pin and bore touch: its change takes the play's curvature, 1 / (R - r)."""
-    told = fo.solve(in_bore(radius, centre, X >> Y, weights={"TX": weights[0], "TY": weights[1]})).sensitivity
-    each = np.array(weights)
+    solution = fo.solve(in_bore(radius, centre, X >> Y, weights={"TX": weights[0], "TY": weights[1]}))
+    told, each = solution.sensitivity, np.array(weights)
+    least = to_sphere(np.array(centre), BORE - radius, each)
+    assert [*solution.parameters.values()] == pytest.approx(least, abs=1e-9)  # an amount right to 1e-9 leaves 1e-5 open
     pose = differences(lambda c: to_sphere(c, BORE - radius, each), centre)
     assert told.motion_by_pose[:, [0, 1, 2, 5]] == pytest.approx(np.column_stack([pose, np.zeros((2, 2))]), abs=1e-5)
     assert np.isnan(told.motion_by_pose[:, 3:5]).all()  # tilted, either end of the line of contact comes first
@@ -141,25 +143,29 @@ def test_the_motion_of_a_roller_that_also_turns_about_another_axis() -> None:
     centre, length = np.array([4.0, 1.0]), 5.0
 
     def least(at: np.ndarray) -> np.ndarray:
-        def centre_at(q):
-            x, y = at[0], at[1] + q[0]
-            cosine, sine = np.cos(q[1]), np.sin(q[1])
-            return np.array([cosine * (x - 6.0) - sine * y + 6.0, sine * (x - 6.0) + cosine * y])
+        """Turned by a, it touches where (6 + R (x - 6, y + t))^2 = (10 - r)^2; of these the least t^2 + (5 a)^2."""
+        away, room = at[0] - 6.0, BORE - at[2]
 
-        found = minimize(
-            lambda q: q[0] ** 2 + (length * q[1]) ** 2, [1.0, -0.1], method="SLSQP", options={"ftol": 1e-15},
-            constraints={"type": "eq", "fun": lambda q: np.linalg.norm(centre_at(q)) - (BORE - at[2])},
-        )  # fmt: skip
-        return found.x
+        def shifted(a: float) -> tuple[float, float]:
+            under = np.sqrt(36.0 * np.sin(a) ** 2 - away**2 - 36.0 - 12.0 * away * np.cos(a) + room**2)
+            slope = 6.0 * np.cos(a) + (36.0 * np.sin(a) * np.cos(a) + 6.0 * away * np.sin(a)) / under
+            return 6.0 * np.sin(a) + under - at[1], slope
+
+        def slope(a: float) -> float:
+            t, rate = shifted(a)
+            return t * rate + length**2 * a
+
+        a = brentq(slope, -0.6, 0.0, xtol=1e-15)
+        return np.array([shifted(a)[0], a])
 
     motion = Y >> fo.Rotation("z", centre=(6.0, 0.0, 0.0))
     solution = fo.solve(in_bore(4.0, tuple(centre), motion, length=length))
-    assert [*solution.parameters.values()] == pytest.approx(least(np.append(centre, 4.0)), abs=1e-5)
-    pose = differences(least, np.append(centre, 4.0), 1e-3)
+    assert [*solution.parameters.values()] == pytest.approx(least(np.append(centre, 4.0)), abs=1e-9)
+    pose = differences(least, np.append(centre, 4.0))
     told = solution.sensitivity
-    assert told.motion_by_pose[:, :2] == pytest.approx(pose[:, :2], abs=1e-4)
+    assert told.motion_by_pose[:, :2] == pytest.approx(pose[:, :2], abs=1e-6)
     assert told.motion_by_pose[:, 5] == pytest.approx([0.0, 0.0], abs=1e-6)
-    assert told.motion_by_size["pin"] == pytest.approx(0.5 * pose[:, 2], abs=1e-4)
+    assert told.motion_by_size["pin"] == pytest.approx(0.5 * pose[:, 2], abs=1e-6)
 
 
 def box(low, high, name="box") -> fo.Body:

@@ -79,6 +79,8 @@ def test_a_pin_beside_its_bore_is_cleared_to_where_it_just_fits() -> None:
     solution = usable(asked(pin(9.9, at=(0.2, 0.1)), plate(10.0), X >> Y, goal="clear"))
     truth = math.hypot(0.2, 0.1) - 0.1
     assert solution.amount == pytest.approx(truth, rel=1e-7)
+    straight = -truth * np.array([0.2, 0.1]) / math.hypot(0.2, 0.1)
+    assert [*solution.parameters.values()] == pytest.approx(straight, abs=1e-9)
     assert solution.amount_low == pytest.approx(truth, rel=1e-6)
     assert solution.amount_high == solution.amount
 
