@@ -27,6 +27,7 @@ from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_BOXES = 150  # about one contact
+MOST_OPEN = 8  # of them, where not one has been shown yet: as where two contacts hold the motion, and not one alone
 SHORT = 5e-5  # relative, by which what boxes show may be less than the amount
 CLOSED = {"V1F2", "F1V2", "E1E2", "F1F2", "F1E2", "E1F2"}  # contacts, whose equations are all that tracking them asks
 ACCURACY = 1e-9  # relative, to which a bound is what is claimed
@@ -95,6 +96,8 @@ def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipli
         shown += [(np.array([low[k], high[k]]), motions[k]) for k in np.flatnonzero(enough)]
         low, high, motions, places = (own[~enough] for own in (low, high, motions, places))
         if len(low) and not (isinstance(rows, OneContact) and rows.part_pairs):
+            return None
+        if len(low) >= MOST_OPEN and not shown:
             return None
         if isinstance(rows, OneContact):
             low, high, motions = rows.divided(low, high, motions, places)

@@ -223,3 +223,26 @@ def test_multipliers_of_any_motion_exclude_none_that_does(name: str) -> None:
         with np.errstate(all="ignore"):
             shown = judge.least(low, high, looked_at, np.inf)[0]
         assert (shown <= amounts).all()
+
+
+def test_a_motion_that_two_contacts_hold_was_asked_about_in_all_boxes_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two flanks of a V at 90 degrees, .141 and .283 too deep in a rod: 23 s for nothing, as neither holds it alone.
+
+    Shifted straight out of both it goes (.1, .3), further than out of either.
+    """
+    flanks = [(14.0, 14.0), (14.0, -6.0), (-14.0, -6.0), (-14.0, 14.0), (0.0, 0.0)]
+    deep = 0.3 - 5.0 * 2**0.5
+    jaw = fo.Prism([(x + 0.1, y + deep) for x, y in flanks], 16, base=(0, 0, -8), name="jaw")
+    rod = fo.Cylinder(5.0, 40, base=(0, 0, -20), name="rod")
+    asked = fo.Problem(jaw, rod, motion=fo.Free(), goal="clear", target=(1, 1))
+    solution = fo.solve(asked, effort="quick")
+    assert 0.4 / 2**0.5 < solution.amount < 0.1**0.5
+    looked_at = list[int]()
+
+    def counted(self: OneContact, low: np.ndarray, *given: Any, method: Any = OneContact.least) -> Any:
+        looked_at.append(len(low))
+        return method(self, low, *given)
+
+    monkeypatch.setattr(OneContact, "least", counted)
+    assert smallest_by_multipliers(solution.problem, np.array([*solution.parameters.values()])) is None
+    assert sum(looked_at) <= 15
