@@ -51,12 +51,15 @@ class PairRows(NamedTuple):
         From body 1 to body 2, unit.
     elements : list of (("V" | "E" | "F", int), same of part 2)
         The parts' elements that touch.
+    features : list of Feature
+        Of contacts as drawn, in place of elements.
     """
 
     parts: tuple[int, int]
     values: Array
     normals: Array
     elements: list[tuple[tuple[str, int], tuple[str, int]]]
+    features: Sequence[Feature] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,6 +280,8 @@ class TouchingSizes:
 
         Of a part's face that lies on several of the body's own it is the one that faces the other part.
         """
+        if own.features:
+            return own.features[row]
         one, two = (body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True))
         # an edge or corner that is there at other sizes only: the corner that it comes from
         (kind, i), (other, j) = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in own.elements[row])

@@ -22,7 +22,15 @@ from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
-from fcdm_opt.geometry.patches import Patch, TrueFaces, nearest_on_faces, true_faces
+from fcdm_opt.geometry.patches import (
+    DIGITS,
+    NearestPoints,
+    Patch,
+    TrueFaces,
+    line_of_contact,
+    nearest_on_faces,
+    true_faces,
+)
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.tessellation import onto
 from fcdm_opt.tolerances import DEFAULT
@@ -127,6 +135,30 @@ class TrueContact(NamedTuple):
         """Each two of the faces."""
         return frozenset(product(*self.patches))
 
+    @classmethod
+    def of(cls, near: NearestPoints, faces: Sequence[TrueFaces], scales: Sequence[float], pose: Array) -> TrueContact:
+        """Return it of points that come nearest; where they do along a straight line the middle of it."""
+        points = ends_of_line(near, faces, scales, pose).mean(axis=0)
+        at = (tuple(own.at(x, DIGITS * own.body.rounding)) for own, x in zip(faces, points, strict=True))
+        return cls(near.gap, points, near.normal, (next(at), next(at)))
+
+
+def ends_of_line(
+    near: NearestPoints | TrueContact, faces: Sequence[TrueFaces], scales: Sequence[float], pose: Array
+) -> Array:
+    """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3).
+
+    Those given where there is no such line.
+    """
+    seed, moved = faces[0].body.seed, pose.copy()
+    moved[:3, 3] += near.gap * near.normal
+    point = moved[:3, :3] @ (seed + scales[0] * (near.points[0] - seed)) + moved[:3, 3]
+    line = line_of_contact(faces, scales, moved, point)
+    if line is None:
+        return near.points[None]
+    along = (line - point)[:, None]
+    return near.points + np.concatenate([along @ pose[:3, :3] / scales[0], along / scales[1]], axis=1)
+
 
 def _off_edges(contacts: Sequence[TrueContact], slack: float) -> list[TrueContact]:
     """Return contacts without those at edges of faces that are as near off these: at a concave edge none is told."""
@@ -145,6 +177,27 @@ def _of_each_faces(contacts: Sequence[TrueContact]) -> list[TrueContact]:
             found.append(own)
         known |= own.pairs
     return found
+
+
+def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) -> list[TrueContact]:
+    """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,).
+
+    To within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces.
+    """
+    faces, found = (true_faces(movable), true_faces(static)), list[TrueContact]()
+    if not any(own.is_round.any() for own in faces):
+        return found
+    band = slack + sum(scale * sum(deviation_of(own.body)) for scale, own in zip(scales, faces, strict=True))
+    for near in nearest_on_faces(faces, scales, np.eye(4), band):
+        if near.gap > slack:
+            break
+        contact = TrueContact.of(near, faces, scales, np.eye(4))
+        alike = (
+            other.pairs == contact.pairs and other.normal @ contact.normal > 1.0 - DEFAULT.nominal for other in found
+        )
+        if abs(near.gap) <= slack and contact.pairs and not any(alike):
+            found.append(contact)
+    return _off_edges(found, slack)
 
 
 class TrueSizes:
@@ -311,8 +364,7 @@ class TrueSizes:
         for own in nearest_on_faces(made, scales, pose, band):
             if own.gap >= gap:
                 break
-            patches = tuple(made[0].at(own.points[0])), tuple(made[1].at(own.points[1]))
-            contact = TrueContact(own.gap, own.points, own.normal, patches)
+            contact = TrueContact.of(own, made, scales, pose)
             if contact.pairs <= self.permanent:
                 continue
             if self._stands(made, contact, pose, place):
@@ -380,6 +432,10 @@ class SizedFaces:
     def of(cls, body: Body, role: str, sizes: Sequence[Size]) -> SizedFaces:
         """Return it of the sizes that are the body's."""
         return cls(body, sizes, [k for k, own in enumerate(sizes) if own.body == role])
+
+    def move_at(self, point: Array, patches: Sequence[int]) -> Array:
+        """Return how a point of faces as drawn, (3,), moves a unit of each of their sizes, (3, k)."""
+        return self.moves.at(point, *_meeting(self.faces, patches, point))
 
     def largest_move(self, sizes: Sequence[Size]) -> float:
         """Return how far sizes move any point of the faces at most."""

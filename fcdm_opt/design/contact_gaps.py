@@ -6,10 +6,10 @@ surfaces, of two parts or all those of an assembly that are to meet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from itertools import product
 from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -17,16 +17,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.coherence import Tracked
-from fcdm_opt.curve.contact import Joint
+from fcdm_opt.curve.contact import Joint, true_faces_met
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, least_of
+from fcdm_opt.curve.true_sizes import ROLES, SizedFaces, contacts_as_drawn, ends_of_line
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import round_surfaces
-from fcdm_opt.geometry.resizing import Resizing, true_point_rate, vertex_rates
+from fcdm_opt.geometry.resizing import Resizing, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
@@ -37,7 +37,6 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.tolerances import DEFAULT
 
 ENDS = {F1V2: (0, 3), E1E2: (0, 2)}  # a point of either body in `FeaturePoints.points`; else the first and the second
-SITES = {F1V2: "FV", E1E2: "EE"}
 _STILL = np.empty((3, 0)), np.empty((3, 0))
 
 
@@ -46,8 +45,33 @@ class _Line(NamedTuple):
 
     relation: int
     feature: Feature
-    line: FeaturePoints
+    line: FeaturePoints | _TruePoints
     moves: tuple[Array, Array]
+
+
+class _TruePoints(NamedTuple):
+    """Points with which true faces touch as drawn, (2, 3), and their normal from body 1 to body 2.
+
+    Attributes
+    ----------
+    turned : bool
+        Whether the normal turns with body 1, whose face is the plane one.
+    parts : (int, int)
+    pairs : set of (int, int)
+        The true faces that meet, by number in `true_faces`.
+    """
+
+    points: Array
+    normal: Array
+    turned: bool
+    parts: tuple[int, int]
+    pairs: frozenset[tuple[int, int]]
+
+    def at(self, movable: Body, static: Body, transform: Array) -> tuple[Array, Array]:
+        """Return the normal and the contact line, (a, b, c), at a pose of body 1, (4, 4)."""
+        R, moved = transform[:3, :3], transform[:3, :3] @ movable.seed + transform[:3, 3]
+        n, off = R @ self.normal if self.turned else self.normal, self.points - [movable.seed, static.seed]
+        return n, np.array([n @ R @ off[0], -n @ off[1], n @ (static.seed - moved)])
 
 
 class AffineGaps(NamedTuple):
@@ -105,14 +129,21 @@ class ContactGaps:
         self.sizes, self.names, self.size, self.own = sizes, tuple(names), scene.size, own
         asked = {pair: own for pair, own in relations_of(scene).items() if pair == SCALES or own.goal != "clear"}
         self.relations = tuple(asked.values())
-        self.tasks = [Task.of(_restoring(relation, own=own)) for relation in self.relations]
         self.columns = [columns_of(pair, relation, names, own=own) for pair, relation in asked.items()]
-        self.lines = [
-            _Line(k, joint.feature, line, _moves(self.relations[k], task, line) if own else _STILL)
-            for k, task in enumerate(self.tasks)
-            for joint in task.joints
-            for line in _lines(task, joint)
-        ]
+        self.tasks, self.lines = list[Task](), list[_Line]()
+        for k, relation in enumerate(self.relations):
+            rounds = [*_round_lines(k, relation, own=own)]
+            task = Task.of(_restoring(relation, own=own, touching=bool(rounds)))
+            for joint in task.joints:
+                met = true_faces_met(joint.feature, task.movable, task.static) if rounds else ((), ())
+                own_lines = [line for line in rounds if line.line.pairs & {*product(*met)}]
+                if relation.contacts or not own_lines:
+                    self.lines += own_lines or [
+                        _Line(k, joint.feature, line, _moves(relation, task, line) if own else _STILL)
+                        for line in _lines(task, joint)
+                    ]
+            self.lines += () if relation.contacts else rounds
+            self.tasks.append(task)
 
     def transforms(self, q: Array) -> list[Array]:
         """Return the pose of body 1 of each relation."""
@@ -124,10 +155,13 @@ class ContactGaps:
         poses = [relative_pose(own.movable, own.static, T) for own, T in zip(self.tasks, transforms, strict=True)]
         for row, (k, _, line, (one, two)) in enumerate(self.lines):
             task, R = self.tasks[k], transforms[k][:3, :3]
-            at = Tracked.at(task.movable, task.static, poses[k], line.parts, line.site, line.sign)
-            normals[row], (a, b, c) = at.normal, at.line.tolist()
-            values[row, 0] = c - a - b if self.own else c
-            rates = at.normal @ two - at.normal @ R @ one if self.own else np.array([-a, -b])
+            if isinstance(line, _TruePoints):
+                normal, (a, b, c) = line.at(task.movable, task.static, transforms[k])
+            else:
+                at = Tracked.at(task.movable, task.static, poses[k], line.parts, line.site, line.sign)
+                normal, (a, b, c) = at.normal, at.line.tolist()
+            normals[row], values[row, 0] = normal, c - a - b if self.own else c
+            rates = normal @ two - normal @ R @ one if self.own else np.array([-a, -b])
             values[row, 1 + np.array(self.columns[k], int)] = rates
         return AffineGaps(values, normals)
 
@@ -193,7 +227,21 @@ class ContactGaps:
             transform=transform,
             box=self.sizes.box[columns],
             listed=None if listed is None else listed[:, columns],
+            permanent_faces=None if self._pairs_met(relation) is None else frozenset(),
         )
+
+    def _pairs_met(self, relation: Problem) -> dict[Feature, frozenset[tuple[int, int]]] | None:
+        """Return which true faces meet in each contact of two parts; None where no round one does."""
+        k = next((k for k, own in enumerate(self.relations) if own is relation), -1)
+        mine = {own.feature: own.line for own in self.lines if own.relation == k}
+        if not any(isinstance(line, _TruePoints) for line in mine.values()):
+            return None
+        bodies = self.tasks[k].movable, self.tasks[k].static
+        return {
+            feature: line.pairs if isinstance(line, _TruePoints)
+            else frozenset(product(*true_faces_met(feature, *bodies)))
+            for feature, line in mine.items()
+        }  # fmt: skip
 
     def claims(self, transforms: Sequence[Array]) -> list[GapClaims]:
         """Return what `verify` looks at: the gap of each contact over all sizes."""
@@ -203,6 +251,9 @@ class ContactGaps:
             values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
             least, largest = _range(values, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
+            if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without the others'
+                others = frozenset[tuple[int, int]]().union(*(met[other] for other in met if other != feature))
+                claim = replace(claim, permanent_faces=others - met[feature])
             name = self.words(k, feature) if len(self.contacts) > 1 else ""
             told = partial(_separation, values)
             found.append(replace(claim, least=least, largest=largest, told=told, contact=contact, name=name))
@@ -218,15 +269,9 @@ class ContactGaps:
         rows, pairs, task = self.rows(transforms), [], self.tasks[relation]
         for (k, feature), own in self.contacts.items():
             if k == relation:
-                lines = [self.lines[row].line for row in own]
-                parts = task.movable.parts[lines[0].parts[0]], task.static.parts[lines[0].parts[1]]
-                elements = [[*zip(SITES.get(x.site[0], "VF"), x.site[1:], strict=True)] for x in lines]
-                for which, kind in enumerate((feature.one.kind, feature.two.kind) if len(own) == 1 else ()):
-                    if kind == "F":
-                        out = rows.normals[own[0]] * (1.0, -1.0)[which]
-                        elements[0][which] = ("F", int((parts[which].normals @ out).argmax()))
-                both = [(one, two) for one, two in elements]
-                pairs.append(PairRows(lines[0].parts, rows.values[own], rows.normals[own], both))
+                parts = self.lines[own[0]].line.parts
+                features = [feature] * len(own)
+                pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], features))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
         return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
 
@@ -256,8 +301,11 @@ def columns_of(pair: tuple[str, str], relation: Problem, names: Sequence[str], *
     return [names.index(name) for name in ([size.name for size in relation.sizes] if own else pair)]
 
 
-def _restoring(relation: Problem, *, own: bool) -> Problem:
-    """Return the question of two parts as drawn that restores all contacts they have, if it names none."""
+def _restoring(relation: Problem, *, own: bool, touching: bool = False) -> Problem:
+    """Return the question of two parts as drawn that restores all contacts they have, if it names none.
+
+    Where none of their facets touch, itself as drawn where their true faces are `touching`.
+    """
     asked: dict[str, Any] = {"made": {}} if own and relation.sizes else {}
     if not relation.contacts:
         pair = relation.nominal_pair.tolist()
@@ -266,8 +314,39 @@ def _restoring(relation: Problem, *, own: bool) -> Problem:
     try:
         return relation.changed(**asked) if asked else relation
     except InputError as reason:
+        if touching:
+            return relation.changed(made={}) if own and relation.sizes else relation
         what = f"{by_contacts(relation, named=False) or 'an assembly is of contacts'}, and here are none as drawn"
         raise InputError(what, key="contacts", found=reason.what, allowed="parts that touch as drawn") from reason
+
+
+def _round_lines(k: int, relation: Problem, *, own: bool) -> Iterator[_Line]:
+    """Yield the contacts of a relation as drawn with round faces; none of sizes that make something else of these.
+
+    Of a straight line of contact its middle, or where the motion turns its ends.
+    """
+    drawn = relation.request if own else vars(relation.of_facets)
+    bodies, sizes = (drawn["movable"], drawn["static"]), relation.sizes if own else ()
+    if any(body.is_surface for body in bodies) or any(size.scale not in (None, "xyz") for size in sizes):
+        return
+    try:
+        moving = [SizedFaces.of(body, role, sizes) for body, role in zip(bodies, ROLES, strict=True)]
+    except InputError:
+        return
+    scales, faces = np.ones(2) if own else relation.nominal_pair, [moved.faces for moved in moving]
+    for met in contacts_as_drawn(*bodies, scales, DEFAULT.snap * relation.size):
+        elements = [own.element_at(patches, x) for own, patches, x in zip(faces, met.patches, met.points, strict=True)]
+        parts = [
+            next((n for n, part in enumerate(body.parts) if part.carriers(element)), 0)
+            for body, element in zip(bodies, elements, strict=True)
+        ]
+        turned = len(met.patches[0]) == 1 and faces[0].patches[met.patches[0][0]].surface.flat
+        for points in [met.points] if relation.motion.shifts else ends_of_line(met, faces, scales, np.eye(4)):
+            moves = [np.zeros((3, len(sizes))) for _ in ROLES]
+            for role, patches in enumerate(met.patches):
+                moves[role][:, moving[role].columns] = moving[role].move_at(points[role], patches)
+            line = _TruePoints(points, met.normal, turned, (parts[0], parts[1]), met.pairs)
+            yield _Line(k, Feature(*elements), line, (moves[0], moves[1]))
 
 
 def _lines(task: Task, joint: Joint) -> list[FeaturePoints]:
@@ -321,11 +400,6 @@ def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) ->
     """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
     if not size.is_length:
         return np.asarray((point - body.seed) @ size.directions())
-    if facet is None and round_surfaces(body):  # facets' corners move otherwise than the faces that they stand for
-        with suppress(InputError):
-            move = true_point_rate(body, body, {}, size, point)
-            if np.isfinite(move).all():
-                return move
     if body.is_surface:
         rates = vertex_rates(body, {}, size)
         return None if rates is None else rates[int(np.abs(body.vertices - point).sum(axis=1).argmin())]

@@ -33,6 +33,7 @@ FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
+DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
@@ -137,7 +138,7 @@ class TrueFaces:
         kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
         meet = np.unique(np.column_stack([spot, kinds]), axis=0)[:, 0]
         self.tips = self.edges.reshape(-1, 3)[tips[np.bincount(meet, minlength=len(tips)) > 1]]
-        room = 10.0 * self.body.rounding  # by which digits of the file may leave them off their faces
+        room = DIGITS * self.body.rounding
         for k, tip in enumerate(self.tips):
             own = np.unique(self.owners[(norms(self.corners - tip) == 0.0).any(axis=1)])
             at = self._onto(own.tolist(), tip)
@@ -167,6 +168,15 @@ class TrueFaces:
     def face_of(self, k: int) -> Element:
         """Return the first face of the body that stands for a patch."""
         return Element("F", self.body.faces[int(self.rows[self.owners == k].min())])
+
+    def element_at(self, patches: Sequence[int], point: Array) -> Element:
+        """Return the face of the body that stands for a patch; where several meet the edge or vertex nearest there."""
+        if len(patches) == 1:
+            return self.face_of(patches[0])
+        own = self.every_edge[np.isin(self.every_pair_of_patches, patches).all(axis=1)]
+        ends = own[distances(point[None], own)[:, 0].argmin()] if len(patches) == 2 and len(own) else point[None]
+        every = self.body.vertices
+        return Element("VE"[len(ends) - 1], tuple(sorted(int(norms(every - x).argmin()) + 1 for x in ends)))
 
     def has_point(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
@@ -205,9 +215,9 @@ class TrueFaces:
         found[free] = (heights >= -abs(near)).all(axis=1).any(axis=1)
         return found
 
-    def at(self, point: Array) -> list[int]:
-        """Return the patches that meet at a point of a face, the round ones first."""
-        near = DEFAULT.tie * self.body.size
+    def at(self, point: Array, near: float = 0.0) -> list[int]:
+        """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
+        near = max(DEFAULT.tie * self.body.size, near)
         off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
         return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
 
@@ -385,12 +395,12 @@ def line_of_contact(
     """
     both = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
     size = max(own.scale * own.faces.body.size for own in both)
-    for pair in product(*(own.faces.at(own.drawn(point)) for own in both)):
+    near = max(DEFAULT.tie * size, *(DIGITS * own.scale * own.faces.body.rounding for own in both))
+    for pair in product(*(own.faces.at(own.drawn(point), near) for own in both)):
         patches = [own.patches[k] for own, k in zip(both, pair, strict=True)]
         normals = [own.gaps(point[None])[1][0] for own in patches]
         for along in [own.surface.ruling(point) for own in patches]:
             ends = point + size * np.outer((1.0, -1.0), along)
-            near = DEFAULT.tie * size
             if normals[0] @ normals[1] < 0.0 and max(np.abs(own.gaps(ends)[0]).max() for own in patches) <= near:
                 triangles = (own.corners[own.faces.owners == k] for own, k in zip(both, pair, strict=True))
                 spans = [_covered(*own, point, along, near) for own in zip(triangles, normals, strict=True)]

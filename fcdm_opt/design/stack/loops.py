@@ -55,7 +55,8 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
     claims = gaps.claims([pose])
     if len(claims) == 1:
         return Loop(touching, claims[0])
-    return Loop(touching, replace(claims[0], contact=None), tuple(claims))
+    every = None if claims[0].permanent_faces is None else frozenset[tuple[int, int]]()
+    return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), tuple(claims))
 
 
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:

@@ -197,7 +197,8 @@ class StackUp:
     @property
     def on_true_faces(self) -> bool:
         """Whether gaps are those of the faces that facets stand for."""
-        return any(body.exact is not None for body in self.touching.bodies)
+        drawn = self.loop is not None and self.loop.pair.permanent_faces is not None
+        return drawn or any(body.exact is not None for body in self.touching.bodies)
 
     @cached_property
     def off(self) -> tuple[float, float]:

@@ -1,0 +1,115 @@
+"""Stack-ups and best poses of contacts as drawn with round faces: of these, wherever the facets of a mesh lie."""
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+
+HALVES = 0.03, 0.02
+
+
+def turned(body, axis, angle):
+    """Return a body turned about an axis through the origin."""
+    i, j = [(1, 2), (2, 0), (0, 1)]["xyz".index(axis)]
+    T = np.eye(4)
+    T[[i, j, i, j], [i, j, j, i]] = [np.cos(angle), np.cos(angle), -np.sin(angle), np.sin(angle)]
+    return body.moved(T)
+
+
+def drawn_as_stl(body, folder):
+    """Return a body through a file with the digits of an STL file, taken as round."""
+    import trimesh
+
+    corners, _ = body.face_triangles
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=True)
+    mesh.export(folder / f"{body.name}.stl")
+    return fo.Body.from_file(folder / f"{body.name}.stl", unit="mm", name=body.name).rounded()
+
+
+def held(one, two, faces, axis, each=(1.0, 1.0)):
+    """Return an assembly of two parts that touch, the first moved along an axis, with a size of each."""
+    sizes = [
+        fo.Size(own.name, own.name, faces=face, each=share, tolerance=half / share)
+        for own, face, share, half in zip((one, two), faces, each, HALVES, strict=True)
+    ]
+    contact = {"parts": (one.name, two.name), "goal": "touch"}
+    return fo.Assembly({one.name: one, two.name: two}, [contact], sizes, {one.name: fo.Translation(axis)})
+
+
+def agree(assembly, contact):
+    """Check that both commands tell the one contact, from -.05 to .05, and are verified, as solve is."""
+    assert fo.solve(assembly).amount == pytest.approx(0.0, abs=1e-7)
+    stack, pose = fo.stack_up(assembly), fo.best_pose(assembly)
+    slack = 1e-7  # of single precision
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([-0.05, 0.05], abs=slack)
+    assert [row.told for row in stack.rows] == [contact] == [*pose.contacts]
+    assert pose.value == pytest.approx(0.05, abs=slack)
+    assert fo.verify(stack)
+    assert fo.verify(pose)
+
+
+@pytest.mark.parametrize("file", [False, True])
+@pytest.mark.parametrize(("length", "aside"), [(14.0, 3.0), (60.0, 0.0)])
+@pytest.mark.parametrize(("facets", "turn"), [(32, np.pi / 32), (64, 0.0)])
+def test_a_plane_jaw_shorter_or_longer_than_the_round_bar_that_it_touches(tmp_path, file, length, aside, facets, turn):
+    """Where facets touched it was an edge of either, -.05002 not verified; where they did not, there was no contact."""
+    bar = turned(fo.Cylinder(5.0, 30.0, base=(-15.0, 0.0, 0.0), axis="x", facets=facets, name="bar"), "x", turn)
+    jaw = fo.Box((length, 12.0, 4.0), centre=(aside, 0.0, -7.0), name="jaw")
+    bar, jaw = (drawn_as_stl(own, tmp_path) for own in (bar, jaw)) if file else (bar, jaw)
+    top, cylinder = "top face of jaw", "cylinder of radius 5 of bar"
+    agree(held(jaw, bar, ["top", "cylinder radius 5"], "z"), f"{top}, {cylinder}")
+    agree(held(bar, jaw, ["cylinder radius 5", "top"], "z"), f"{cylinder}, {top}")
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+def test_two_round_bars_whose_facets_do_not_meet(crossed):
+    """The pins touch along a line, or where they cross: "here are none as drawn", the facets are .03 apart."""
+    pin = turned(fo.Cylinder(4.0, 20.0, facets=24, name="pin"), "z", np.pi / 24)
+    other = fo.Cylinder(3.0, 10.0, base=(7.0, 0.0, 2.0), facets=32, name="other")
+    other = fo.Cylinder(3.0, 30.0, base=(7.0, -15.0, 10.0), axis="y", facets=32, name="other") if crossed else other
+    asked = held(pin, other, ["cylinder radius 4", "cylinder radius 3"], "x", each=(1.0, 0.5))
+    agree(asked, "cylinder of radius 4 of pin, cylinder of radius 3 of other")
+
+
+def test_a_pin_at_the_wall_of_its_bore():
+    """Wherever the facets of either lie: a larger pin or a smaller bore overlaps by as much."""
+    pin = turned(fo.Cylinder(4.0, 20.0, base=(0.0, 0.0, -10.0), facets=24, name="pin"), "z", np.pi / 24)
+    bore = fo.Cylinder(4.5, 12.0, base=(-0.5, 0.0, -6.0), facets=32, name="bore")
+    plate = fo.Body.from_mesh(*_bored(bore), name="plate", decomposition="exact").rounded()
+    agree(
+        held(pin, plate, ["cylinder radius 4", "bore radius 4.5"], "x"),
+        "cylinder of radius 4 of pin, bore of radius 4.5 of plate",
+    )
+
+
+def _bored(bore):
+    import trimesh
+
+    plate = trimesh.creation.box((20.0, 20.0, 10.0))
+    corners, _ = bore.face_triangles
+    tool = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=True)
+    cut = plate.difference(tool, engine="manifold")
+    return np.array(cut.vertices), np.array(cut.faces)
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi / 48, 0.03])
+def test_a_roller_in_its_groove_goes_by_each_flank(turn):
+    """Flanks of 45 degrees: the roller rises by its radius over sin 45; a stop above it opens by as much."""
+    roller = turned(fo.Cylinder(5.0, 20.0, base=(-10.0, 0.0, 0.0), axis="x", facets=48, name="roller"), "x", turn)
+    deep = 5.0 * np.sqrt(2.0)
+    left, right = (
+        [[x, y * side, z - deep] for x in (-20.0, 20.0) for y, z in ((0.0, 0.0), (9.0, 9.0), (9.0, -4.0), (0.0, -4.0))]
+        for side in (1.0, -1.0)
+    )
+    groove = fo.Body.from_parts([left, right], name="groove")
+    stop = fo.Box((6.0, 6.0, 4.0), centre=(0.0, 0.0, 7.0), name="stop")
+    radius = fo.Size("radius", "roller", faces="cylinder radius 5", tolerance=0.05)
+    contacts = [{"parts": ("roller", "groove"), "goal": "touch"}, {"parts": ("roller", "stop"), "goal": "clear"}]
+    parts = {"roller": roller, "groove": groove, "stop": stop}
+    asked = fo.Assembly(parts, contacts, [radius], {"roller": fo.Translation("z")})
+    stack = fo.stack_up(asked, of=("roller", "stop"))
+    worst, most = stack.worst(), 0.05 * (1.0 + np.sqrt(2.0))
+    assert [worst.least, worst.largest] == pytest.approx([-most, most], abs=1e-8)
+    assert fo.verify(stack)
+    own = fo.best_pose(asked)
+    assert len([name for name in own.contacts if "cylinder of radius 5 of roller" in name]) == 2
