@@ -23,6 +23,7 @@ from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, T
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.resizing import exact_vertex_rates, true_point_rate, vertex_rates
 from fcdm_opt.geometry.size import Size
@@ -319,6 +320,11 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
         ratio = problem.target / problem.nominal_pair
         moved, amounts, missing = motion_rates([task], q, changes, nominal, ratio)
+        if problem.exact_at is not None and problem.amount == "weighted":
+            faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
+            still = [3 + k for k in range(3) if faces.is_symmetric_about(seed, np.eye(3)[k])]
+            moved[still] = 0.0
+            missing = ["" if k in still else why for k, why in enumerate(missing)]
         names = [f"{verb} {axis}" for verb in ("shifted along", "turned about") for axis in "xyz"]
         names += [size.name for size in problem.sizes]
         for why in dict.fromkeys(filter(None, missing)):

@@ -221,6 +221,17 @@ class TrueFaces:
         off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
         return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
 
+    def is_symmetric_about(self, point: Array, axis: Array) -> bool:
+        """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
+        near = max(DEFAULT.tie * self.body.size, DIGITS * self.body.rounding)
+        for surface in (own.surface for own in self.patches):
+            off = surface.origin - point
+            centred = surface.flat or norms(off - (off @ axis) * axis) <= near
+            aligned = norms(cross(surface.axis, axis)) * self.body.size <= near
+            if not (centred and (aligned or (surface.line is None and not surface.ring))):
+                return False
+        return True
+
     def room(self, near: Sequence[int], point: Array) -> float:
         """Return how far edges are from a point of some patches, other than those between two of these."""
         others = ~np.isin(self.every_pair_of_patches, near).all(axis=1)

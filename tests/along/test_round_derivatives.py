@@ -240,3 +240,26 @@ def test_the_width_of_a_slot_beside_a_hole_had_no_derivative(ends: bool) -> None
     assert found.motion_by_size["slot"] == pytest.approx([0.0, 0.5], abs=1e-6)
     assert "\n  by slot: " in str(found)
     assert "\n  of the motion no derivative by turned about x" in str(found)
+
+
+@pytest.mark.parametrize("motion", [X >> Y, X >> fo.Rotation("y")])
+def test_a_peg_turned_about_its_own_axis_had_no_derivative_of_the_motion(motion) -> None:
+    """Turned so it is the same solid, whatever holds the motion."""
+    asked = in_bore(9.0, (0.7, 0.2), motion).changed(goal="clear", clearance=0.5)
+    found = fo.solve(asked)
+    assert found.amount > 0.1
+    assert (found.sensitivity.motion_by_pose[:, 5] == 0.0).all()
+    assert "turned about z" not in " ".join(found.sensitivity.motion_reasons)
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(0.05), -np.sin(0.05)], [np.sin(0.05), np.cos(0.05)]]
+    seed = asked.movable.seed
+    turn[:3, 3] = seed - turn[:3, :3] @ seed
+    turned = fo.solve(asked.changed(movable=asked.movable.moved(turn)))
+    assert turned.amount == pytest.approx(found.amount, rel=1e-9)
+
+
+def test_a_peg_with_its_seed_off_its_axis_moves_as_it_turns() -> None:
+    """Turned by t about a seed .2 beside its axis, it goes .2 t along x, and is shifted back by as much."""
+    peg = fo.Cylinder(8.0, 40.0, base=(0.5, 0.0, -10.0), facets=16, name="pin").with_seed(np.array([0.5, -0.2, 10.0]))
+    found = fo.solve(fo.Problem(peg, PLATE, motion=X, goal="touch", target=(1, 1)))
+    assert found.sensitivity.motion_by_pose[0, 5] == pytest.approx(0.2, abs=1e-6)
