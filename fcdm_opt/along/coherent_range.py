@@ -11,12 +11,12 @@ from typing import Any, ClassVar, NamedTuple, Self, overload
 import numpy as np
 
 from fcdm_opt.along.conditions import Ray
-from fcdm_opt.along.followed import KINDS, Followed, followed
+from fcdm_opt.along.followed import KINDS, NO_CONTACT, Followed, followed
 from fcdm_opt.along.march import March
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, expected, known_arguments
+from fcdm_opt.errors import InputError, expected, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
@@ -181,17 +181,21 @@ class AssemblyRange(Ends, Plain):
         By the names of all motions' parameters, "part.parameter".
     contacts : dict of str to CoherentRange
         Of each contact, "A - B", whose parts move against each other, at sizes at which these two touch; others last.
+    apart : tuple of str
+        Those of these contacts whose parts do not touch as drawn, so that nothing is followed: see `contact_times`.
     """
 
-    plain_names: ClassVar[tuple[str, ...]] = ("direction", "low", "high", "events", "proved", "contacts")
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "low", "high", "events", "proved", "contacts", "apart")
 
     assembly: Assembly
     direction: Mapping[str, float]
     contacts: Mapping[str, CoherentRange]
+    apart: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the same in words for each contact."""
-        return "\n".join(f"{name}: {own}" for name, own in self.contacts.items())
+        opened = (f"{name}: {NO_CONTACT}" for name in self.apart)
+        return "\n".join([*(f"{name}: {own}" for name, own in self.contacts.items()), *opened])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the assembly: `from_dict` needs that besides."""
@@ -254,7 +258,8 @@ def coherent_range(
     Raises
     ------
     InputError
-        For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
+        For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve; of an
+        assembly where none of its contacts is.
     """
     expected(problem, (Problem, Assembly), "problem")
     if isinstance(problem, Assembly):
@@ -294,16 +299,29 @@ def _is_closed(problem: Problem) -> bool:
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> AssemblyRange:
-    """Return how far each contact lasts whose parts move against each other."""
-    asked = [assembly.questions[pair[:2]] for pair in assembly.contacts]
-    along = checked_direction(asked[0], direction)
+    """Return how far each contact lasts whose parts move against each other, and which of these do not touch."""
+    asked = moved_contacts(assembly, direction)
+    along = checked_direction(next(iter(assembly.questions.values())), direction)
+    apart = tuple(name for name, problem in asked.items() if not has_contact(problem))
+    if apart and len(apart) == len(asked):
+        with placed(key=f"contacts '{apart[0]}'"):
+            followed(with_contact_closed(asked[apart[0]]))
+    each = {name: coherent_range(own, along, limit=limit) for name, own in asked.items() if name not in apart}
+    return AssemblyRange(assembly, motion_of(assembly).by_name(along), each, apart)
+
+
+def moved_contacts(assembly: Assembly, direction: Any) -> dict[str, Problem]:
+    """Return the questions of the contacts whose parts move against each other along a direction, by their names."""
+    along = checked_direction(next(iter(assembly.questions.values())), direction)
     moving = {part for (part, _), x in zip(assembly.parameters, along.tolist(), strict=True) if x}
-    each = {
-        str(pair): coherent_range(problem, along, limit=limit)
-        for pair, problem in zip(assembly.contacts, asked, strict=True)
-        if moving & {*assembly.involved(*pair[:2])}
-    }
-    return AssemblyRange(assembly, asked[0].motion.by_name(along), each)
+    moved = [pair for pair in assembly.contacts if moving & {*assembly.involved(*pair[:2])}]
+    return {str(pair): assembly.questions[pair[:2]] for pair in moved}
+
+
+def has_contact(problem: Problem) -> bool:
+    """Tell whether parts touch so that a range can follow what touches, with sizes as drawn that would open it."""
+    closed = with_contact_closed(problem)
+    return bool(closed.contacts) or closed.nominal_contact is not None
 
 
 def _ended(

@@ -21,6 +21,7 @@ from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -32,6 +33,8 @@ Parts = tuple[int, int]
 Site = tuple[int, int, int]
 UNTRACKED = 1000  # added to the number of a contact that gives none of the lines of the scale pair
 OPENS = "the flush contact opens"
+NO_CONTACT = "at their nominal sizes the parts do not touch, so that there is no contact to follow"
+TOUCH_BETWEEN = "the parts touch on their true faces, and a range follows facets, which are apart there"
 KINDS = {
     "border": "the contact point reaches the end of its feature",
     "neighbour": "a neighbouring feature of the same bodies takes over",
@@ -112,10 +115,7 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
         return _together(problem)
     contact = problem.nominal_contact
     if contact is None:
-        what = (
-            "at their nominal sizes the parts do not touch, so that there is no contact to follow: the nominal pair is "
-            "not on the decision curve"
-        )
+        what = f"{TOUCH_BETWEEN if touch_on_true_faces(problem) else NO_CONTACT}: the nominal pair is not on the decision curve"
         allowed = "a switching point, or a pair on the curve; contact_times tells when the parts made touch"
         raise InputError(what, key="nominal", found=problem.nominal_pair.tolist(), allowed=allowed)
     pieces: tuple[Piece, ...] = (
@@ -123,6 +123,12 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
     )
     seats = problem.nominal_seats if any(_is_flush(piece) for piece in pieces) else ()
     return tuple(_followed(problem, piece, seats, k) for k, piece in enumerate(pieces))
+
+
+def touch_on_true_faces(problem: Problem) -> bool:
+    """Tell whether the parts touch at their nominal sizes where a round face takes part, wherever its facets are."""
+    facets = problem.of_facets
+    return bool(contacts_as_drawn(facets.movable, facets.static, facets.nominal_pair, facets.contact_slack))
 
 
 def _together(problem: Problem) -> tuple[Followed, ...]:

@@ -133,11 +133,12 @@ def range_command(
 ) -> None:
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides.
 
-    Parts drawn with play, or overlapping, have no such contact: along which motions the parts made touch is told alone.
+    Parts drawn with play, or overlapping, have no such contact: along which motions the parts made touch is told alone,
+    also of two parts of an assembly.
     Of a file of an assembly it is told of each contact whose parts move against each other; parameters are
     "part.parameter".
     """
-    from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, with_contact_closed
+    from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, has_contact, moved_contacts
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.family import family_figure
@@ -147,13 +148,14 @@ def range_command(
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange | None, Any]]:
         along = _default_direction(file, problem) if direction is None else direction
-        kept = with_contact_closed(problem) if isinstance(problem, Problem) else None
-        if kept is not None and not kept.contacts and kept.nominal_contact is None:
-            touching = contact_times(problem, along)
-            entry |= {"contact_times": touching.to_dict()}
+        asked = {"": problem} if isinstance(problem, Problem) else moved_contacts(problem, along)
+        opened = [own for own in asked.values() if not has_contact(own)]
+        touching = [(None, contact_times(own, along)) for own in opened]
+        if opened and len(opened) == len(asked):
+            entry |= {"contact_times": contact_times(problem, along).to_dict()}
             if inquiry.pictures:
                 say(f"no picture of case {problem.name!r}: parts apart, or overlapping, have no contact to follow")
-            return [(None, touching)]
+            return [*touching]
         found = coherent_range(problem, along)
         times = contact_times_or_refusal(problem, along)
         entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}
@@ -169,7 +171,7 @@ def range_command(
             others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
             met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
             spans[-1] = replace(spans[-1], keep_outs=met)
-        return [*zip(each, spans, strict=True)]
+        return [*zip(each, spans, strict=True), *touching]
 
     def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:

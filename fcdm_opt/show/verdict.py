@@ -189,12 +189,16 @@ def range_texts(coherent: CoherentRange) -> list[str]:
 
 def no_contact_text(problem: Problem) -> str:
     """Return why no contact is followed along a motion: the parts are drawn with play, or overlap."""
+    from fcdm_opt.along.followed import TOUCH_BETWEEN, touch_on_true_faces
+
     gap = float(problem.curve.gap(problem.nominal_pair))
     lie = f"are {length_text(problem, gap)} apart" if gap > 0.0 else f"overlap by {length_text(problem, -gap)}"
     if any(map(round_surfaces, (problem.movable, problem.static))):  # by how much facets say
         lie = "are apart" if gap > 0.0 else "overlap"
     drawn = "as drawn" if (problem.nominal_pair == 1.0).all() else "at their nominal sizes"
     drawn = "as made" if any((problem.made or {}).values()) else drawn
+    if touch_on_true_faces(problem):
+        return f"{drawn} {TOUCH_BETWEEN}"
     return f"{drawn} the parts {lie}, so that no contact is there to be followed"
 
 
