@@ -115,7 +115,8 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
         return _together(problem)
     contact = problem.nominal_contact
     if contact is None:
-        what = f"{TOUCH_BETWEEN if touch_on_true_faces(problem) else NO_CONTACT}: the nominal pair is not on the decision curve"
+        what = TOUCH_BETWEEN if touch_on_true_faces(problem) else NO_CONTACT
+        what += ": the nominal pair is not on the decision curve"
         allowed = "a switching point, or a pair on the curve; contact_times tells when the parts made touch"
         raise InputError(what, key="nominal", found=problem.nominal_pair.tolist(), allowed=allowed)
     pieces: tuple[Piece, ...] = (

@@ -136,7 +136,9 @@ class TrueContact(NamedTuple):
         return frozenset(product(*self.patches))
 
     @classmethod
-    def of(cls, near: NearestPoints, faces: Sequence[TrueFaces], scales: Sequence[float], pose: Array) -> TrueContact:
+    def of(
+        cls, near: NearestPoints, faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
+    ) -> TrueContact:
         """Return it of points that come nearest; where they do along a straight line the middle of it."""
         points = ends_of_line(near, faces, scales, pose).mean(axis=0)
         at = (tuple(own.at(x, DIGITS * own.body.rounding)) for own, x in zip(faces, points, strict=True))
@@ -144,7 +146,7 @@ class TrueContact(NamedTuple):
 
 
 def ends_of_line(
-    near: NearestPoints | TrueContact, faces: Sequence[TrueFaces], scales: Sequence[float], pose: Array
+    near: NearestPoints | TrueContact, faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
 ) -> Array:
     """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3).
 

@@ -117,6 +117,8 @@ class ContactGaps:
     names : tuple of str
         Of the sizes: scales of parts, or the question's own.
     lines : list
+    round_pairs : list of set of (int, int)
+        Of each relation the true faces that meet as drawn, a round one among them, by number in `true_faces`.
     size : float
         Length that relative tolerances refer to.
     """
@@ -130,20 +132,22 @@ class ContactGaps:
         asked = {pair: own for pair, own in relations_of(scene).items() if pair == SCALES or own.goal != "clear"}
         self.relations = tuple(asked.values())
         self.columns = [columns_of(pair, relation, names, own=own) for pair, relation in asked.items()]
-        self.tasks, self.lines = list[Task](), list[_Line]()
+        self.tasks, self.lines, self.round_pairs = list[Task](), list[_Line](), list[frozenset[tuple[int, int]]]()
         for k, relation in enumerate(self.relations):
             rounds = [*_round_lines(k, relation, own=own)]
+            pairs, chosen = [_pairs_of(line.line) for line in rounds], set[int]()
             task = Task.of(_restoring(relation, own=own, touching=bool(rounds)))
             for joint in task.joints:
                 met = true_faces_met(joint.feature, task.movable, task.static) if rounds else ((), ())
-                own_lines = [line for line in rounds if line.line.pairs & {*product(*met)}]
-                if relation.contacts or not own_lines:
-                    self.lines += own_lines or [
-                        _Line(k, joint.feature, line, _moves(relation, task, line) if own else _STILL)
-                        for line in _lines(task, joint)
-                    ]
-            self.lines += () if relation.contacts else rounds
+                mine = {n for n, own_pairs in enumerate(pairs) if own_pairs & {*product(*met)}}
+                chosen |= mine
+                self.lines += () if mine else [
+                    _Line(k, joint.feature, line, _moves(relation, task, line) if own else _STILL)
+                    for line in _lines(task, joint)
+                ]  # fmt: skip
+            self.lines += [line for n, line in enumerate(rounds) if n in chosen or not relation.contacts]
             self.tasks.append(task)
+            self.round_pairs.append(frozenset[tuple[int, int]]().union(*pairs))
 
     def transforms(self, q: Array) -> list[Array]:
         """Return the pose of body 1 of each relation."""
@@ -233,15 +237,11 @@ class ContactGaps:
     def _pairs_met(self, relation: Problem) -> dict[Feature, frozenset[tuple[int, int]]] | None:
         """Return which true faces meet in each contact of two parts; None where no round one does."""
         k = next((k for k, own in enumerate(self.relations) if own is relation), -1)
-        mine = {own.feature: own.line for own in self.lines if own.relation == k}
-        if not any(isinstance(line, _TruePoints) for line in mine.values()):
+        mine = {own.feature: _pairs_of(own.line) for own in self.lines if own.relation == k}
+        if not any(mine.values()):
             return None
         bodies = self.tasks[k].movable, self.tasks[k].static
-        return {
-            feature: line.pairs if isinstance(line, _TruePoints)
-            else frozenset(product(*true_faces_met(feature, *bodies)))
-            for feature, line in mine.items()
-        }  # fmt: skip
+        return {own: met or frozenset(product(*true_faces_met(own, *bodies))) for own, met in mine.items()}
 
     def claims(self, transforms: Sequence[Array]) -> list[GapClaims]:
         """Return what `verify` looks at: the gap of each contact over all sizes."""
@@ -252,7 +252,7 @@ class ContactGaps:
             least, largest = _range(values, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
             if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without the others'
-                others = frozenset[tuple[int, int]]().union(*(met[other] for other in met if other != feature))
+                others = self.round_pairs[k].union(*(met[other] for other in met if other != feature))
                 claim = replace(claim, permanent_faces=others - met[feature])
             name = self.words(k, feature) if len(self.contacts) > 1 else ""
             told = partial(_separation, values)
@@ -274,6 +274,11 @@ class ContactGaps:
                 pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], features))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
         return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
+
+
+def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:
+    """Return which true faces meet with a round one; none of a line of facets."""
+    return line.pairs if isinstance(line, _TruePoints) else frozenset()
 
 
 def by_contacts(scene: Scene, *, named: bool = True) -> str:

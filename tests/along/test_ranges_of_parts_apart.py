@@ -33,7 +33,7 @@ def test_the_contacts_of_an_assembly_that_are_open_as_drawn_were_an_error_of_all
     assert again.apart == found.apart
     alone = fo.coherent_range(jaws(0.3, 0.0), {"right.TX": 1.0})
     assert alone.apart == ()
-    with pytest.raises(fo.InputError, match="left - block.*do not touch"):
+    with pytest.raises(fo.InputError, match=r"left - block.*do not touch"):
         fo.coherent_range(jaws(0.3, 0.2), {"left.TX": 1.0, "right.TX": 1.0})
 
 
