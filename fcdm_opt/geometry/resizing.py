@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
+from fcdm_opt.geometry.elements import Element, Elements, Span
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
@@ -240,7 +241,7 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     InputError
         Where a face vanishes or a part does, with the face.
     """
-    return _resized(body, tuple(made.items()))
+    return _resized(body, tuple((size.of_body("movable"), value) for size, value in made.items()))
 
 
 @lru_cache(maxsize=32)  # points of a map that differ in sizes of the other body have this one in common
@@ -256,7 +257,7 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
         with _at(body, tuple(lengths), values):
             found = _surface_resized(scaled, offsets)
     else:
-        round_one = on_true_faces(scaled, offsets)
+        round_one = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
         if round_one is not None:
             return round_one
         found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
@@ -481,12 +482,15 @@ class _CornersOfParts(NamedTuple):
         Rows of each part.
     surface : Surface or None
         Of a solid whose own surface is known.
+    same : bool
+        Whether all parts have the corners and facets that they have as drawn.
     """
 
     points: list[Array]
     rows: Array
     parts: list[list[int]]
     surface: Surface | None
+    same: bool = False
 
 
 def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
@@ -523,11 +527,67 @@ def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
         with _at(body, moving.sizes, values):
             surface = surface_with_corners(body, numbered[0])
             _check_filled(body, found, surface)
-    return _CornersOfParts(found, *numbered, surface)
+    return _CornersOfParts(found, *numbered, surface, not changed)
+
+
+def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | None:
+    """Return a solid with its corners elsewhere, its faces in parallel to those drawn, and the same parts.
+
+    Cuts go with the faces. None where faces turn, or parts would have other facets than as drawn.
+    """
+    if len(body.parts) == 1 or body.exact is not None:
+        return None
+    normals, near = body.face_planes[0], DEFAULT.nominal * body.size
+    off = [(places - body.vertices)[np.array(face) - 1] @ n for face, n in zip(body.faces, normals, strict=True)]
+    if max(map(np.ptp, off)) > near:
+        return None
+    offsets, still = np.array([own.mean() for own in off])[:, None], np.zeros((1, 3, 3))
+    parts = (_moving(body, k, sizes[:1], own, still) for k, own in enumerate(_facets(body, sizes[:1], offsets)))
+    moving, corners = Resizing(body, tuple(sizes[:1]), offsets, tuple(parts), np.zeros(1)), np.array(body.corners) - 1
+    _, rows, parts_rows, _, same = _corners_of_parts(moving, np.ones(1))
+    if not same or np.abs(rows[corners] - places[corners]).max() > near:
+        return None
+    rows[corners] = places[corners]
+    return _as_drawn(body, rows, parts_rows, surface_with_corners(body, rows))
+
+
+def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface) -> Body | None:
+    """Return a solid with vertices elsewhere, what its parts' elements belong to as drawn; None where faces are others.
+
+    So where elements lie is looked for once a body, and not at each of its sizes.
+    """
+    if tuple(tuple(sorted(row + 1 for row in face)) for face in surface.faces) != body.faces:
+        return None
+    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
+
+    def moved(points: Array, places: Mapping[tuple[float, ...], int]) -> Array:
+        there = [places[tuple(point)] for point in points.reshape(-1, 3).tolist()]
+        return frozen(rows[there].reshape(points.shape))
+
+    def named(element: Element, labels: Mapping[int, int]) -> Element:
+        return Element(element.kind, tuple(sorted(labels.get(label, label) for label in element.vertices)))
+
+    there = [dict(zip(map(tuple, part.vertices.tolist()), own, strict=True)) for part, own in zip(body.parts, parts)]
+    parted = [{point: row for point, row in own.items() if row_of[point] != row} for own in there]
+    whole = {point: row for point, row in row_of.items() if not any(point in own for own in parted)}
+    placed = list[ConvexPart]()
+    with suppress(KeyError):  # of a face with points that are no vertices, or of parts that do not meet there now
+        for part, own, its, new in zip(body.parts, parts, there, parted, strict=True):
+            spans = {
+                key: Span(moved(span.corners, its), span.elements, tuple(moved(each, whole) for each in span.regions))
+                for key, span in part.elements.spans.items()
+            }
+            labels = {row_of[point] + 1: row + 1 for point, row in new.items()}
+            each = part.elements.values() if not labels else (
+                [named(element, labels) for element in own] for own in part.elements.values()
+            )  # fmt: skip
+            placed.append(replace(part.placed(rows[own], body.seed), elements=Elements(*each, spans)))
+        return replace(body, vertices=frozen(rows), parts=tuple(placed), triangles=surface.triangles_of_faces())
+    return None
 
 
 def _offset(moving: Resizing, values: Array) -> Body:
-    body, (points, rows, parts, surface) = moving.body, _corners_of_parts(moving, values)
+    body, (points, rows, parts, surface, same) = moving.body, _corners_of_parts(moving, values)
     if not parts:
         made = Body.from_parts(points, seed=body.seed, name=body.name, unit=body.unit)
         return replace(made, deviation=body.deviation)
@@ -536,6 +596,8 @@ def _offset(moving: Resizing, values: Array) -> Body:
         return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
     with _at(body, moving.sizes, values):
         if surface is not None:
+            if same and (made_alike := _as_drawn(body, rows, parts, surface)) is not None:
+                return made_alike
             made = Body._made(rows, [np.array(part) for part in parts], None, body.seed, body.name, surface=surface)
         else:
             faces = [[label - 1 for label in face] for face in body.outlines]

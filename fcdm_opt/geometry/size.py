@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -127,7 +127,16 @@ class Size(Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as a `[[size]]` table has them."""
-        return {key: plain(value) for key, value in vars(self).items() if value is not None and value != ()}
+        named = {key: value for key, value in vars(self).items() if key != "_by_body"}
+        return {key: plain(value) for key, value in named.items() if value is not None and value != ()}
+
+    def of_body(self, name: str) -> Size:
+        """Return the same size of the body by another name: one for each name, as results are kept by sizes."""
+        known: dict[str, Size] = vars(self).setdefault("_by_body", {self.body: self})
+        if name not in known:
+            known[name] = replace(self, body=name)
+            vars(known[name])["_by_body"] = known
+        return known[name]
 
     def directions(self) -> Array:
         """Return U, (3, 3): the size moves a point X by p U (X - s); zero for faces."""

@@ -426,6 +426,18 @@ def onto_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> Array:
     return found
 
 
+def misses_of_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> tuple[Array, Array]:
+    """Return how far points (n, 3) are off some surfaces each, by their numbers (n, m), and the normals, (n, m, 3)."""
+    gaps, normals, circle = np.empty(which.shape), np.empty((*which.shape, 3)), [own.line is None for own in surfaces]
+    for kind in {*circle}:
+        own = np.flatnonzero(np.array(circle) == kind)
+        asked = np.isin(which, own)
+        rows, each = np.nonzero(asked)[0], np.searchsorted(own, which[asked])
+        its = Swept.stacked([surfaces[k] for k in own.tolist()]).at_rows(each)
+        gaps[asked], normals[asked] = its.misses(points[rows])
+    return gaps, normals
+
+
 def inverse_of(products: Array) -> Array:
     """Return the inverses of the products of a few normals; of surfaces that touch along an edge as if of one."""
     if products.shape[-1] == 1:

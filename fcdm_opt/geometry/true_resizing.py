@@ -5,7 +5,7 @@ Their convex parts are those of the body drawn where these still fill it, else i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms, volume_and_centroid
@@ -22,14 +22,18 @@ from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
 from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each
 from fcdm_opt.tolerances import DEFAULT
 
 NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
 SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 
 
-def on_true_faces(body: Body, offsets: Array) -> Body | None:
+Cut = Callable[[Body, Array], Body | None]
+"""Returns a solid with its corners elsewhere, (n, 3), cut into the same parts; None where it is not to be."""
+
+
+def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
     """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces.
 
     It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
@@ -43,7 +47,10 @@ def on_true_faces(body: Body, offsets: Array) -> Body | None:
     if places is None:
         return None
     try:
-        made = _of_same_parts(body, places)
+        made = None
+        with suppress(InputError):  # of cuts that would part
+            made = cut_alike(body, places)
+        made = made or _of_same_parts(body, places)
         if made is None:
             made, rounds = _cut_again(body, places, rounds, true)
     except InputError:
@@ -124,20 +131,22 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     """
     places, around = body.vertices.copy(), faces_around(body)
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
+    moved = dict[int, list[int]]()  # by how many faces meet there
     for row, faces in enumerate(around):
-        if not offsets[list(faces)].any() and faces.isdisjoint(shifted):
-            continue
-        place = _carried(body.vertices[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
+        if offsets[list(faces)].any() or not faces.isdisjoint(shifted):
+            moved.setdefault(len(faces), []).append(row)
+            places[row] = _carried(places[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
+    for rows in moved.values():
+        which = np.array([sorted(around[row]) for row in rows])
         for _ in range(NEWTON_STEPS):
-            each = [true[face].misses(place[None]) for face in sorted(faces)]
-            gaps, normals = (np.concatenate([own[k] for own in each]) for k in (0, 1))
-            place = place - np.linalg.lstsq(normals, gaps, rcond=SMOOTH)[0]
-        if max(abs(true[face].misses(place[None])[0][0]) for face in faces) > DEFAULT.snap * body.size:
+            gaps, normals = misses_of_each(places[rows], true, which)
+            places[rows] -= (np.linalg.pinv(normals, rcond=SMOOTH) @ gaps[..., None])[..., 0]
+        if np.abs(misses_of_each(places[rows], true, which)[0]).max() > DEFAULT.snap * body.size:
             return None
-        places[row] = place
     return places
 
 
+@cached_per_body
 def faces_around(body: Body) -> list[set[int]]:
     """Return the rows of the faces at each vertex; none of cuts alone."""
     around = [set[int]() for _ in body.vertices]

@@ -531,7 +531,7 @@ class Assembly(Scene):
         shown = {"name": f"{self.name}: {pair}" if self.name else str(pair), "unit": self.unit}
         bodies = {role: self.parts[part] for role, part in zip(ROLES, pair[:2], strict=True)}
         named = {part: role for role, part in zip(ROLES, pair[:2], strict=True)}
-        sizes = [replace(size, body=named[size.body]) for size in self.sizes if size.body in named]
+        sizes = [size.of_body(named[size.body]) for size in self.sizes if size.body in named]
         made = dict[str, Any]()
         if sizes:
             made |= {"sizes": sizes, "made": {size.name: self.made[size.name] for size in sizes}}
@@ -708,7 +708,7 @@ def _extreme(
     found, sign = list[tuple[float, dict[str, float]]](), 1.0 if made == "worst" else -1.0
     for pair in joined:
         roles = dict(zip(pair[:2], ROLES, strict=True))
-        own = [replace(size, body=roles[size.body]) for size in sizes if size.body in roles]
+        own = [size.of_body(roles[size.body]) for size in sizes if size.body in roles]
         if own:
             touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, permanent=False)
             gap, places = touching.least() if made == "worst" else touching.largest()

@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.geometry import elements
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
-from fcdm_opt.geometry.resizing import Resizing, resized
+from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -685,3 +686,39 @@ def test_the_loosest_slide_was_as_drawn_where_what_no_size_moves_lies_closer(tmp
 
     changed = Question.of(problem.changed(made="loosest")).changed({"made.channel": 0.01}).problem()
     assert changed.made == {"slide": -0.05, "channel": 0.01}
+
+
+def test_where_elements_lie_was_looked_for_anew_at_each_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate whose two holes' cuts meet: it was cut again at each diameter of one of them, .7 s, of which .2 s that.
+
+    Its volume is that of prisms, and all that a part's elements are said to lie on is where they are.
+    """
+    located, own = list[int](), elements._located
+    monkeypatch.setattr(elements, "_located", lambda *given: located.append(1) or own(*given))
+    tools = [fo.Cylinder(5, 10, base=(x, 0, -2), facets=32) for x in (-20, 20)]
+    plate = fo.cut(fo.Box((80, 40, 6), centre=(0, 0, 3)), *tools, name="plate")
+    hole = fo.Size("hole", "movable", faces={"around": (-20, 0, 3), "axis": "z", "radius": 5}, each=0.5)
+    thick = fo.Size("thick", "movable", faces="+z")
+    plate = fit_for_sizes(plate, (hole, thick))
+    size, known = plate.size, len(located)
+    for k, (wider, higher) in enumerate(((0.02, 0.0), (-0.04, 0.0), (0.03, 0.01))):
+        made = resized(plate, {hole.of_body("static"): wider, thick: higher})
+        assert made is resized(plate, {hole: wider, thick: higher})
+        assert made.faces == plate.faces
+        radii = 5.0 - 0.5 * wider, 5.0
+        area = 80.0 * 40.0 - 16.0 * math.sin(math.pi / 16.0) * float(np.square(radii).sum())
+        told = sum(part.volume_and_centroid[0] for part in made.parts)
+        assert told == pytest.approx(area * (6.0 + higher), rel=1e-12), k
+        normals, points = made.face_planes
+        for part, owners in zip(made.parts, made.facet_faces, strict=True):
+            for f, rows in enumerate(owners):
+                for row in rows:
+                    assert np.abs((part.vertices[list(part.loops[f])] - points[row]) @ normals[row]).max() < 1e-12 * size
+            for place, (own_row, drawn) in enumerate(zip(part.vertices, part.elements["V"], strict=True)):
+                if drawn.kind == "V":
+                    assert np.array_equal(made.vertices[drawn.vertices[0] - 1], own_row), place
+        for part in made.parts:
+            for span in part.elements.spans.values():
+                known_points = {tuple(point) for point in made.vertices.tolist()}
+                assert {tuple(point) for each in span.regions for point in each.reshape(-1, 3).tolist()} <= known_points
+    assert len(located) == known

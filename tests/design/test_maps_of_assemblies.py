@@ -162,3 +162,27 @@ def test_pictures_and_grids_name_the_parts(tmp_path: Path) -> None:
     csv, page = write_grids(found(), chain(), tmp_path / "map", title="chain")
     assert csv.read_text(encoding="utf-8").splitlines()[0].startswith('"lower.TZ, mm: lower, length along x down')
     assert "the parts named before a dot" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_plate_on_two_pins_was_undecided_all_over() -> None:
+    """Corners of the box at which both holes meet their pins at once were taken for regions, and bisected for.
+
+    Shifted along y it meets the left pin after what is left of the play there, or the right one after .07.
+    """
+    tools, holes = ([fo.Cylinder(r, 10, base=(x, y, -2)) for x in (-20, 20)] for r, y in ((4.9, 0.0), (5.0, 0.03)))
+    base = fo.joined(fo.Box((80, 40, 8), centre=(0, 0, -4)), *tools, name="base")
+    plate = fo.cut(fo.Box((80, 40, 6), centre=(0, 0.03, 3.1)), *holes, name="plate")
+    around: Any = {"around": (-20, 0, 3), "axis": "z", "radius": 4.9}, {"around": (-20, 0.03, 3), "axis": "z", "radius": 5}
+    sizes = [fo.Size(part, part, faces=faces, each=0.5, tolerance=0.05)
+             for part, faces in zip(("base", "plate"), around, strict=True)]  # fmt: skip
+    question = fo.Assembly(
+        [base, plate], [{"parts": ["plate", "base"], "goal": "touch"}], sizes, {"plate": fo.Translation("y")}
+    )
+    told = fo.compensation_map(question, seconds=600.0, budget=100)
+    assert told.undecided == 0.0
+    assert told.solved < 80
+    pin, hole = np.random.default_rng(2).uniform(-0.05, 0.05, (2, 200))
+    at = told.at(pin, hole)
+    assert (np.abs(at.amount - np.minimum(0.07, 0.07 - (pin + hole) / 2.0)) <= at.error).all()
+    assert at.error.max() < 1e-5

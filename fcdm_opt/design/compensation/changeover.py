@@ -62,13 +62,16 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
     sets = [sample.held for sample in ends]
     sides: tuple[list[Point], list[Point]] = ([(0.0, ends[0].values)], [(1.0, ends[1].values)])
     narrow = NARROW / max(float(np.linalg.norm(end - start)), NARROW)
-    strip, missed = None, True
+    strip, missed, known = None, True, None
     for _ in range(MOST_ROUNDS):
         low, high = sides[0][-1][0], sides[1][-1][0]
         at, width = _meeting(sides, walls), high - low
         if strip is not None or width <= FINEST * narrow or (width <= narrow and at is not None):
             break
         off = width / 3 if at is None or missed else max(width / CLOSER, narrow / 3)
+        if at is not None and known is not None and abs(at - known) <= narrow / 4:  # foreseen twice alike
+            off = min(off, narrow)
+        known = at
         middle = (low + high) / 2 if at is None or missed else at
         looks = [t for t in (middle - off / 2, middle + off / 2) if low < t < high]
         samples = yield [start + t * (end - start) for t in looks]

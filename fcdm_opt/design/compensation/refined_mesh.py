@@ -57,7 +57,8 @@ class RefinedMesh(SizeMesh):
         self._axes = list(np.eye(self.sizes))
         known = [sample for sample in samples if sample is not None]
         held = [sample.held for sample in known]
-        alone = {one for one in held if held.count(one) == 1}  # may hold on a boundary only
+        # may hold on a boundary only: what holds nowhere else, or both sides together
+        alone = {one for one in held if held.count(one) == 1 or any(other.is_part_of(one) for other in held)}
         self._run([self._fill(vertex) for vertex in vertices if not alone.isdisjoint(vertex.values)])
         largest = max((float(sample.values[0]) for sample in known if np.isfinite(sample.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error

@@ -58,6 +58,11 @@ class ActiveSet:
     def __str__(self) -> str:
         return "; ".join((*self.features, *self.active)) or self.kind
 
+    def is_part_of(self, other: ActiveSet) -> bool:
+        """Tell whether another set holds by all that this one does, and more."""
+        own, its = ({*each.features, *each.active} for each in (self, other))
+        return self.kind == other.kind and own < its
+
 
 SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
 OUTSIDE, UNDECIDED = ActiveSet("outside the fit"), ActiveSet("undecided")
