@@ -345,7 +345,7 @@ class ClashSearch:
                     low, step = by, math.inf
                     if solution.status is Status.INFEASIBLE:
                         impossible = by
-                    else:  # nearer than this it cannot be told any more, and each such answer takes seconds
+                    elif solution.status is not Status.OUTSIDE_FIT:  # nearer it cannot be told, and that takes seconds
                         near, unsure = max(near * COARSER if unsure else near, fuzz), True
             if impossible >= (1.0 - PROVABLE) * low:
                 break
