@@ -191,13 +191,17 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
         with pacing.sharing(MOST_OF_TIME):
             solve_parts = partial(_solved_all, how=quick)
+            pacing.at("looking where true faces meet")
             points = pacing.in_time(points_of_true_faces, asked, solve_parts, outside_fit, late=None)
+            cut_off = pacing.stopped()
         if points is None or points == asked.exact_at:
             continue
         asked = problem.with_exact_points(points)
         found = pacing.in_time(_solved_all, asked, how, late=None)
-        if found is not None and (_may_be_used(found, how) or found.status in IMPOSSIBLE):
-            return found
+        if found is not None and (
+            _may_be_used(found, how) or found.status in IMPOSSIBLE or (found.status.found and pacing.over())
+        ):
+            return found if found.usable else replace(found, stopped=found.stopped or cut_off)
     return None
 
 

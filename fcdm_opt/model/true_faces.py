@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize, nnls
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
@@ -324,7 +325,12 @@ def points_of_true_faces(
     deepest, least, before = np.inf, np.inf, list[NearestPoints]()
     touching: tuple[float, Points] | None = None  # the amount after which they first do, to within what counts as that
     for count in range(ROUNDS):
-        current = solve(asked.problem)
+        try:
+            current = solve(asked.problem)
+        except pacing.TimeOverError:
+            if not count:
+                raise
+            return points  # what they lead to is looked at in what is left
         if touching and not (current.transform is not None and current.amount <= touching[0] + JUMP * slack):
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot

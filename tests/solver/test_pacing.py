@@ -21,10 +21,13 @@ from typer.testing import CliRunner
 from fcdm_opt import (
     Assembly,
     Body,
+    Box,
+    Cylinder,
     Free,
     Problem,
     Solution,
     Translation,
+    cut,
     load_problems,
     pacing,
     solve,
@@ -353,3 +356,17 @@ def test_work_is_named_with_what_it_is_for() -> None:
             pacing.at("judging")
     assert told == [("searching (case A)", 1, 2), ("mapping: judging (case A)", 0, 0)]
     assert not pacing.has_listeners()
+
+
+@pytest.mark.parametrize("looks", [200, 250, 330])
+def test_a_motion_that_was_found_in_time_was_thrown_away(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pin beside its bore: where the search for points of true faces was cut off no motion was found at all."""
+    pin = Cylinder(9.9, 30, base=(0.2, 0.1, -5), facets=32)
+    plate = cut(Box((40, 40, 20), centre=(0, 0, 10)), Cylinder(10.0, 22, base=(0, 0, -1)))
+    both = Translation("x") >> Translation("y")
+    problem, ticks = Problem(pin, plate, target=(1, 1), goal="clear", motion=both), itertools.count()
+    monkeypatch.setattr(pacing, "clock", lambda: next(ticks) / looks)
+    solution = solve(problem, time=1.0)
+    assert solution.status.found
+    assert "the time limit of 1 s was met" in solution.stopped
+    assert solution.amount == pytest.approx(math.hypot(0.2, 0.1) - 0.1, rel=0.01)
