@@ -567,7 +567,8 @@ def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface)
     def named(element: Element, labels: Mapping[int, int]) -> Element:
         return Element(element.kind, tuple(sorted(labels.get(label, label) for label in element.vertices)))
 
-    there = [dict(zip(map(tuple, part.vertices.tolist()), own, strict=True)) for part, own in zip(body.parts, parts)]
+    each = zip(body.parts, parts, strict=True)
+    there = [dict(zip(map(tuple, part.vertices.tolist()), own, strict=True)) for part, own in each]
     parted = [{point: row for point, row in own.items() if row_of[point] != row} for own in there]
     whole = {point: row for point, row in row_of.items() if not any(point in own for own in parted)}
     placed = list[ConvexPart]()
@@ -578,10 +579,8 @@ def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface)
                 for key, span in part.elements.spans.items()
             }
             labels = {row_of[point] + 1: row + 1 for point, row in new.items()}
-            each = part.elements.values() if not labels else (
-                [named(element, labels) for element in own] for own in part.elements.values()
-            )  # fmt: skip
-            placed.append(replace(part.placed(rows[own], body.seed), elements=Elements(*each, spans)))
+            v, e, f = ([named(element, labels) for element in own] if labels else own for own in part.elements.values())
+            placed.append(replace(part.placed(rows[own], body.seed), elements=Elements(v, e, f, spans)))
         return replace(body, vertices=frozen(rows), parts=tuple(placed), triangles=surface.triangles_of_faces())
     return None
 

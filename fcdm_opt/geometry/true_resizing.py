@@ -17,7 +17,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
-from fcdm_opt.geometry.measures import norms, volume_and_centroid
+from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
 from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.size import Size
@@ -48,9 +48,8 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
         return None
     try:
         made = None
-        with suppress(InputError):  # of cuts that would part
-            made = cut_alike(body, places)
-        made = made or _of_same_parts(body, places)
+        with suppress(InputError):  # of cuts that would part, or a point inside now
+            made = cut_alike(body, places) or _of_same_part(body, places)
         if made is None:
             made, rounds = _cut_again(body, places, rounds, true)
     except InputError:
@@ -168,31 +167,16 @@ def _carried(point: Array, *surfaces: tuple[Swept, Swept]) -> Array:
     return point
 
 
-def _of_same_parts(body: Body, places: Array) -> Body | None:
-    """Return a body with its corners elsewhere and the same parts; None where some have points within the solid.
-
-    Or where they no longer fill it: with corners moved each lies in its convex hull, so that these fill the solid where
-    their volumes add up to its own.
-    """
-    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
-    parts = [np.array([row_of[point] for point in map(tuple, part.vertices.tolist())]) for part in body.parts]
-    if len(row_of) < len(body.vertices) or not set(np.concatenate(parts) + 1) <= set(body.corners):
+def _of_same_part(body: Body, places: Array) -> Body | None:
+    """Return a convex body with its corners elsewhere; None where it has other faces then, or cut into parts."""
+    if len(body.parts) > 1:
         return None
-    surface = surface_with_corners(body, places) if len(parts) > 1 else None
-    with suppress(InputError):  # of a part that has a point inside now
-        made = Body._made(places, parts, None, body.seed, body.name, surface=surface)
-        if surface is None and {frozenset(face) for face in made.faces} == {frozenset(face) for face in body.faces}:
-            placed = body.parts[0].placed(places[parts[0]], body.seed)
-            return replace(body, vertices=frozen(places), parts=(placed,))
-        if surface is not None and made.faces == body.faces and _fills(made, surface):
-            return replace(made, unit=body.unit)
-    return None
-
-
-def _fills(body: Body, surface: Surface) -> bool:
-    """Tell whether the volumes of a body's parts add up to that within a surface."""
-    volume = volume_and_centroid(surface.points[surface.triangles])[0]
-    return abs(sum(part.volume_and_centroid[0] for part in body.parts) - volume) <= DEFAULT.nominal * volume
+    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
+    part = np.array([row_of[point] for point in map(tuple, body.parts[0].vertices.tolist())])
+    made = Body._made(places, [part], None, body.seed, body.name)
+    if {*map(frozenset, made.faces)} != {*map(frozenset, body.faces)}:
+        return None
+    return replace(body, vertices=frozen(places), parts=(body.parts[0].placed(places[part], body.seed),))
 
 
 def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:

@@ -713,7 +713,9 @@ def test_where_elements_lie_was_looked_for_anew_at_each_size(monkeypatch: pytest
         for part, owners in zip(made.parts, made.facet_faces, strict=True):
             for f, rows in enumerate(owners):
                 for row in rows:
-                    assert np.abs((part.vertices[list(part.loops[f])] - points[row]) @ normals[row]).max() < 1e-12 * size
+                    assert (
+                        np.abs((part.vertices[list(part.loops[f])] - points[row]) @ normals[row]).max() < 1e-12 * size
+                    )
             for place, (own_row, drawn) in enumerate(zip(part.vertices, part.elements["V"], strict=True)):
                 if drawn.kind == "V":
                     assert np.array_equal(made.vertices[drawn.vertices[0] - 1], own_row), place

@@ -173,7 +173,10 @@ def test_a_plate_on_two_pins_was_undecided_all_over() -> None:
     tools, holes = ([fo.Cylinder(r, 10, base=(x, y, -2)) for x in (-20, 20)] for r, y in ((4.9, 0.0), (5.0, 0.03)))
     base = fo.joined(fo.Box((80, 40, 8), centre=(0, 0, -4)), *tools, name="base")
     plate = fo.cut(fo.Box((80, 40, 6), centre=(0, 0.03, 3.1)), *holes, name="plate")
-    around: Any = {"around": (-20, 0, 3), "axis": "z", "radius": 4.9}, {"around": (-20, 0.03, 3), "axis": "z", "radius": 5}
+    around: Any = (
+        {"around": (-20, 0, 3), "axis": "z", "radius": 4.9},
+        {"around": (-20, 0.03, 3), "axis": "z", "radius": 5},
+    )
     sizes = [fo.Size(part, part, faces=faces, each=0.5, tolerance=0.05)
              for part, faces in zip(("base", "plate"), around, strict=True)]  # fmt: skip
     question = fo.Assembly(
