@@ -324,7 +324,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
             faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
             still = [3 + k for k in range(3) if faces.is_symmetric_about(seed, np.eye(3)[k])]
             moved[still] = 0.0
-            missing = ["" if k in still else why for k, why in enumerate(missing)]
+            missing = tuple("" if k in still else why for k, why in enumerate(missing))
         names = [f"{verb} {axis}" for verb in ("shifted along", "turned about") for axis in "xyz"]
         names += [size.name for size in problem.sizes]
         for why in dict.fromkeys(filter(None, missing)):
