@@ -401,7 +401,7 @@ def _by_one_size(problem: Problem, size: Size) -> Field:
     def moves(owner: int, point: Array) -> Array:
         if owner != (1 if size.body == "movable" else 2):
             return np.zeros(3)
-        rows = np.flatnonzero((body.vertices == point).all(axis=1))
+        rows = _rows_at(body, point)
         if body.exact is not None and not len(rows):
             return true_point_rate(body, problem.request[size.body], made, size, point)
         if rates is None:
@@ -411,6 +411,12 @@ def _by_one_size(problem: Problem, size: Size) -> Field:
     return moves
 
 
+def _rows_at(body: Body, point: Array) -> list[int]:
+    """Return which vertices are at a point, corners of the body before those that others were put onto."""
+    rows = np.flatnonzero((body.vertices == point).all(axis=1)).tolist()
+    return sorted(rows, key=lambda row: row + 1 not in body.corners)
+
+
 def _within_face(body: Body, rates: Array, point: Array) -> Array:
     """Return how a point moves with the corners of the piece of a face that it is in; nan where it is in none."""
     corners, _ = body.face_triangles
@@ -418,7 +424,7 @@ def _within_face(body: Body, rates: Array, point: Array) -> Array:
     nearest = corners[off.argmin()]
     if off.min() > DEFAULT.nominal * body.size:
         return np.full(3, np.nan)
-    rows = [int(np.flatnonzero((body.vertices == corner).all(axis=1))[0]) for corner in nearest]
+    rows = [_rows_at(body, corner)[0] for corner in nearest]
     shares = np.linalg.lstsq((nearest[1:] - nearest[0]).T, point - nearest[0])[0]
     return np.asarray(np.append(1.0 - shares.sum(), shares) @ rates[rows])
 

@@ -17,6 +17,7 @@ from ordinary import box, problems
 from scipy.spatial import HalfspaceIntersection
 from scipy.spatial.transform import Rotation as Turn
 
+import fcdm_opt as fo
 from fcdm_opt import solver
 from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.decision_curve import decision_curve
@@ -503,3 +504,21 @@ def test_a_wall_in_single_precision_was_told_as_the_outer_face_of_its_plate(turn
         corners = body.vertices[[int(label) - 1 for label in name[2:].replace("V", "").split(",")]]
         heights = (corners - middle) @ [np.cos(at), np.sin(at), 0.0]
         assert heights == pytest.approx(np.full(4, radius * np.cos(np.pi / 6)), abs=1e-4)
+
+
+def test_a_corner_was_taken_for_a_vertex_that_was_put_onto_it() -> None:
+    """A block held in a corner of three walls, of which one is a size: the motion has a derivative by it, too."""
+    block = fo.Box((40, 30, 20), centre=(20, 15, 10))
+    walls = fo.Box((10, 70, 30), centre=(-5, 25, 5)), fo.Box((80, 10, 30), centre=(30, -5, 5))
+    fixture = fo.joined(fo.Box((80, 70, 10), centre=(30, 25, -5)), *walls)
+    sizes = [
+        fo.Size("length", "movable", faces=["-x"], each=1.0),
+        fo.Size("wall", "static", faces=[{"through": (0, 20, 10)}], each=1.0),
+    ]
+    shifts = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    made = {"length": 0.08, "wall": 0.02}
+    asked = fo.Problem(block, fixture, sizes=sizes, made=made, goal="seat", contacts="all", motion=shifts)
+    found = fo.solve(asked)
+    for own in found.sensitivity.motion_by_size.values():
+        assert own == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+    assert fo.whatif(found, made={"length": -0.02, "wall": -0.03}).predicted_amount == pytest.approx(0.05, rel=1e-9)

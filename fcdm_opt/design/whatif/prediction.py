@@ -70,7 +70,7 @@ def prediction(before: Any, problem: Any) -> Prediction:
         if told and blocking:
             told = [(name, NAN, blocking) for name, _, _ in told]
     terms = {name: term for name, term, _ in told}
-    amount = _of_motion(before, problem, terms)
+    amount = _of_motion(before, problem) if terms and not discrete else None
     amount = before.amount + sum(terms.values()) if amount is None else amount
     reasons = dict.fromkeys(reason for _, _, reason in told if reason)
     if terms and amount < -DEFAULT.tie * problem.size:
@@ -78,19 +78,21 @@ def prediction(before: Any, problem: Any) -> Prediction:
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
 
 
-def _of_motion(before: Any, new: Any, terms: Mapping[str, float]) -> float | None:
+def _of_motion(before: Any, new: Any) -> float | None:
     """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed.
 
     It is right across motions at which the amount has a kink, as where a part is moved the other way.
     """
     old, rates = before.question, before.sensitivity
-    each = {f"{key}.{name}": (key, name) for key in BY_SIZE for name in getattr(old, key, None) or ()}
-    if not terms or not terms.keys() <= each.keys() or old.amount != "weighted":
+    others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
+    if old.amount != "weighted" or not all(same(old.request[key], new.request[key]) for key in others):
         return None
     q = np.array([*before.coordinates.values()])
-    for key, name in map(each.__getitem__, terms):
-        by = rates.motion_by_size if key == "made" else rates.motion_by_scale
-        q = q + by.get(name, NAN) * (getattr(new, key)[name] - getattr(old, key)[name])
+    for key, by in (("scales", "motion_by_scale"), ("made", "motion_by_size")):
+        was, now = (getattr(own, key, None) or {} for own in (old, new))
+        for name in was:
+            if was[name] != now.get(name, was[name]):
+                q = q + getattr(rates, by).get(name, NAN) * (now[name] - was[name])
     amount = float(np.linalg.norm(q * [own.weight for own in old.coordinates]))
     return None if np.isnan(amount) else amount
 
