@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -510,3 +511,23 @@ def test_a_pose_on_the_other_side_of_the_plate_was_told_as_any_other() -> None:
         best = fo.best_pose(asked.changed(limits=limits))
         assert best.passed
         assert best.leaves_fit == outside == ("outside the fit" in str(best))
+
+
+@pytest.mark.parametrize("clearance", [None, (0.0, math.inf)])
+def test_a_block_in_a_corner_was_left_where_it_is_when_it_may_turn(clearance: Any) -> None:
+    """By the slopes at a flush contact turns cost nothing: with any of them no step was better than rest."""
+    block = fo.Box((40, 30, 20), centre=(20, 15, 10))
+    walls = fo.Box((10, 70, 30), centre=(-5, 25, 5)), fo.Box((80, 10, 30), centre=(30, -5, 5))
+    fixture = fo.joined(fo.Box((80, 70, 10), centre=(30, 25, -5)), *walls)
+    sizes = [
+        fo.Size("length", "movable", faces=["-x"], each=1.0, tolerance=0.1),
+        fo.Size("wall", "static", faces=[{"through": (0, 20, 10)}], each=1.0, tolerance=0.05),
+    ]
+    asked = fo.Problem(block, fixture, sizes=sizes, goal="clear", target=(1, 1), motion=fo.Free())
+    found = fo.best_pose(asked, clearance=clearance)
+    assert found.passed
+    assert found.parameters["TX"] == pytest.approx(0.15, rel=1e-6)
+    assert found.amount == pytest.approx(0.15, rel=1e-6)
+    assert (
+        str(found).split("; ")[0].endswith("TX 0.15 mm TY 0 mm TZ 0 mm RX 0 deg RY 0 deg RZ 0 deg".replace(" mm", ""))
+    )

@@ -228,7 +228,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
-        ends = gaps_text(self.least.gap, self.most.gap, self.unit)
+        slack = self.problem.contact_slack if self.problem is not None else 0.0
+        ends = gaps_text(*(gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap)), self.unit)
         told = f"{self.status}: {self.motion}; {ends}; {what} {measured(self.value, self.unit)} ({known})"
         if self.fitted:  # whose least gap is made largest
             sure = "none can be better" if self.certified else "no bound proved"
@@ -450,7 +451,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
     return BestPose(
         status=found.status,
         parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
-        motion=motion_in_words(problem, q),
+        motion=motion_in_words(problem, q * (np.abs(worst.weights * q) > problem.contact_slack)),
         transform=frozen(told.pop("")) if "" in told else None,
         transforms=told,
         contacts=gaps.ranges(best.off.rows) if isinstance(gaps, ContactGaps) else {},

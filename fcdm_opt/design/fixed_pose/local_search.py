@@ -45,7 +45,8 @@ def better(worst: Worst, q: Array) -> Found:
         if not here.off.clear:
             values, slopes, kept = values[kept], slopes[kept], np.zeros(kept.sum(), bool)  # off the keep-outs first
         A = np.column_stack([slopes / natural, kept - 1.0])
-        bounds = [*(_trusted(worst, here.q, trust) * natural[:, None]).tolist(), (None, None)]
+        steps = _trusted(worst, here.q, trust)
+        bounds = [*(steps * natural[:, None]).tolist(), (None, None)]
         step = linprog([0.0] * len(q) + [1.0], A_ub=A, b_ub=-values, bounds=bounds, method="highs")
         if step.status != 0 and trust <= size:
             break
@@ -55,7 +56,9 @@ def better(worst: Worst, q: Array) -> Found:
         gain = (here.off.value if here.off.clear else here.off.value - FAR * size) - float(step.x[-1])
         if here.off.clear and gain <= END * size:
             break
-        tried = found_at(worst, here.q + step.x[:-1] / natural)
+        # of all motions that do as much by these slopes the least: turns, say, cost nothing but to second order
+        least = least_motion(values - np.where(kept, 0.0, step.x[-1]), slopes, here.q, worst.weights, steps)
+        tried = found_at(worst, here.q + step.x[:-1] / natural if least is None else least)
         gained = here.off.value - tried.off.value
         if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
             here, trust = tried, trust * (2.0 if gained > 0.5 * gain else 1.0)
@@ -86,7 +89,7 @@ def smaller(worst: Worst, start: Found, slack: float) -> Found:
         if made is not None and made.amount < best.amount * (1.0 - DEFAULT.line):
             best, trust = made, 2.0 * trust
         else:
-            trust *= 0.25
+            best, trust = _rested(worst, best, slack), 0.25 * trust
     return best
 
 
