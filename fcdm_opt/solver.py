@@ -31,6 +31,7 @@ from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.contacts_restored import restores, touching_again
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -186,6 +187,10 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     """Return the solution with parts that are exact where their round faces meet; None where none is known in time."""
     if not has_round_faces(problem):
         return None
+    if (touching := touching_again(problem)) is not None:
+        found = _of_true_faces(touching, how)
+        again = found is not None and found.transform is not None and restores(problem, found.transform)
+        return found if again else None
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)

@@ -199,7 +199,7 @@ class AssemblySolution(Bounded):
             "name": self.assembly.name,
             "unit": self.assembly.unit,
             "contacts": [
-                {"parts": pair[:2], **own.to_dict(problem=False), **_exact_at(own)}
+                {"parts": pair[:2], **own.to_dict(problem=False), **_exact_at(pair, own)}
                 for pair, own in zip(self.assembly.contacts, self.contacts, strict=False)
             ],
             "gaps": {" - ".join(pair): gap for pair, gap in self.gaps.items()},
@@ -243,14 +243,16 @@ def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> S
         raise InputError("not the assembly's contact", key="contacts.parts", found=told["parts"], allowed=str(pair))
     parts = _parts_of(told["parameters"])
     problem = assembly.problem(pair, parts)
+    problem = problem if told.get("goal", problem.goal) == problem.goal else problem.to_touch()
     problem = problem.with_exact_points(told["exact_at"]) if "exact_at" in told else problem
     return Solution.from_dict({**told, "problem": problem})
 
 
-def _exact_at(solution: Solution) -> dict[str, Any]:
-    """Return the points at which the parts of a contact are exact, where there are any."""
-    points = solution.problem.exact_at
-    return {} if points is None else {"exact_at": points}
+def _exact_at(pair: JoinedPair, solution: Solution) -> dict[str, Any]:
+    """Return the points at which the parts of a contact are exact, where there are any, and a goal not asked for."""
+    points, goal = solution.problem.exact_at, solution.problem.goal
+    other = goal == "touch" != pair.asked.get("goal")
+    return {} if points is None else {"exact_at": points, **({"goal": goal} if other else {})}
 
 
 def _parts_of(names: Iterable[str]) -> list[str] | None:

@@ -244,6 +244,10 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """The same question about the parts as their files have them, without points at which they are exact."""
         return self if self.exact_at is None else self.changed(exact_at=None)
 
+    def to_touch(self) -> Problem:
+        """Return the question of goal "touch" about the same parts, which all that restores their contacts answers."""
+        return self.of_facets.changed(goal="touch", contacts=None, path=None, pair="any")
+
     @property
     def drawn(self) -> dict[str, Body]:
         """Both bodies as drawn, by their roles."""

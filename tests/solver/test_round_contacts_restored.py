@@ -1,0 +1,93 @@
+"""Contacts as drawn of round parts are restored on their true faces: closed forms."""
+
+from itertools import product
+from math import hypot, sin
+
+import numpy as np
+import pytest
+import trimesh
+
+import fcdm_opt as fo
+
+GRIPPER = """
+title = "gripper"
+[[part]]
+name = "left"
+file = "left.stl"
+unit = "mm"
+motion = [{ translation = "x" }]
+[[part]]
+name = "right"
+file = "right.stl"
+unit = "mm"
+motion = [{ translation = "x" }]
+[[part]]
+name = "rod"
+file = "rod.stl"
+round = true
+unit = "mm"
+[[contact]]
+parts = ["left", "rod"]
+[[contact]]
+parts = ["right", "rod"]
+[[size]]
+name = "rod diameter"
+body = "rod"
+faces = ["cylinder radius 5"]
+each = 0.5
+tolerance = 0.05
+[[case]]
+name = "thin"
+made = { "rod diameter" = -0.05 }
+[[case]]
+name = "thick"
+made = { "rod diameter" = 0.05 }
+"""
+
+
+@pytest.mark.parametrize(("facets", "off"), [*product((24, 64), (-0.05, 0.05))])
+def test_a_jaw_follows_half_the_diameter_of_the_rod_that_it_touches(facets: int, off: float) -> None:
+    jaw = fo.Box((10, 12, 14), centre=(-10, 0, 0))
+    rod = fo.Cylinder(5.0, 30.0, base=(0, 0, -15), facets=facets)
+    size = fo.Size("diameter", "static", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    asked = fo.Problem(jaw, rod, sizes=[size], made={"diameter": off}, goal="at", motion=fo.Translation("x"))
+    found = fo.solve(asked)
+    assert found.parameters["TX"] == pytest.approx(-off / 2, abs=1e-9)
+    assert found.lower_bound == pytest.approx(abs(off) / 2, rel=1e-6)
+    assert found.amount_high == pytest.approx(abs(off) / 2, rel=1e-6)
+    assert fo.verify(found).passed
+    assert fo.verify(fo.Solution.from_dict(found.to_dict())).passed
+
+
+def test_a_gripper_closes_on_a_round_rod_of_another_diameter(tmp_path) -> None:
+    for name, x in (("left", -10.0), ("right", 10.0)):
+        trimesh.creation.box((10, 12, 14), np.array(trimesh.transformations.translation_matrix((x, 0, 0)))).export(
+            tmp_path / f"{name}.stl"
+        )
+    trimesh.creation.cylinder(5.0, 30.0, sections=64).export(tmp_path / "rod.stl")
+    (tmp_path / "gripper.toml").write_text(GRIPPER)
+    for asked, off in zip(fo.load_assemblies(tmp_path / "gripper.toml"), (-0.05, 0.05), strict=True):
+        found = fo.solve(asked)
+        moved = [found.parameters[name]["TX"] for name in ("left", "right")]
+        assert moved == pytest.approx([-off / 2, off / 2], abs=1e-7)  # the files have single precision
+        assert found.amount == pytest.approx(hypot(off / 2, off / 2), rel=1e-5)
+        assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+        assert found.amount_high == pytest.approx(found.amount, rel=1e-6)
+        assert "cylinder of radius" in str(found.contacts[0])
+        assert fo.verify(found).passed
+        assert fo.verify(fo.AssemblySolution.from_dict(found.to_dict())).passed
+
+
+@pytest.mark.parametrize("half", [np.pi / 4, np.pi / 3])
+def test_a_roller_rises_in_its_v_block(half: float) -> None:
+    rise = 10.0 / np.tan(half)
+    right = np.array([(x, y, z) for y in (-5, 5) for x, z in ((0, 0), (10, rise), (10, -5), (0, -5))], float)
+    block = fo.joined(fo.Body.convex(right), fo.Body.convex(right * (-1.0, 1.0, 1.0)))
+    roller = fo.Cylinder(2.0, 20.0, base=(0, -10, 2.0 / sin(half)), axis=(0, 1, 0), facets=48)
+    size = fo.Size("diameter", "movable", faces="cylinder radius 2", each=0.5, tolerance=0.05)
+    made = {"diameter": 0.02}
+    asked = fo.Problem(roller, block, sizes=[size], made=made, goal="at", motion=fo.Translation("z"))
+    found = fo.solve(asked)
+    assert found.parameters["TZ"] == pytest.approx(0.01 / sin(half), rel=1e-8)
+    assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+    assert fo.verify(found).passed
