@@ -52,5 +52,8 @@ def restores(problem: Problem, transform: Array) -> bool:
         return [{*product(faces[0].at(one), faces[1].at(two))} for one, two in touching]
 
     before, after = pairs(drawn, asked.nominal_pair, np.eye(4)), pairs(made, asked.target, transform)
-    again = set[tuple[int, int]]().union(*after)
-    return bool(before) and all(own & again for own in before)
+    known, again = (set[tuple[int, int]]().union(*own) for own in (before, after))
+    labels = [[patches_of_element(*own) for own in zip(drawn, (x.one, x.two), strict=True)] for x in asked.contacts]
+    alike = all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True))
+    found = all(known.intersection(product(*own)) for own in labels)  # facets may touch where true faces overlap
+    return alike and bool(before) and found and all(own & again for own in before)
