@@ -451,7 +451,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
     return BestPose(
         status=found.status,
         parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
-        motion=motion_in_words(problem, q * (np.abs(worst.weights * q) > problem.contact_slack)),
+        motion=motion_in_words(problem, np.where(np.abs(worst.weights * q) > problem.contact_slack, q, 0.0)),
         transform=frozen(told.pop("")) if "" in told else None,
         transforms=told,
         contacts=gaps.ranges(best.off.rows) if isinstance(gaps, ContactGaps) else {},
