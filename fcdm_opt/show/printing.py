@@ -62,7 +62,7 @@ def print_rows(
         table.add_column(column, no_wrap=True, justify=justify, vertical="top")
     for row in kept:
         table.add_row(*row.values())
-    unlimited = out.options.update(width=PIPED_WIDTH)
+    unlimited = out.options.update(width=50 * PIPED_WIDTH)
     if out.measure(table, options=unlimited).maximum > out.width:
         table.padding = 0
     if out.measure(table, options=unlimited).maximum <= out.width:

@@ -166,7 +166,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
         (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
     ]
-    print_rows([{"": what, "gap": signed(gap), "at": at} for what, gap, at in rows], numbers=("gap",))
+    print_rows([{"": what, "gap": signed(gap), "at": wrapped(at, LONGEST)} for what, gap, at in rows], numbers=("gap",))
     if share is not None:
         _print_yield(stack, share)
     print_rows([
@@ -193,7 +193,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
-            "gap per unit of each size": sizes,
+            "gap per unit of each size": wrapped(sizes, LONGEST),
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip

@@ -379,8 +379,8 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
         {
             "end": name,
             "gap": f"{end.gap:+.{DIGITS}g}",
-            "at sizes": end.sizes_text,
-            "between": end.between or labels_in_words(end.feature, problem),
+            "at sizes": wrapped(end.sizes_text, 3 * CELL_WIDTH),
+            "between": wrapped(end.between or labels_in_words(end.feature, problem), 3 * CELL_WIDTH),
         }
         for name, end in ends
     ]

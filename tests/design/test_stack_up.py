@@ -637,3 +637,16 @@ def test_a_standard_deviation_and_a_capability_are_one_too_many() -> None:
             checked(SizeEntry, entry)
     known = checked(SizeEntry, {**entry, "distribution": {"normal": {"sigma": 0.004}}}).size()
     assert spreads([known]) == [fo.Normal(0.0, 0.004)]
+
+
+def test_gaps_of_worst_cases_of_many_sizes_had_no_room_in_their_table() -> None:
+    """Names of sizes fill lines of their own, and what is too wide is printed one below the other, never left out."""
+    names = [f"a rather long name of the size number {k} of the slide" for k in range(8)]
+    slide, rail = fo.Box((10, 30, 4)), fo.Box((10, 40, 4), centre=(10.5, 0, 0))
+    sizes = [fo.Size(name, "movable", faces=["+x"], each=1.0, tolerance=0.01) for name in names]
+    found = fo.stack_up(fo.Problem(slide, rail, sizes=sizes, made={}, goal="touch", motion=fo.Translation("x")))
+    text = str(found)
+    assert "worst case, least gap" in text
+    assert "+0.42" in text  # 0.5 less 8 times 0.01
+    assert "+0.58" in text
+    assert max(map(len, text.splitlines())) <= 200
