@@ -257,16 +257,18 @@ class TrueSizes:
         return float(carried) + sum(own.largest_move(self.sizes) for own in self.faces)
 
     def shifted(self, place: Array) -> list[Array]:
-        """Return sizes as at a place but for those that shift round faces, (k,) each: these touch where they go to.
+        """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to.
 
-        All of them at their other end, and each at both.
+        Those that shift them at their other end, and each at both; those that offset them where that is outwards.
         """
         box = np.array([own.tolerance for own in self.sizes], float)
         columns = [k for own in self.faces for k in own.shifts]
-        found = np.tile(place, (1 + 2 * len(columns), 1))
+        found = np.tile(place, (2 + 2 * len(columns), 1))
         found[0, columns] = box[columns].sum(axis=1) - place[columns]
-        for row, (k, end) in enumerate(product(columns, (0, 1)), 1):
+        for row, (k, end) in enumerate(product(columns, (0, 1)), 2):
             found[row, k] = box[k, end]
+        for k, outwards in (each for own in self.faces for each in own.offsets.items()):
+            found[1, k] = box[k, int(outwards)]
         return [own for own in np.unique(found, axis=0) if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:
@@ -414,6 +416,8 @@ class SizedFaces:
     moves : MovesOfFaces
     columns, shifts : list of int
         Which of all sizes they follow, and which of these shift round ones.
+    offsets : dict of int to bool
+        Sizes that offset round ones, and whether that is outwards as they grow.
     """
 
     def __init__(self, body: Body, sizes: Sequence[Size], columns: list[int]) -> None:
@@ -428,6 +432,9 @@ class SizedFaces:
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
+        rows = self.faces.rows[self.faces.is_round[self.faces.owners]]
+        outwards = self.moves.lengths[rows].sum(axis=0) if len(rows) else ()
+        self.offsets = {k: rate > 0.0 for k, rate in zip(columns, outwards, strict=False) if rate}
         self._moves, self._all = (np.array([own.at(*each) for each in met]) for own in (lengths, self.moves))
 
     @classmethod

@@ -532,3 +532,17 @@ def test_a_block_in_a_corner_was_left_where_it_is_when_it_may_turn(clearance: An
     assert (
         str(found).split("; ")[0].endswith("TX 0.15 mm TY 0 mm TZ 0 mm RX 0 deg RY 0 deg RZ 0 deg".replace(" mm", ""))
     )
+
+
+def test_a_hole_that_sizes_make_nearer_than_a_wall_of_none_was_not_looked_at() -> None:
+    """A slot's walls are off by .05 at all sizes, the hole by .03 at some: shifted by its play it is off by .02."""
+    block = fo.Box((60, 40, 8), centre=(0, 0, -8), name="base", unit="mm")
+    base = fo.joined(block, *(fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20)))
+    holes = [fo.Cylinder(5, 30, base=(x, 0, -15)) for x in (-20, 19, 21)]
+    plate = fo.cut(fo.Box((60, 40, 8), name="plate", unit="mm"), *holes, fo.Box((2, 10, 30), centre=(20, 0, 0)))
+    pin = fo.Size("pin", "static", faces=["cylinder radius 4.95 no. 1"], each=0.5, tolerance=0.02)
+    hole = fo.Size("hole", "movable", faces=["bore radius 5 no. 1"], each=-0.5, tolerance=0.02)
+    pose = fo.best_pose(fo.Problem(plate, base, sizes=[pin, hole], goal="touch", motion=fo.Translation("x")))
+    assert pose.passed
+    assert abs(pose.parameters["TX"]) == pytest.approx(0.05, abs=1e-7)
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.02, 0.02), abs=1e-7)

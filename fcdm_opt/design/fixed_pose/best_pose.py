@@ -46,6 +46,7 @@ MIDDLE = (
 EFFORT = 20_000  # cells: a second or two for two parameters
 NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
 FAR_ROUNDS = 4  # of such, at most
+GAIN = 0.1  # share of the worst gap by which a pose that true faces led to is left for a better one near it
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
@@ -348,8 +349,9 @@ def _best(
     slack = problem.contact_slack
     first = best = better(worst, np.zeros(len(worst.limits)))
     if start is not None:
-        other = found_at(worst, start)
-        best = min(best, other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
+        other, further = found_at(worst, start), better(worst, start)
+        nearer = further.off.value < (1.0 - GAIN) * other.off.value  # less is what facets are off
+        best = min(best, further if nearer else other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
     if fitted and best.off.value <= 0.0:
         what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
         raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
