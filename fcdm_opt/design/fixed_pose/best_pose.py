@@ -350,8 +350,9 @@ def _best(
     first = best = better(worst, np.zeros(len(worst.limits)))
     if start is not None:
         other, further = found_at(worst, start), better(worst, start)
-        nearer = further.off.value < (1.0 - GAIN) * other.off.value  # less is what facets are off
-        best = min(best, further if nearer else other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
+        if further.off.value < (1.0 - GAIN) * other.off.value:  # less is what facets are off
+            other = further
+        best = min(best, other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
     if fitted and best.off.value <= 0.0:
         what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
         raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
