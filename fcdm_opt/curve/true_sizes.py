@@ -302,8 +302,9 @@ class TrueSizes:
         placed[0] = [own @ pose[:3, :3].T + pose[:3, 3] for own in placed[0]]
         lows, highs = ([np.array([end(own, axis=0) for own in each]) for each in placed] for end in (np.min, np.max))
         apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
-        tree, points = cKDTree(np.concatenate(placed[1])), np.concatenate(placed[0])
-        return np.asarray(apart > tree.query(points)[0].min() + 2.0 * self.largest_move)
+        off = cKDTree(np.concatenate(placed[1])).query(np.concatenate(placed[0]))[0]
+        off = off[off > DEFAULT.tie * self.size]  # corners in common may be of faces that are closed at all sizes
+        return np.asarray(apart > off.min(initial=np.inf) + 2.0 * self.largest_move)
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""

@@ -542,7 +542,9 @@ def test_a_hole_that_sizes_make_nearer_than_a_wall_of_none_was_not_looked_at() -
     plate = fo.cut(fo.Box((60, 40, 8), name="plate", unit="mm"), *holes, fo.Box((2, 10, 30), centre=(20, 0, 0)))
     pin = fo.Size("pin", "static", faces=["cylinder radius 4.95 no. 1"], each=0.5, tolerance=0.02)
     hole = fo.Size("hole", "movable", faces=["bore radius 5 no. 1"], each=-0.5, tolerance=0.02)
-    pose = fo.best_pose(fo.Problem(plate, base, sizes=[pin, hole], goal="touch", motion=fo.Translation("x")))
+    asked = fo.Problem(plate, base, sizes=[pin, hole], goal="touch", motion=fo.Translation("x"))
+    assert fo.clearances(asked).range == pytest.approx((0.03, 0.05), abs=1e-7)  # the slot's walls are nearer than .07
+    pose = fo.best_pose(asked)
     assert pose.passed
     assert abs(pose.parameters["TX"]) == pytest.approx(0.05, abs=1e-7)
     assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.02, 0.02), abs=1e-7)
