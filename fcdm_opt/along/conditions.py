@@ -229,9 +229,13 @@ class Ray:
         InputError
             For a motion of the user's own that uses functions without known bounds.
         """
-        straight, along = _straightened(motion, direction)
+        each = zip(motion.steps, motion.by_step(direction.tolist()), strict=True)
+        made = [step.own_along_ray(part) for step, part in each]  # a free one a shift, and a turn about a line
+        straight = Sequenced(tuple(own for simpler, _ in made for own in simpler))
         _instructions(straight.pattern)
-        return cls(straight.pattern, [*along, *movable_seed, *static_seed, *straight.numbers])
+        return cls(
+            straight.pattern, [*(x for _, along in made for x in along), *movable_seed, *static_seed, *straight.numbers]
+        )
 
     @property
     def natural_step(self) -> tuple[float, float]:
@@ -323,11 +327,3 @@ def _expanded(pattern: Motion, kinds: tuple[float, ...]) -> Compiled:
     terms = _terms(pose[:9].reshape(3, 3), pose[9:], kinds, constants(lines).reshape(-1, 4, 3), pair, sign)
     rows = casadi.vertcat(*(number for own in (*pose, *terms) for number in own.fields))
     return Compiled(casadi.Function("expanded", [at, given, lines, tracked], [casadi.densify(rows)], {"cse": True}))
-
-
-def _straightened(motion: Motion, direction: Array) -> tuple[Motion, Array]:
-    """Return the motion with each step as what it is along a ray: of a free one a shift, and a turn about a line."""
-    each = zip(motion.steps, motion.by_step(direction.tolist()), strict=True)
-    made = [step.own_along_ray(part) for step, part in each]
-    steps = tuple(own for simpler, _ in made for own in simpler)
-    return Sequenced(steps), np.array([x for _, along in made for x in along])

@@ -278,7 +278,11 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in zip(body.faces, shifts, strict=True)}
         seeds[key.strip()] = frozen(data[layout.seed(k)])
     clearance, *kept = data[layout.clearances].tolist()
-    sizes = _by_size(problem, faces, vertices)
+    sizes = {}
+    for size in problem.sizes:
+        body, moves = getattr(problem, size.body), _size_rates(problem, size)
+        key = "P1" if size.body == "movable" else "P2"
+        sizes[size.name] = np.nan if moves is None else by_moves(key, body, moves, faces, vertices)[0]
     motions, by_size = _motions(problem, task, q)  # corners of cuts alone are no data, and contacts on a line one
     sizes = {name: float(other if np.isnan(x) else x) for (name, x), other in zip(sizes.items(), by_size, strict=True)}
     limits = data[layout.limits].reshape(-1, 2).tolist()
@@ -427,16 +431,6 @@ def _within_face(body: Body, rates: Array, point: Array) -> Array:
     rows = [_rows_at(body, corner)[0] for corner in nearest]
     shares = np.linalg.lstsq((nearest[1:] - nearest[0]).T, point - nearest[0])[0]
     return np.asarray(np.append(1.0 - shares.sum(), shares) @ rates[rows])
-
-
-def _by_size(problem: Problem, faces: Mapping[str, float], vertices: Mapping[str, Array]) -> dict[str, float]:
-    """Return the derivatives by the problem's sizes, of bodies as made."""
-    found = {}
-    for size in problem.sizes:
-        body, moves = getattr(problem, size.body), _size_rates(problem, size)
-        key = "P1" if size.body == "movable" else "P2"
-        found[size.name] = np.nan if moves is None else by_moves(key, body, moves, faces, vertices)[0]
-    return found
 
 
 def _size_rates(problem: Problem, size: Size) -> Array | None:

@@ -241,15 +241,11 @@ def opened_files(
         try:
             made_of = _of_bodies if some else Problem
             make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, made_of)
-            files.append(OpenedFile(path, own.title, own.note, _cases_of(make, path, own.case, wanted, some=some)))
+            names = [case.name for case in own.case[:1]] if some else wanted
+            files.append(OpenedFile(path, own.title, own.note, tuple(make(path, wanted=names))))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
     return files
-
-
-def _cases_of(make: Any, path: Path, cases: Sequence[Any], wanted: Sequence[str], *, some: bool) -> tuple[Any, ...]:
-    """Return the problems of the cases of a file that are wanted, of all, or of the first that can be made."""
-    return tuple(make(path, wanted=[own.name for own in cases[:1]] if some else wanted))
 
 
 def _of_bodies(**asked: Any) -> Any:

@@ -258,7 +258,9 @@ def _digits(point: Array) -> str:
 
 def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...], tuple[str, ...]]:
     """Return the solid asked for of what was read, or all with their names and a remark on how to have one."""
-    found = drawn.by_name() if _has_rows(drawn) else {}
+    every = [v for face in drawn.faces for v in face]
+    sound = np.isfinite(drawn.vertices).all() and min(every) >= 0 and max(every) < len(drawn.vertices)
+    found = drawn.by_name() if sound else {}  # `checked_mesh` says what is wrong with others
     if solid and solid not in found:
         raise InputError("no such solid in the file", file=path, found=solid, allowed=", ".join(found) or "none: open")
     if solid:
@@ -268,12 +270,6 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
     told = f"{len(found)} {SEVERAL}, taken as one body: {known}; one alone is '{path.name}#{first}'"
     return drawn, tuple(found), (told,)
-
-
-def _has_rows(drawn: Drawn) -> bool:
-    """Tell whether all faces are rows of finite vertices; `checked_mesh` says what is wrong where they are not."""
-    every = [v for face in drawn.faces for v in face]
-    return bool(np.isfinite(drawn.vertices).all()) and min(every) >= 0 and max(every) < len(drawn.vertices)
 
 
 def _plane(

@@ -62,7 +62,7 @@ def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
     points = np.vstack([vertices, apexes(vertices, triangles, groups, corners, sizes, name)])
     surface = Surface.of(vertices, triangles, flat_groups(local, triangles, sides))
     hulls = [
-        _pyramid(corners[start:end], len(vertices) + k)
+        Hull(np.append(corners[start:end], len(vertices) + k), *pyramid_shape(end - start))
         for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))
     ]
     owners = np.empty(len(sizes), np.int64)
@@ -133,10 +133,6 @@ def _near(low: Array, high: Array, corners: Array, groups: Ints) -> tuple[Ints, 
     box, row = np.concatenate(found, axis=1)
     order = np.argsort(box, kind="stable")
     return np.searchsorted(box[order], np.arange(count + 1)), row[order]
-
-
-def _pyramid(base: Ints, apex: int) -> Hull:
-    return Hull(np.append(base, apex), *pyramid_shape(len(base)))
 
 
 @cache

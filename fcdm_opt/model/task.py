@@ -388,15 +388,10 @@ class Task:
             typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
         else:
             typical = abs(self.gap(self.rest) - self.need)
-        return max(typical, self._in_the_way, DEFAULT.least_unit * self.size)
-
-    @property
-    def _in_the_way(self) -> float:
-        """How far the nearest keep-out is from being clear, without motion; negative where all are."""
-        if not self.keep_out:
-            return 0.0
-        short = self.needs - self.pair_gaps(self.rest)
-        return float(short[:, len(self.static.parts) :].max())
+        nearest = 0.0  # how far the nearest keep-out is from being clear
+        if self.keep_out:
+            nearest = float((self.needs - self.pair_gaps(self.rest))[:, len(self.static.parts) :].max())
+        return max(typical, nearest, DEFAULT.least_unit * self.size)
 
     def amount(self, q: Array) -> float:
         """Return the motion amount."""

@@ -560,14 +560,13 @@ class Assembly(Scene):
                 weights[name] = weight
                 if own.name in self.limits[part]:
                     limits[name] = self.limits[part][own.name]
-        carried = {part: self._carrying(part, starts[part]) for part in parts}
+        seeds = {part: tuple(own.seed.tolist()) for part, own in self.parts.items()}
+        carried = {
+            part: Carrying(self.motions[part], starts[part], (seeds[part], seeds[self.follows[part]])) for part in parts
+        }
         one, two = self.chain(pair.one), self.chain(pair.two)
         ways = (tuple(carried[part] for part in own if part not in other) for own, other in ((one, two), (two, one)))
         return {"motion": Relative(tuple(names), *ways), "weights": weights, "limits": limits}
-
-    def _carrying(self, part: str, start: int) -> Carrying:
-        one, two = (tuple(self.parts[own].seed.tolist()) for own in (part, self.follows[part]))
-        return Carrying(self.motions[part], start, (one, two))
 
 
 # --------------------------------------------------------------------------------------------------------------- checks

@@ -390,14 +390,11 @@ class Examiner:
             lost, halved = self._unproved(rows, test)
             note = f"of {len(rows)} cells not shown, {halved} halved to be shown"
             if len(lost):
-                note += f"; {self._described(int(lost[0]))}"
+                cells, row = self.evidence, int(lost[0])
+                box = ", ".join(f"[{a:.17g}, {b:.17g}]" for a, b in cells.boxes[row].T.tolist()) or "one"
+                start, end = cells.stretches[row].tolist()
+                note += f"; first cell {row}: face {cells.faces[row]}, directions {box}, s [{start:.17g}, {end:.17g}]"
             yield Check(name, not len(lost), float(len(lost)), 0.0, note)
-
-    def _described(self, row: int) -> str:
-        own = self.evidence
-        box = ", ".join(f"[{a:.17g}, {b:.17g}]" for a, b in own.boxes[row].T.tolist())
-        start, end = own.stretches[row].tolist()
-        return f"first cell {row}: face {own.faces[row]}, directions {box or 'one'}, s [{start:.17g}, {end:.17g}]"
 
     def _unproved(self, rows: Ints, test: Callable[[Poses], Array]) -> tuple[Ints, int]:
         """Return the cells of which a margin is not positive all over, and how many were halved."""

@@ -543,18 +543,14 @@ class _Tolerances:
         return self.questions[tau]
 
     def budget(self) -> Budget:
-        """Return the budget."""
+        """Return the budget; where the time is over, how far all tolerances that were looked at are good."""
         try:
             return self._found()
         except pacing.TimeOverError:
-            return self._so_far()
-
-    def _so_far(self) -> Budget:
-        """Return what is known when the time is over: how far all tolerances that were looked at are good."""
-        bad = min((tau for tau, point in self.points.items() if not point.good), default=np.inf)
-        low = max((point for tau, point in self.points.items() if tau < bad), key=lambda own: own.tau, default=None)
-        high = self.points.get(bad)
-        return self._result(low, high, Order.ANY, End.TIME.value, self.largest / self.cells)
+            bad = min((tau for tau, point in self.points.items() if not point.good), default=np.inf)
+            good = (point for tau, point in self.points.items() if tau < bad)
+            low, high = max(good, key=lambda own: own.tau, default=None), self.points.get(bad)
+            return self._result(low, high, Order.ANY, End.TIME.value, self.largest / self.cells)
 
     def _found(self) -> Budget:
         spacing, (lie, why) = 0.0, order(self.widest, self.letter)
