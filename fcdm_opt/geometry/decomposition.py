@@ -105,7 +105,9 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     known = f"{reflex} reflex edge{'s' if reflex > 1 else ''}" if reflex else "several shells"
     pacing.at(f"cutting {mesh.name} into convex parts: {known}")
     if method == "coacd":
-        return _approximated(mesh, "asked for")
+        points, parts, (out, short) = approximate(mesh)
+        why = f"{len(parts)} parts by CoACD (asked for): at most {out:.3g} beyond the mesh, {short:.3g} short of it"
+        return Decomposition("coacd", why, frozen(points), parts, deviation=(out, short))
     exact, solids = None, _solids(mesh) if method != "surface" else []
     works = [len(rows) * _reflex_edges(own, np.unique(own.triangles)) for own, rows in solids]
     large = method == "auto" and sum(works) > MOST_WORK
@@ -131,13 +133,6 @@ def by_features(mesh: Mesh, rule: int) -> Decomposition:
     points, parts = _numbered(solid.space, len(mesh.vertices), cells)
     why = f"{len(cells)} parts side by side, exactly the solid: cut between its features, which change their sizes"
     return Decomposition("exact", why, frozen(points), parts, solid.surface(mesh))
-
-
-def _approximated(mesh: Mesh, asked: str) -> Decomposition:
-    points, parts, deviation = approximate(mesh)
-    out, short = deviation
-    why = f"{len(parts)} parts by CoACD ({asked}): at most {out:.3g} beyond the mesh, {short:.3g} short of it"
-    return Decomposition("coacd", why, frozen(points), parts, deviation=deviation)
 
 
 def _under_faces(mesh: Mesh, asked: str) -> Decomposition:

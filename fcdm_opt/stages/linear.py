@@ -219,7 +219,11 @@ def translations(task: Task) -> Answer | None:
     later = _touching(task, shifts)
     first = product(range(len(task.movable.parts)), range(len(task.obstacles))) if task.part_pairs <= BATCH_SIZE else ()
     lines = {parts: _lines(task, parts, shifts) for parts in first}
-    walls = {parts: _wall(own) for parts, own in lines.items() if _may_overlap(task, parts, own)}
+    walls = {}
+    for parts, own in lines.items():
+        flat = np.linalg.norm(own.normals, axis=1) <= DEFAULT.tie
+        if np.isfinite(task.needs[parts[1]]) and not (own.levels[flat] >= -DEFAULT.cut).any():  # some may overlap
+            walls[parts] = _wall(own)
     closings = dict[Parts, Rows]() if later else None
     clearances = ForbiddenShifts(task)
     stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
@@ -266,12 +270,6 @@ def translations(task: Task) -> Answer | None:
             amount = polished.amount
             best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
     return best
-
-
-def _may_overlap(task: Task, parts: Parts, lines: Rows) -> bool:
-    """Tell whether some motion may make a pair overlap."""
-    flat = np.linalg.norm(lines.normals, axis=1) <= DEFAULT.tie
-    return bool(np.isfinite(task.needs[parts[1]])) and not (lines.levels[flat] >= -DEFAULT.cut).any()
 
 
 def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
