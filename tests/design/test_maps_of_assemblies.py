@@ -71,7 +71,7 @@ def test_the_judge_makes_all_parts_of_an_assembly_anew() -> None:
     for column, check in ((0, "amount of the motion"), (1, "gap after the motion"), (2, "gap after the motion")):
         values = np.array(found().table.values)
         values[..., column] += 0.002
-        wrong = replace(found(), table=replace(found().table, values=values))
+        wrong = replace(found(), table=replace(found().table, values=values, weights=()))
         assert check in failed(replace(share(), sizes_map=wrong))
 
 
@@ -189,3 +189,33 @@ def test_a_plate_on_two_pins_was_undecided_all_over() -> None:
     at = told.at(pin, hole)
     assert (np.abs(at.amount - np.minimum(0.07, 0.07 - (pin + hole) / 2.0)) <= at.error).all()
     assert at.error.max() < 1e-5
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_kink_of_the_amount_where_a_motion_changes_its_direction_was_searched_for(count: int) -> None:
+    rod = fo.Cylinder(5, 30, base=(0, 0, -15), name="rod", unit="mm")
+    jaws = [fo.Box((10, 12, 14), centre=(x, 0, 0), name=name, unit="mm") for x, name in ((-10, "left"), (10, "right"))]
+    sizes = [
+        fo.Size("diameter", "rod", faces=["cylinder radius 5"], each=0.5, tolerance=0.05),
+        fo.Size("left", "left", faces=["+x"], each=1.0, tolerance=0.03),
+        fo.Size("right", "right", faces=["-x"], each=1.0, tolerance=0.02),
+    ][:count]
+    along = fo.Translation("x")
+    gripper = fo.Assembly(
+        [rod, *jaws],
+        motions={"left": along, "right": along},
+        contacts=[("left", "rod"), ("right", "rod")],
+        weights={"left": 1.0, "right": 2.0},
+        sizes=sizes,
+    )
+    found = fo.compensation_map(gripper)
+    made = np.random.default_rng(5).uniform(found.box[:, 0], found.box[:, 1], (500, count))
+    d, left, right = (*made.T, np.zeros(500))[:3]
+    at = found.at(*made.T)
+    np.testing.assert_allclose(at.parameters, np.transpose([-left - d / 2, right + d / 2]), atol=1e-6)
+    np.testing.assert_allclose(at.amount, np.hypot(left + d / 2, d + 2.0 * right), atol=1e-6)
+    assert found.at(*np.zeros(count)).amount <= 1e-6
+    assert found.reached <= 1e-6
+    assert found.solved <= {2: 60, 3: 300}[count]
+    again = CompensationMap.from_dict(found.to_dict())
+    assert again.at(*made.T).amount.tolist() == at.amount.tolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -196,6 +197,22 @@ def test_a_row_of_the_csv_file_is_enough_to_interpolate(tmp_path):
             float(value), rel=1e-14
         )
     assert (cell["region"], cell["error"], cell["displacement_error"]) == (5.0, 0.1, 0.2)
+
+
+def test_with_weights_a_row_of_the_csv_file_tells_the_amount_where_it_has_a_kink(tmp_path):
+    plain_one = table(squares(2), lambda x, y: np.hypot(x - 1, 2 * y - 2), lambda x, y: x - 1, lambda x, y: y - 1)
+    own = replace(plain_one, weights=(1.0, 2.0))
+    x, y = random_pairs(200, 4)
+    np.testing.assert_allclose(own.at(x, y).amount, np.hypot(x - 1, 2 * y - 2), atol=1e-12)
+    assert np.abs(plain_one.at(x, y).amount - np.hypot(x - 1, 2 * y - 2)).max() > 1e-4
+    own.to_csv(tmp_path / "map.csv")
+    header, first, *_ = (line.split(",") for line in (tmp_path / "map.csv").read_text().splitlines())
+    assert dict(zip(header[-2:], map(float, first[-2:]), strict=True)) == {"weight_p1": 1.0, "weight_p2": 2.0}
+    assert Table.from_dict(own.to_dict()).weights == (1.0, 2.0)
+    older = {key: value for key, value in own.to_dict().items() if key != "weights"}
+    assert Table.from_dict(older).at(x, y).amount.tolist() == plain_one.at(x, y).amount.tolist()
+    with pytest.raises(InputError, match="weights"):
+        replace(own, weights=(1.0,))
 
 
 def plain(**changes):

@@ -184,7 +184,7 @@ def test_a_map_whose_motions_are_off_is_refused(add):
     assert "gap after the motion" in failed(wrong)
     values = np.array(found.table.values)
     values[..., 0] += add
-    wrong = replace(found, table=replace(found.table, values=values))
+    wrong = replace(found, table=replace(found.table, values=values, weights=()))
     assert "amount of the motion" in failed(replace(share(), sizes_map=wrong))
 
 

@@ -17,7 +17,7 @@ from fcdm_opt import pacing
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
 from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import Facet
-from fcdm_opt.design.compensation.table import MapPoints, Table, box_text, simplices, volumes
+from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.facet_errors import known_to
@@ -354,14 +354,16 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
         sizes[one] = sizes.get(one, 0.0) + size
     sets = sorted(sizes, key=lambda one: (-sizes[one], one))
     nodes = np.array(values)
-    ends = nodes[:, : len(mesh.sampler.over) + 1, 0]
+    weights, ends = mesh.sampler.weights, nodes[:, : len(mesh.sampler.over) + 1, 0]
     np.maximum(ends, 0.0, out=ends)  # rounding where motions begin
+    nodes[..., 0] = amounts_of(nodes[..., 1:], nodes[..., 0], weights)
     table = Table(
         corners=mesh.sampler.made(places),
         values=nodes,
         errors=np.array(errors),
         regions=np.array([sets.index(one) for one in held]),
         names=tuple(own.name for own in mesh.sampler.scene.coordinates),
+        weights=weights,
     )
     return table, sets
 

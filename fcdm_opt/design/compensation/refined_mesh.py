@@ -15,7 +15,7 @@ import numpy as np
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, Simplex, SizeMesh, Values
-from fcdm_opt.design.compensation.table import nodes_of, quadratic_basis
+from fcdm_opt.design.compensation.table import amounts_of, nodes_of, quadratic_basis
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.tolerances import DEFAULT
@@ -399,7 +399,8 @@ class RefinedMesh(SizeMesh):
             change = carrying.transform(one[1:]) - carrying.transform(two[1:])
             made = body.seed + scales[part] * (body.vertices - body.seed)
             moved = max(moved, float(np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1).max()))
-        return np.array([abs(one[0] - two[0]), moved])
+        here, there = (amounts_of(own[1:], own[0], self.sampler.weights) for own in (one, two))
+        return np.array([abs(here - there), moved])
 
 
 def _across(along: Array) -> list[Array]:

@@ -129,6 +129,12 @@ class Sampler:
     known: dict[Made, Sample] = field(default_factory=dict)
     _given: float = field(default_factory=pacing.left)
 
+    @cached_property
+    def weights(self) -> tuple[float, ...]:
+        """Weights of the parameters in the amount, nothing for an amount that is not the weighted one."""
+        weighted = getattr(self.scene, "amount", "weighted") == "weighted"
+        return tuple(own.weight for own in self.scene.coordinates) if weighted else ()
+
     @property
     def late(self) -> bool:
         """Whether the time that refining may take is used up."""
@@ -247,12 +253,13 @@ def active_set(solution: Bounded) -> ActiveSet:
     for x, own in zip(q.tolist(), scene.coordinates, strict=True):
         for limit, which in zip(own.limits, ("lower", "upper"), strict=True):
             limits += [f"{which} limit of {own.name}"] * (abs(x - limit) * own.weight <= slack)
+    kinked = getattr(scene, "amount", "weighted") != "weighted"  # the weighted amount is known by its motion
     for pair, problem in scene.relations.items():
         head = "" if problem is scene else f"{' - '.join(pair)}: "
         holding = Holding(task := Task.of(problem), q, Layout.of(task), problem.limits)
         known = problem.tracked_features if task.tracked or (task.joints and task.goal != FIT) else ()
         features += [f"{head}{label}" for label in _met(holding, known)]
-        sides += [f"{head}{side}" for side in _side(task)]
+        sides += [f"{head}{side}" for side in _side(task)] if kinked else []
         if task.tracked:
             names = {rate.name for group in holding.groups() for rates in group for rate in rates}
             held += sorted(f"{head}{name}" for name in names if "limit of" not in name)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,6 +45,11 @@ def quadratic_basis(weights: Array) -> Array:
     """Return functions that are 1 at one node and 0 at the others, (n, m), of barycentric coordinates, (k + 1, m)."""
     corners = [own * (2 * own - 1) for own in weights]
     return np.stack([*corners, *(4 * weights[i] * weights[j] for i, j in edges_of(len(weights) - 1))])
+
+
+def amounts_of(parameters: Array, amounts: Array, weights: Sequence[float]) -> Array:
+    """Return the amounts of motions, (..., p), by the weights of their parameters; without weights those given."""
+    return np.asarray(np.linalg.norm(parameters * np.asarray(weights), axis=-1) if weights else amounts)
 
 
 def slopes(corners: Array) -> Array:
@@ -158,6 +163,9 @@ class Table(Plain):
         Number of the region that each simplex is part of, from 0.
     names : tuple of str
         Names of the p parameters.
+    weights : tuple of float
+        Their weights in the amount, per length unit or radian: it is the root of the sum of (weight times parameter)^2
+        everywhere. None where the amount is another one, which is interpolated as the parameters are.
 
     Raises
     ------
@@ -165,7 +173,7 @@ class Table(Plain):
         Where shapes do not match.
     """
 
-    plain_names: ClassVar[tuple[str, ...]] = ("format", "names", "corners", "values", "errors", "regions")
+    plain_names: ClassVar[tuple[str, ...]] = ("format", "names", "corners", "values", "errors", "regions", "weights")
     format: ClassVar[str] = "fcdm_opt compensation table 1"
 
     corners: Array
@@ -173,6 +181,7 @@ class Table(Plain):
     errors: Array
     regions: Ints
     names: tuple[str, ...]
+    weights: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         corners = np.atleast_1d(numbers(self.corners, "corners"))
@@ -185,6 +194,15 @@ class Table(Plain):
                 allowed = f"{(count, *shape)}, at least one simplex"
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=allowed)
             object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
+        if len(self.weights) not in (0, len(self.names)):
+            raise InputError(
+                "wrong shape", key="weights", found=len(self.weights), allowed=f"{len(self.names)}, or none"
+            )
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild a table from `to_dict`; raises `InputError` for anything else."""
+        return super().from_dict({"weights": (), **data})  # which older files lack
 
     @cached_property
     def box(self) -> tuple[tuple[float, float], ...]:
@@ -235,7 +253,7 @@ class Table(Plain):
         errors = np.where(inside, self.errors.T.take(simplex, axis=1), np.nan)
         return MapPoints(
             parameters=values[1:].T.reshape(*shape, len(self.names)),
-            amount=values[0].reshape(shape),
+            amount=amounts_of(values[1:].T, values[0], self.weights).reshape(shape),
             error=errors[0].reshape(shape),
             displacement_error=errors[1].reshape(shape),
             region=np.where(inside, self.regions.take(simplex), -1).reshape(shape),
@@ -249,13 +267,18 @@ class Table(Plain):
         return f"Table({simplices(len(self), len(self.box))} over {box_text(self.box)})"
 
     def to_csv(self, path: str | Path, sizes: Sequence[str] = ("rho1", "rho2")) -> None:
-        """Write the table as CSV, a row a simplex: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
-        columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2))
-        rows = ([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()]
-                for region, errors, corners, values in zip(*columns, strict=True))  # fmt: skip
+        """Write the table as CSV, a row a simplex: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4.
+
+        With weights, `weight_TX` is that of TX, in each row: the amount follows from the interpolated parameters.
+        """
+        weighted = np.tile(self.weights, (len(self), 1))
+        columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2), weighted)
+        rows = ([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist(), *weights.tolist()]
+                for region, errors, corners, values, weights in zip(*columns, strict=True))  # fmt: skip
         corners = [f"{size}_{corner}" for corner in range(1, len(sizes) + 2) for size in sizes]
         nodes = [f"{name}_{k}" for name in ("amount", *self.names) for k in range(1, self.values.shape[1] + 1)]
-        to_csv(path, [["region", "error", "displacement_error", *corners, *nodes], *rows])
+        weights = [f"weight_{name}" for name in self.names[: len(self.weights)]]
+        to_csv(path, [["region", "error", "displacement_error", *corners, *nodes, *weights], *rows])
 
 
 class Locator:
