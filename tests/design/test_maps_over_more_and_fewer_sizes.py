@@ -49,11 +49,8 @@ def test_a_map_over_one_and_over_three_sizes_was_refused(
     off = sizes[:, : min(count, 2)].sum(axis=1)
     assert (np.abs(at.amount - np.abs(off)) <= at.error).all()
     assert found.reached <= 1e-7
-    assert [region.kind for region in found.regions] == ["motion", "motion"]
-    (boundary,) = found.boundaries
-    assert not boundary.jumps
-    assert np.abs(boundary.points[:, : min(count, 2)].sum(axis=1)).max() <= 1e-9
-    assert len(boundary.points) == 1 or count > 1
+    assert [region.kind for region in found.regions] == ["motion"]
+    assert not found.boundaries
     again = fo.CompensationMap.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.at(*sizes.T).amount.tolist() == at.amount.tolist()
     share = fo.assembly_yield(found, sizes=tuple(fo.Uniform(*ends) for ends in found.box), budget=0.01, count=20_000)
@@ -63,7 +60,7 @@ def test_a_map_over_one_and_over_three_sizes_was_refused(
     found.to_csv(tmp_path / "map.csv")
     with (tmp_path / "map.csv").open() as file:
         header = next(csv.reader(file))
-    assert len(header) == 3 + count * (count + 1) + 2 * comb(count + 2, 2)
+    assert len(header) == 3 + count * (count + 1) + 2 * comb(count + 2, 2) + 1  # a weight
     figure = map_figure(found, problem)
     assert len(figure.axes) == (1 if count == 1 else comb(count, 2) + 1)
     (grid,) = grids(found, problem, lines=3)
