@@ -230,7 +230,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         slack = self.problem.contact_slack if self.problem is not None else 0.0
-        ends = gaps_text(*(gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap)), self.unit)
+        least, most = (gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap))
+        ends = gaps_text(least, most, self.unit)
         told = f"{self.status}: {self.motion}; {ends}; {what} {measured(self.value, self.unit)} ({known})"
         if self.fitted:  # whose least gap is made largest
             sure = "none can be better" if self.certified else "no bound proved"
