@@ -245,8 +245,18 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return self if self.exact_at is None else self.changed(exact_at=None)
 
     def to_touch(self) -> Problem:
-        """Return the question of goal "touch" about the same parts, which all that restores their contacts answers."""
-        return self.of_facets.changed(goal="touch", contacts=None, path=None, pair="any")
+        """Return the question of goal "touch" about the same parts, which all that restores their contacts answers.
+
+        Its `goal_restored` is the goal of this one, which is what people are told.
+        """
+        other = self.of_facets.changed(goal="touch", contacts=None, path=None, pair="any")
+        other.__dict__["goal_restored"] = self.goal
+        return other
+
+    @property
+    def goal_restored(self) -> str:
+        """The goal that was asked for: `goal`, or of `to_touch` the one that it stands for."""
+        return str(self.of_facets.__dict__.get("goal_restored", self.goal))
 
     @property
     def drawn(self) -> dict[str, Body]:

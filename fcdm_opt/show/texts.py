@@ -113,7 +113,8 @@ def asked_text(scene: Scene) -> str:
 def goal_text(problem: Problem) -> str:
     """Return the goal, with the least gap where it asks for one: "clear by 0.04 mm"."""
     asked = problem.goal == "clear" and problem.clearance > 0.0
-    return f"{problem.goal} by {measured(number(problem.clearance), problem.unit)}" if asked else problem.goal
+    clear = f"clear by {measured(number(problem.clearance), problem.unit)}"
+    return clear if asked else problem.goal_restored
 
 
 def sizes_text(scene: Scene, of: str | None = None) -> str:

@@ -55,6 +55,7 @@ def test_a_jaw_follows_half_the_diameter_of_the_rod_that_it_touches(facets: int,
     assert found.parameters["TX"] == pytest.approx(-off / 2, abs=1e-9)
     assert found.lower_bound == pytest.approx(abs(off) / 2, rel=1e-6)
     assert found.amount_high == pytest.approx(abs(off) / 2, rel=1e-6)
+    assert "goal at: TX" in str(found)
     assert fo.verify(found).passed
     assert fo.verify(fo.Solution.from_dict(found.to_dict())).passed
 
