@@ -148,6 +148,7 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
+        other.__dict__.pop("_boxes", None)
         other._join(unit_normals(corners))
         return other
 
@@ -181,6 +182,15 @@ class TrueFaces:
     def has_point(self, k: int, point: Array) -> bool:
         """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
         return bool(self._distances(k, point)[0].min() <= DEFAULT.nominal * self.body.size + self._off_triangles)
+
+    @cached_property
+    def _boxes(self) -> Array:
+        """The ends of a box about each patch, (2, patches, 3), in which `has_point` finds points."""
+        ends = np.full((2, len(self.patches), 3), [[[np.inf]], [[-np.inf]]])
+        np.minimum.at(ends[0], self.owners, self.corners.min(axis=1))
+        np.maximum.at(ends[1], self.owners, self.corners.max(axis=1))
+        beyond = DEFAULT.nominal * self.body.size + self._off_triangles
+        return ends + np.array([-beyond, beyond])[:, None, None]
 
     @cached_property
     def _off_triangles(self) -> float:
@@ -218,8 +228,10 @@ class TrueFaces:
     def at(self, point: Array, near: float = 0.0) -> list[int]:
         """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
         near = max(DEFAULT.tie * self.body.size, near)
-        off = np.array([abs(own.gaps(point[None])[0][0]) for own in self.patches])
-        return [k for k in np.flatnonzero(off <= near).tolist() if self.has_point(k, point)]
+        low, high = self._boxes
+        around = np.flatnonzero(((low - near <= point) & (point <= high + near)).all(axis=1)).tolist()
+        rows = [k for k in around if abs(self.patches[k].gaps(point[None])[0][0]) <= near]
+        return [k for k in rows if self.has_point(k, point)]
 
     def is_symmetric_about(self, point: Array, axis: Array) -> bool:
         """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
@@ -409,6 +421,8 @@ def line_of_contact(
     near = max(DEFAULT.tie * size, *(DIGITS * own.scale * own.faces.body.rounding for own in both))
     for pair in product(*(own.faces.at(own.drawn(point), near) for own in both)):
         patches = [own.patches[k] for own, k in zip(both, pair, strict=True)]
+        if all(own.surface.flat for own in patches):  # they touch all over, or at an edge that is another one's
+            continue
         normals = [own.gaps(point[None])[1][0] for own in patches]
         for along in [own.surface.ruling(point) for own in patches]:
             ends = point + size * np.outer((1.0, -1.0), along)
