@@ -184,7 +184,8 @@ def _of_each_faces(contacts: Sequence[TrueContact]) -> list[TrueContact]:
 def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) -> list[TrueContact]:
     """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,).
 
-    To within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces.
+    To within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
+    where plane faces lie on each other, whose rims may be round.
     """
     faces, found = (true_faces(movable), true_faces(static)), list[TrueContact]()
     if not any(own.is_round.any() for own in faces):
@@ -197,9 +198,18 @@ def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) 
         alike = (
             other.pairs == contact.pairs and other.normal @ contact.normal > 1.0 - DEFAULT.nominal for other in found
         )
-        if abs(near.gap) <= slack and contact.pairs and not any(alike):
+        if abs(near.gap) <= slack and contact.pairs and not any(alike) and not _flush(contact, faces):
             found.append(contact)
     return _off_edges(found, slack)
+
+
+def _flush(contact: TrueContact, faces: Sequence[TrueFaces]) -> bool:
+    """Tell whether plane faces lie on each other at a contact of bodies as drawn."""
+    one, two = (
+        [patch.gaps(point[None])[1][0] for patch in (own.patches[k] for k in met) if patch.surface.flat]
+        for own, met, point in zip(faces, contact.patches, contact.points, strict=True)
+    )
+    return any(n @ other < DEFAULT.nominal - 1.0 for n, other in product(one, two))
 
 
 class TrueSizes:

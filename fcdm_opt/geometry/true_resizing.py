@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
-from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_per_body
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms
@@ -194,7 +194,19 @@ def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swe
     found = _faces_on([*(surface for surface, _ in rounds), *(own for own in true if own.flat)], made)
     if found is None or not all(found[: len(rounds)]):
         raise InputError("a face is on none of those drawn")
-    return made, tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
+    made_rounds = tuple((surface, tuple(rows)) for (surface, _), rows in zip(rounds, found, strict=False))
+    return replace(made, parts=_in_order(made, body)), made_rounds
+
+
+def _in_order(made: Body, body: Body) -> tuple[ConvexPart, ...]:
+    """Return the parts of a body that was cut again in the order of those drawn, where there are as many."""
+    from scipy.optimize import linear_sum_assignment
+
+    if len(made.parts) != len(body.parts):
+        return made.parts
+    new, old = ([part.vertices.mean(axis=0) for part in own.parts] for own in (made, body))
+    order = linear_sum_assignment([[norms(x - y) for y in new] for x in old])[1]
+    return tuple(made.parts[k] for k in order.tolist())
 
 
 def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:

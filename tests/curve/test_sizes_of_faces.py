@@ -724,3 +724,16 @@ def test_where_elements_lie_was_looked_for_anew_at_each_size(monkeypatch: pytest
                 known_points = {tuple(point) for point in made.vertices.tolist()}
                 assert {tuple(point) for each in span.regions for point in each.reshape(-1, 3).tolist()} <= known_points
     assert len(located) == known
+
+
+def test_parts_that_were_cut_again_at_another_diameter_changed_their_numbers() -> None:
+    """A base with a spigot and two pins: what is told of a pair of its parts is of the same ones at all sizes."""
+    pins = [fo.Cylinder(4.0, 12.0, base=(x, 0, -6)) for x in (-30, 30)]
+    base = fo.joined(fo.Cylinder(50.0, 10.0, base=(0, 0, -10)), fo.Cylinder(20.0, 8.0, base=(0, 0, -6)), *pins)
+    for number in (1, 2):
+        size = fo.Size("pin", "static", faces=f"cylinder radius 4 no. {number}", each=0.5)
+        for off in (-0.05, 0.05):
+            made = resized(base, {size: off})
+            assert len(made.parts) == len(base.parts)
+            for part, drawn in zip(made.parts, base.parts, strict=True):
+                assert np.abs(part.vertices.mean(axis=0) - drawn.vertices.mean(axis=0)).max() < 0.1

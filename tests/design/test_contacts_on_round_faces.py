@@ -113,3 +113,18 @@ def test_a_roller_in_its_groove_goes_by_each_flank(turn):
     assert fo.verify(stack)
     own = fo.best_pose(asked)
     assert len([name for name in own.contacts if "cylinder of radius 5 of roller" in name]) == 2
+
+
+def test_the_rims_of_round_flanges_were_told_as_contacts_and_failed_the_judge() -> None:
+    """A cover that lies on its base, both round and as wide: one contact, plane on plane, whatever the bores are."""
+    base = fo.joined(fo.Cylinder(50.0, 10.0, base=(0, 0, -10)), fo.Cylinder(20.0, 8.0, name="spigot"))
+    cover = fo.cut(fo.Cylinder(50.0, 8.0), fo.Cylinder(20.05, 30.0, base=(0, 0, -10)))
+    sizes = [
+        fo.Size("bore", "movable", faces="bore radius 20.05", each=-0.5, tolerance=0.05),
+        fo.Size("thickness", "static", faces=[{"through": (40, 5, 0)}], each=1.0, tolerance=0.02),
+    ]
+    asked = fo.Problem(cover, base, sizes=sizes, made={}, goal="seat", contacts="all", motion=fo.Translation("z"))
+    found = fo.best_pose(asked)
+    assert found.passed
+    assert len(found.contacts) == 1
+    assert (found.least.gap, found.most.gap) == pytest.approx((-0.02, 0.02), rel=1e-9)
