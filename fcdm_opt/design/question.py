@@ -29,7 +29,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry, is_assembly
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile
+from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, with_defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, known_sizes
 
@@ -395,7 +395,7 @@ class Question:
         drawn = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
         others = {"keep_out": [_given(entry, path.parent) for entry in file.keep_out]}
         scene = SceneTables.of({"bodies": drawn, **others, "size": [_given(entry) for entry in file.size]})
-        return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)
+        return tuple(cls(scene, with_defaults(_given(file.defaults), _given(case))) for case in cases)
 
     @classmethod
     def restored(cls, scene: str, case: Mapping[str, Any]) -> Question:

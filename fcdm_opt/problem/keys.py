@@ -237,13 +237,7 @@ class Case(Defaults, title="Cases"):
 
     def arguments(self, defaults: Defaults) -> dict[str, Any]:
         """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
-        given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
-        if (
-            "made" in given
-            and not {"requirement", "target"} & given.keys()
-            and "tolerance" not in self.model_fields_set
-        ):
-            given.pop("tolerance", None)  # of the defaults: it goes with a requirement
+        given = with_defaults(*({key: getattr(own, key) for key in own.model_fields_set} for own in (defaults, self)))
         if "motion" not in given:
             raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
         steps = each("motion", [entry.step for entry in given["motion"]])
@@ -262,6 +256,14 @@ class Case(Defaults, title="Cases"):
         if given.get("published") is not None:
             given["published"] = _published_values(given["published"], steps)
         return given
+
+
+def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of a case and the defaults, whose tolerance goes with a requirement and not with "made"."""
+    given = {**defaults, **case}
+    if "made" in given and not {"requirement", "target"} & given.keys() and "tolerance" not in case:
+        given.pop("tolerance", None)
+    return given
 
 
 class Angle(NamedTuple):

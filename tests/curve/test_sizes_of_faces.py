@@ -135,6 +135,11 @@ def test_the_tolerance_that_init_writes_for_all_cases_kept_sizes_from_being_aske
     scaled, sized = fo.load_problems(path)
     assert scaled.requirement == "A"
     assert (sized.requirement, sized.target.tolist(), sized.made) == (None, [1.0, 1.0], {"feet": 0.1})
+    from fcdm_opt.design.question import Question
+
+    question = Question.read(path)[1]  # as what-if and studies take it
+    assert question.changed({"made": "low"}).problem().made == {"feet": -0.1}
+    assert question.changed({"made.feet": 0.05}).problem().made == {"feet": 0.05}
 
 
 @pytest.mark.parametrize("goal", ["at", "seat"])
