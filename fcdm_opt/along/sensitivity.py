@@ -400,7 +400,7 @@ def _by_pose(seed: Array, k: int) -> Field:
 
 def _by_one_size(problem: Problem, size: Size) -> Field:
     """Return how the vertices of a body as made move with one of its sizes."""
-    body, made, rates = getattr(problem, size.body), _made_of(problem, size.body), _size_rates(problem, size)
+    body, made, rates = getattr(problem, size.body), _deviations(problem, size.body), _size_rates(problem, size)
 
     def moves(owner: int, point: Array) -> Array:
         if owner != (1 if size.body == "movable" else 2):
@@ -436,13 +436,13 @@ def _within_face(body: Body, rates: Array, point: Array) -> Array:
 def _size_rates(problem: Problem, size: Size) -> Array | None:
     """Return how the vertices of a body as made move a unit of one of its sizes, see `vertex_rates`."""
     drawn, body = problem.request[size.body], getattr(problem, size.body)
-    made = _made_of(problem, size.body)
+    made = _deviations(problem, size.body)
     if body.exact is not None:
         return exact_vertex_rates(body, drawn, made, size)
     return vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
 
 
-def _made_of(problem: Problem, body: str) -> dict[Size, float]:
+def _deviations(problem: Problem, body: str) -> dict[Size, float]:
     """Return the deviations of a body's sizes."""
     return {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == body}
 

@@ -33,6 +33,7 @@ from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.problem.contacts_restored import restores
 from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -779,6 +780,9 @@ class _Judge:
             found.append(_at_least("true pair gap", gap, min(claimed, band) - self.limit, note))
         if "touch" in (problem.goal, problem.pair):
             found.append(_at_most("true faces touching", gap, self.limit, note))
+        if (asked := problem.restoring) is not None:
+            again = "round faces that touch as drawn touch again"
+            found.append(_at_least("contacts restored", float(restores(asked, self.transform)), 1.0, again))
         for keep_out in problem.keep_out:
             faces, need = [true_faces(problem.movable), true_faces(keep_out.body)], keep_out.clearance
             scales = problem.target[0], keep_out.ends[0]

@@ -247,16 +247,16 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def to_touch(self) -> Problem:
         """Return the question of goal "touch" about the same parts, which all that restores their contacts answers.
 
-        Its `goal_restored` is the goal of this one, which is what people are told.
+        Its `restoring` is this one, whose goal is what people are told.
         """
         other = self.of_facets.changed(goal="touch", contacts=None, path=None, pair="any")
-        other.__dict__["goal_restored"] = self.goal
+        other.__dict__["restoring"] = self
         return other
 
     @property
-    def goal_restored(self) -> str:
-        """The goal that was asked for: `goal`, or of `to_touch` the one that it stands for."""
-        return str(self.of_facets.__dict__.get("goal_restored", self.goal))
+    def restoring(self) -> Problem | None:
+        """The question about contacts as drawn that this one stands for, see `to_touch`; else None, also from files."""
+        return self.of_facets.__dict__.get("restoring")
 
     @property
     def drawn(self) -> dict[str, Body]:

@@ -241,13 +241,13 @@ def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> st
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
-def _asked(scene: Scene) -> str:
+def _question_text(scene: Scene) -> str:
     return asked_text(scene) + (f", goal {goal_text(scene)}" if isinstance(scene, Problem) else "")
 
 
 def print_case(file: str, problem: Scene) -> None:
     """Print which case is asked about, and once what its numbers are in."""
-    console().print(f"{file}: {problem.name} ({_asked(problem)})", style="bold")
+    console().print(f"{file}: {problem.name} ({_question_text(problem)})", style="bold")
     if problem.unit:
         console().print(units_text(problem.unit))
 
@@ -390,7 +390,7 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
 def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
-        "asked": _asked(solution.question),
+        "asked": _question_text(solution.question),
         "amount": amount_text(solution.amount),
         "motion": motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),

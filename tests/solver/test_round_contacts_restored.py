@@ -1,5 +1,6 @@
 """Contacts as drawn of round parts are restored on their true faces: closed forms."""
 
+from dataclasses import replace
 from itertools import product
 from math import hypot, sin
 
@@ -56,6 +57,10 @@ def test_a_jaw_follows_half_the_diameter_of_the_rod_that_it_touches(facets: int,
     assert found.lower_bound == pytest.approx(abs(off) / 2, rel=1e-6)
     assert found.amount_high == pytest.approx(abs(off) / 2, rel=1e-6)
     assert "goal at: TX" in str(found)
+    assert found.certificate is not None
+    assert "contacts restored" in [check.name for check in found.certificate.checks]
+    opened = replace(found, transform=np.eye(4))  # where the rod is not touched, or overlaps
+    assert "contacts restored" in [check.name for check in fo.verify(opened).failed]
     assert fo.verify(found).passed
     assert fo.verify(fo.Solution.from_dict(found.to_dict())).passed
 
