@@ -22,17 +22,19 @@ from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
-from fcdm_opt.model.task import Task
+from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
+from fcdm_opt.problem.contacts_restored import RESTORED, restoring_shift, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
+EXCLUDED = "true faces that touch as drawn cannot all touch again"
 Solve = Callable[[Problem], Solution]
 """Answers one problem of two parts."""
 
@@ -157,6 +159,8 @@ class _Solving:
             what = f"contacts that share motions are one program: {', '.join(names)}"
             raise InputError(what, key="model", found=self._model, allowed='"auto"')
         asked = [assembly.problem(pair, parts) for pair in group]
+        if restored := self._restored(group, asked, parts):
+            return restored
         relaxed = self._relaxed(group) if self._prove else 0.0
         rounds = [Exchange.of(problem) for problem in asked]
         for _ in range(ROUNDS):
@@ -168,12 +172,19 @@ class _Solving:
             refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
             if not any(refined):
                 break
+        return self._moved(group, parts, problems, answer)
+
+    def _moved(
+        self, group: Sequence[JoinedPair], parts: Sequence[str], problems: Sequence[Problem], answer: Answer
+    ) -> _Met:
+        """Return how a group is met by an answer in the parameters of some parts."""
+        assembly = self._assembly
         shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
-        told = f"{', '.join(names)} (stage {answer.stage})"
-        met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {})
+        told = f"{', '.join(map(str, group))} (stage {answer.stage})"
+        met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {}, shared=shared)
         if answer.q is None:
-            return met._replace(shared=shared)
-        rounding = np.abs(tasks[0].weights * answer.q) <= DEFAULT.tie * assembly.size
+            return met
+        rounding = np.abs(Task.of(problems[0]).weights * answer.q) <= DEFAULT.tie * assembly.size
         moved = np.where(rounding, 0.0, answer.q)
         answer = replace(answer, q=moved)
         ends = np.cumsum([len(assembly.motions[part].parameters) for part in parts])
@@ -183,7 +194,27 @@ class _Solving:
             if pair in assembly.contacts:
                 own, certificate = judged(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
                 contacts[pair[:2]] = own.with_certificate(certificate, {})
-        return met._replace(q=q, contacts=contacts, shared=shared)
+        return met._replace(q=q, contacts=contacts)
+
+    def _restored(self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]) -> _Met | None:
+        """Return how shifts meet a group whose contacts are all of true faces that touch as drawn; None for others."""
+        touching = [touching_again(own) for own in asked]
+        rounds = [None if own is None else Exchange.of(own) for own in touching]
+        exchanges = [own for own in rounds if own is not None]
+        if len(exchanges) < len(group) or self._assembly.amount != "weighted":
+            return None
+        if (found := restoring_shift(asked)) is None:
+            return None
+        if found.q is None:
+            names = ", ".join(map(str, group))
+            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (f"{names}: {EXCLUDED}",))
+            return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
+        for own, points in zip(exchanges, found.points, strict=True):
+            own.add(points)
+        amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
+        answer = Answer(Status.SOLVED, found.q, RESTORED, amount if found.is_least else 0.0)
+        met = self._moved(group, parts, [own.problem for own in exchanges], answer)
+        return met._replace(open_=(amount, amount)) if found.is_least else met
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""
@@ -231,7 +262,12 @@ class _Solving:
         if failed:
             worst = next((group.status for group in failed if group.status is Status.INFEASIBLE), failed[0].status)
             told["active"] = tuple(why for group in failed for why in group.active or (group.why_not,))
-            return AssemblySolution(status=worst, lower_bound=bound, **told)
+            ends = (
+                dict.fromkeys(("amount_low", "amount_high"), np.inf)
+                if any(own.open_[0] == np.inf for own in failed)
+                else {}
+            )
+            return AssemblySolution(status=worst, lower_bound=bound, **ends, **told)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}

@@ -22,6 +22,7 @@ from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
 from fcdm_opt.model.true_faces import (
+    Exchange,
     balanced_on_true_faces,
     has_round_faces,
     met_by_facets_only,
@@ -31,7 +32,7 @@ from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.contacts_restored import restores, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, restores, restoring_shift, touching_again
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -190,7 +191,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if (touching := touching_again(problem)) is not None:
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
-        return found if again else None
+        return found if again else _restored(problem, touching, how)
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
@@ -208,6 +209,20 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         ):
             return found if found.usable else replace(found, stopped=found.stopped or cut_off)
     return None
+
+
+def _restored(problem: Problem, touching: Problem, how: _How) -> Solution | None:
+    """Return the least shift that restores contacts of true faces, where it is more than one that makes them touch."""
+    found = pacing.in_time(restoring_shift, [problem], late=None)
+    if found is None or found.q is None or (exchange := Exchange.of(touching)) is None:
+        return None
+    exchange.add(found.points[0])
+    asked = exchange.problem
+    task = Task.of(asked)
+    amount = task.amount(found.q)
+    answer = Answer(Status.SOLVED, found.q, RESTORED, amount if found.is_least else 0.0)
+    solution, certificate = judged(reported(asked, task, answer))
+    return solution.with_certificate(certificate, solution.seconds)
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:

@@ -26,6 +26,7 @@ from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.resizing import Resizing, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
@@ -213,6 +214,16 @@ class ContactGaps:
         return {
             self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max())) for of, own in self.contacts.items()
         }
+
+    @property
+    def exact(self) -> bool:
+        """Whether rows are of true faces, each of plane ones or of points at which round ones touch as drawn."""
+        return all(
+            isinstance(own.line, _TruePoints)
+            or (is_plane_there(task.movable, own.feature.one) and is_plane_there(task.static, own.feature.two))
+            for own in self.lines
+            for task in (self.tasks[own.relation],)
+        )
 
     def words(self, relation: int, feature: Feature) -> str:
         """Return a contact in words."""

@@ -20,6 +20,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
 from fcdm_opt.model.true_faces import where_nearest
+from fcdm_opt.problem.contacts_restored import restoring_shift, touching_again
 from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -91,7 +92,7 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
     errors = [facet_errors(body) for body in problem.bodies]
     if all(own is not None and not own.any() for own in errors):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
-    if not solution.usable and too_wide(problem):
+    if not solution.usable and (too_wide(problem) or _cannot_be_restored(problem)):
         return replace(solution, amount_low=math.inf, amount_high=math.inf)
     if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
         return solution
@@ -126,6 +127,8 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if not solution.usable:
         impossible = problem.goal == "clear" and solution.status in IMPOSSIBLE  # for larger ones too
         return replace(solution, amount_low=math.inf, amount_high=math.inf) if impossible else solution
+    if problem.restoring is not None and solution.lower_bound >= amount:
+        return _between(solution, amount, amount)
     if problem.goal == "clear" or not amount > 0.0 or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)
     low = 0.0
@@ -141,6 +144,12 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
             seconds = max(SHORTEST, sum(solution.seconds.values()))
             low = max(low, _least(_least_of(outer, solve, seconds), amount))
     return _between(solution, low, amount)
+
+
+def _cannot_be_restored(problem: Problem) -> bool:
+    """Tell whether no shift closes the gaps of all true faces that touch as drawn."""
+    found = None if touching_again(problem) is None else restoring_shift([problem])
+    return found is not None and found.q is None
 
 
 def _comparable(problem: Problem) -> bool:

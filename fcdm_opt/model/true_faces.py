@@ -23,6 +23,7 @@ from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, devi
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
 from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.contacts_restored import touching_again
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
@@ -385,7 +386,10 @@ def on_true_faces(scene: Scene) -> bool:
     """Tell whether answers are of the faces that facets stand for: of every two parts whose facets are off these."""
     asked = scene.relations.values()
     off = [own for own in asked if gaps_off(own.movable, [own.static]) != (0.0, 0.0)]
-    return all(Exchange.of(own) is not None and all(map(all_recognised, (own.movable, own.static))) for own in off)
+    return all(
+        Exchange.of(touching_again(own) or own) is not None and all(map(all_recognised, (own.movable, own.static)))
+        for own in off
+    )
 
 
 def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]], apart: float = 0.0) -> Problem:

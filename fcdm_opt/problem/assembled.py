@@ -161,6 +161,11 @@ class AssemblySolution(Bounded):
         return any(map(len, self.assembly.limits.values()))
 
     @property
+    def _why_unknown(self) -> str:
+        shared = len(self.contacts) < len(self.assembly.contacts) or any(", " in stage for stage in self.stages)
+        return "where contacts share motions that is worked out of shifts that restore all of them" * shared
+
+    @property
     def _why_not(self) -> str:
         """Which part leaves its fit, and where, or which widths do not go together, or contacts that are not met."""
         if self.status is not Status.OUTSIDE_FIT:

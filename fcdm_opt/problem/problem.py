@@ -718,8 +718,8 @@ def _check_agreement(asked: Arguments) -> None:
     """Refuse arguments that exclude each other, or that the goal would ignore."""
     if (asked.requirement is None) == (asked.target is None):
         found = "neither" if asked.target is None else f"requirement {asked.requirement!r} and target {asked.target}"
-        what = "exactly one of requirement and target must be given"
-        allowed = 'requirement "A", "B", "C" or "D" with a tolerance, or a target (rho_1, rho_2)'
+        what = "one of requirement, target and made says what is asked for, and no two of them"
+        allowed = 'requirement "A", "B", "C" or "D" with a tolerance, target (rho_1, rho_2), or sizes and what is made'
         raise InputError(what, key="requirement", found=found, allowed=allowed)
     if (asked.requirement is None) != (asked.tolerance is None):
         what = "a requirement needs a tolerance" if asked.tolerance is None else "a target takes no tolerance"

@@ -41,7 +41,7 @@ FACETED = "their round faces are facets here"
 OPEN = "less is not ruled out on their round faces"
 """Why an answer about a mesh may not be that about the parts, and why one about round faces may not be the least."""
 
-UNLOOKED = 'it is not worked out with effort "quick", for contacts that share motions, nor when time is over'
+UNLOOKED = 'it is not worked out with effort "quick", nor when time is over'
 """Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
 
 

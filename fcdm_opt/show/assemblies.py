@@ -33,7 +33,7 @@ from fcdm_opt.show.texts import (
     made_text,
     values_by_part,
 )
-from fcdm_opt.show.verdict import barring, instruction_text
+from fcdm_opt.show.verdict import EXACT, barring, instruction_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
 
@@ -102,7 +102,8 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     met = "kept apart as asked" if goals == {"clear"} else "met as asked" if "clear" in goals else "closed"
     if not any(map(any, values_by_part(solution).values())):
         return f"{done}: every contact is {met}"
-    proved = "smallest possible together (proved)" if solution.gap < CLOSED else bound_line(solution)
+    sure = abs(solution.gap) < max(CLOSED, EXACT)
+    proved = "smallest possible together (proved)" if sure else f"proved at least {bound_line(solution)}"
     gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
     through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
     return "; ".join([f"{done}: then every contact is {met}", solution.doubt or proved, *through])

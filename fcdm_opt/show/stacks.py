@@ -38,9 +38,10 @@ if TYPE_CHECKING:
 
 MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
-DRAWN, DRAWN_ZERO = "as drawn", 2e-3
+DRAWN, DRAWN_ZERO, RARE = "as drawn", 2e-3, 5e-5
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, corners of a face that
-are listed, letters of a name and of a line of one; and what a mean over pairs drawn is zero below, of the largest."""
+are listed, letters of a name and of a line of one; what a mean over pairs drawn is zero below, of the largest; and the
+share of pairs that is printed as none."""
 
 SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back, below"}
 """Degrees from which faces are shown, so that all of them are seen that nothing hides."""
@@ -150,8 +151,7 @@ def allocation_text(found: Allocation) -> str:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
-    moved = {size for row in stack.rows for size, off in row.coefficients.items() if off}
-    at = [{size: off for size, off in own.items() if size in moved} for own in (worst.at_least, worst.at_largest)]
+    at = [_counted(stack, own) for own in (worst.at_least, worst.at_largest)]
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
         ("worst case, largest gap", worst.largest, _sizes(at[1]) or DRAWN),
@@ -169,14 +169,17 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     print_rows([{"": what, "gap": signed(gap), "at": wrapped(at, LONGEST)} for what, gap, at in rows], numbers=("gap",))
     if share is not None:
         _print_yield(stack, share)
+    contributions = contributions_of(stack)
+    differs, varies = any(own.worst for own in contributions), any(own.variance for own in contributions)
     print_rows([
         {
             "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": signed(own.coefficient, 3),
-            "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.1%}",
+            "of the worst case": f"{own.worst:.2%}" if differs else "none",
+            "of the variance": f"{own.variance:.1%}" if varies else "none",
         }
-        for own in contributions_of(stack)
+        for own in contributions
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    if spread.low < worst.least or spread.high > worst.largest:
+    if (spread.low < worst.least or spread.high > worst.largest) and spread.deviation > 0.0:
         print_text(
             "where 3 sigma lead beyond the worst case, the worst case holds for all pairs within their tolerances"
         )
@@ -197,6 +200,17 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def _counted(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the sizes that a worst case depends on: others move no contact, or are left in their tolerance's middle."""
+    moved = {size for row in stack.rows for size, off in row.coefficients.items() if off}
+    ends = dict(zip(stack.names, stack.touching.box.tolist(), strict=True))
+    return {
+        size: off
+        for size, off in values.items()
+        if size in moved and not (off == sum(ends[size]) / 2.0 and np.ptp(ends[size]) > 0.0)
+    }
 
 
 def contributions_of(stack: StackUp) -> list[SizeShare]:
@@ -232,11 +246,14 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
             f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
             f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
-    if spread.elsewhere > 0.0 or not share.interval[0] <= spread.share <= share.interval[1]:
+    low, high = share.interval
+    if spread.elsewhere >= RARE:
         print_text(
             "root sum square takes one contact, that of the worst case, as normal; in "
             f"{spread.elsewhere:.2%} of the pairs drawn another one decides, and the gap is that: trust the pairs drawn"
         )
+    elif not low - RARE <= spread.share <= high + RARE:
+        print_text("root sum square takes the gap as normal, which it is not: trust the pairs drawn")
     print_text()
 
 
@@ -283,8 +300,8 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
-    middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
-    within = (middles >= low) & (middles <= high)
+    ends, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
+    within = (ends >= low) & (ends <= high)
     for chosen, colour, name in ((within, BLUE, "within"), (~within, VERMILLION, "outside")):
         if (heights[chosen] > 0.0).any():
             gaps.bar(

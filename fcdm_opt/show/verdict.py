@@ -265,12 +265,38 @@ def _effect(solution: Solution) -> str:
 def sure_text(solution: Solution) -> str:
     """Return whether less would do, in words."""
     if not _steps(solution):
-        return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh)))
+        return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh, _always_closed(solution))))
     if solution.doubt:
         return solution.doubt
     if abs(solution.gap) < max(CLOSED, EXACT):
         return "smallest possible (proved)"
     return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
+
+
+def _always_closed(solution: Solution) -> str:
+    """Return that no motion opens the contact, where bodies only slide on plane faces that touch as drawn."""
+    problem, motion = solution.problem, solution.problem.motion
+    if (
+        problem.goal not in ("touch", "at", "seat")
+        or not motion.shifts
+        or solution.pair_state != "touching"
+        or not solution.features
+    ):
+        return ""
+    ways = motion.ways(problem.movable.seed, problem.static.seed)
+    for feature in solution.features:
+        flat = [(own.vertices, body) for own, body in zip((feature.one, feature.two), problem.bodies, strict=True)
+                if own.kind == "F" and not is_round(told_element(body, own))]  # fmt: skip
+        if not flat:
+            return ""
+        corners = flat[0][1].vertices[np.array(flat[0][0]) - 1]
+        normal = np.linalg.svd(corners - corners.mean(axis=0))[2][2]
+        if np.abs(ways @ normal).max() > DEFAULT.nominal * np.abs(ways).max():
+            return ""
+    return (
+        "this motion only slides the parts on each other, whatever else is near; to restore a contact ahead too, draw "
+        "parts touching there too and ask with goal 'at'"
+    )
 
 
 def contact_text(

@@ -650,3 +650,27 @@ def test_gaps_of_worst_cases_of_many_sizes_had_no_room_in_their_table() -> None:
     assert "+0.42" in text  # 0.5 less 8 times 0.01
     assert "+0.58" in text
     assert max(map(len, text.splitlines())) <= 200
+
+
+def test_what_does_not_vary_has_no_shares() -> None:
+    """A pin between walls that no size moves: shares of rounding were told as 100 % of the worst case and variance."""
+    static = fo.Body.from_parts([[*product((1.01, 2.0), (-1, 1), (-1, 1))], [*product((5.0, 6.0), (-1, 1), (-1, 1))]])
+    block = box((0, -1, -1), (1, 1, 1))
+    far = fo.Size("far wall", "static", faces=[{"through": (6.0, 0, 0)}], each=1.0, tolerance=(-0.1, 0.3))
+    stack = stacked(block, static, far)
+    assert stack.worst().least == pytest.approx(0.01, abs=1e-12) == stack.worst().largest
+    assert [(own.worst, own.variance) for own in stack.contributions] == [(0.0, 0.0)]
+    told = str(stack)
+    assert "100" not in told and "nan" not in told and "trust" not in told and "none" in told
+
+
+def test_a_size_that_the_worst_case_does_not_depend_on_is_not_told_at_it() -> None:
+    """Two walls ahead, the nearer one decides the least gap: the other stood there at the middle of its tolerance."""
+    walls = [[*product((1.1, 2.0), (-1, 0), (-1, 1))], [*product((1.5, 2.0), (0, 1), (-1, 1))]]
+    static = fo.Body.from_parts(walls, name="walls")
+    near = fo.Size("near", "static", faces=[{"through": (1.1, -0.5, 0)}], each=-1.0, tolerance=0.05)
+    far = fo.Size("far", "static", faces=[{"through": (1.5, 0.5, 0)}], each=-1.0, tolerance=(-0.1, 0.3))
+    stack = stacked(box((0, -1, -1), (1, 1, 1)), static, near, far)
+    assert stack.worst().least == pytest.approx(0.05) and stack.worst().largest == pytest.approx(0.15)
+    lines = [line for line in str(stack).splitlines() if line.startswith("worst case")]
+    assert all("near" in line and "far" not in line for line in lines)

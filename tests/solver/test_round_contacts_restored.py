@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
-from math import hypot, sin
+from math import cos, hypot, sin
 
 import numpy as np
 import pytest
@@ -97,3 +97,66 @@ def test_a_roller_rises_in_its_v_block(half: float) -> None:
     assert found.parameters["TZ"] == pytest.approx(0.01 / sin(half), rel=1e-8)
     assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
     assert fo.verify(found).passed
+
+
+def v_block(half: float, radius: float) -> fo.Body:
+    """A groove along z whose flanks a roller of a radius about the z axis touches, each at an angle from the x axis."""
+    apex, length = -radius / sin(half), 2.4 * radius
+    x, y = apex + length * cos(half), length * sin(half)
+    return fo.Prism([(apex - 5, -y), (x, -y), (apex, 0), (x, y), (apex - 5, y)], 20.0, name="block")
+
+
+@pytest.mark.parametrize(("half", "off"), [*product((np.pi / 4, np.pi * 3 / 16, np.pi * 3 / 8), (-0.05, 0.05))])
+def test_a_roller_stays_on_both_flanks_where_one_is_nearer(half: float, off: float) -> None:
+    """A thin one touches sooner by going to one flank: what both need was known of facets alone."""
+    roller = fo.Cylinder(5.0, 30.0, base=(0, 0, -5), name="roller")
+    size = fo.Size("diameter", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    x, y, z = map(fo.Translation, "xyz")
+    for motion in (x >> y, x >> y >> z):
+        asked = {"sizes": [size], "made": {"diameter": off}, "goal": "at"}
+        found = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, motion=motion))
+        assert found.parameters["TX"] == pytest.approx(off / 2 / sin(half), rel=1e-9)
+        assert found.amount == pytest.approx(abs(off) / 2 / sin(half), rel=1e-9)
+        assert (found.lower_bound, found.amount_low, found.amount_high) == pytest.approx([found.amount] * 3, rel=1e-9)
+        assert fo.verify(found).passed and not found.left_by_mesh
+    none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, motion=y))
+    assert none.status.name == "INFEASIBLE" and "(proved)" in str(none)
+    free = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, motion=x >> y, limits={"TX": (-0.001, 0.001)}))
+    assert not free.usable
+
+
+@pytest.mark.parametrize("off", [-0.05, 0.05])
+def test_a_ball_stays_on_all_three_faces_of_its_corner(off: float) -> None:
+    corner = fo.cut(fo.Box((24, 24, 24), centre=(10, 10, 10)), fo.Box((24, 24, 24), centre=(12, 12, 12)))
+    size = fo.Size("diameter", "movable", faces="sphere radius 5", each=0.5, tolerance=0.05)
+    x, y, z = map(fo.Translation, "xyz")
+    asked = {"sizes": [size], "made": {"diameter": off}, "goal": "at"}
+    ball = fo.Sphere(5.0, centre=(5, 5, 5))
+    found = fo.solve(fo.Problem(ball, corner, **asked, motion=x >> y >> z))
+    assert [*found.parameters.values()] == pytest.approx([off / 2] * 3, rel=1e-9)
+    assert found.lower_bound == pytest.approx(found.amount) and fo.verify(found).passed
+    assert fo.solve(fo.Problem(ball, corner, **asked, motion=x >> y)).status.name == "INFEASIBLE"
+
+
+@pytest.mark.parametrize("off", [-0.05, 0.05])
+def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
+    """A roller between a floor and a wall, and a plate on it that moves with it: what true parts need was not known."""
+    floor = fo.Prism([(-8, -8), (8, -8), (8, -5), (-8, -5)], 20.0)
+    wall, plate = fo.Box((4, 10, 20), centre=(7, 0, 10)), fo.Box((9.8, 4, 20), centre=(0, 7, 10))
+    size = fo.Size("diameter", "roller", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    x, y = map(fo.Translation, "xy")
+    asked = fo.Assembly(
+        {"floor": floor, "wall": wall, "plate": plate, "roller": fo.Cylinder(5.0, 30.0, base=(0, 0, -5))},
+        motions={"roller": x >> y, "plate": y},
+        contacts=[("roller", "floor"), ("roller", "wall"), ("plate", "roller")],
+        sizes=[size],
+        made={"diameter": off},
+    )
+    found = fo.solve(asked)
+    assert [*found.parameters["roller"].values()] == pytest.approx([-off / 2, off / 2], rel=1e-9)
+    assert found.parameters["plate"]["TY"] == pytest.approx(off / 2, rel=1e-9)
+    assert found.amount_low == pytest.approx(found.amount) == found.lower_bound and not found.left_by_mesh
+    assert fo.verify(found).passed
+    assert fo.verify(fo.AssemblySolution.from_dict(found.to_dict())).passed
+    stack = fo.stack_up(asked, of=("plate", "roller"))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025)) and not stack.known_to

@@ -240,7 +240,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         failed = ", ".join(own.name for own in self.checks if not own.passed)
         not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
         judged = "verified" if self.passed else not_passed
-        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
+        clear = self.least.gap < 0.0 or getattr(self.problem, "goal", "") == "clear"
+        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and clear)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
         return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several

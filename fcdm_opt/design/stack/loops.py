@@ -35,11 +35,14 @@ class Loop:
     touching : TouchingSizes
     pair : GapClaims
         Without what is told of the gap.
+    exact : bool
+        Whether all rows are of true faces, whatever facets stand for them.
     closed : tuple of GapClaims
     """
 
     touching: TouchingSizes
     pair: GapClaims
+    exact: bool
     closed: tuple[GapClaims, ...] = ()
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
@@ -54,9 +57,9 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
     touching = gaps.touching([pose])
     claims = gaps.claims([pose])
     if len(claims) == 1:
-        return Loop(touching, claims[0])
+        return Loop(touching, claims[0], gaps.exact)
     every = None if claims[0].permanent_faces is None else frozenset[tuple[int, int]]()
-    return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), tuple(claims))
+    return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), gaps.exact, tuple(claims))
 
 
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
@@ -123,7 +126,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     rows = replace(touching, sizes=assembly.sizes, as_drawn=True)
     others = (k for k, other in enumerate(asked) if other != pair)
     still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
-    return Loop(rows, claim, still)
+    return Loop(rows, claim, gaps.exact and pair in asked, still)
 
 
 def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:

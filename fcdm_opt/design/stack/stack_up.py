@@ -98,11 +98,12 @@ class SizeShare(Plain):
     half : float
         Half its tolerance.
     worst : float
-        Share of what the tolerances take off the gap in the worst case; all add up to 1. Where several contacts are
-        as near there, the mean of their shares.
+        Share of what the tolerances take off the gap in the worst case; all add up to 1, or are 0 where no size takes
+        more off it than rounding. Where several contacts are as near there, the mean of their shares.
     variance : float
         Share of the variance of the gap over all pairs of parts, whichever contact decides: its Shapley effect, which
-        halves what two sizes do together; all add up to 1. Exact where one row decides, else drawn.
+        halves what two sizes do together; all add up to 1, or are 0 where it does not vary. Exact where one row
+        decides, else drawn.
     """
 
     size: str
@@ -203,12 +204,13 @@ class StackUp:
     @cached_property
     def off(self) -> tuple[float, float]:
         """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
-        return gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        exact = self.loop is not None and self.loop.exact
+        return (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
 
     @property
     def known_to(self) -> list[str]:
         """The same in words, with the reason; nothing where gaps are exact."""
-        return known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit)
+        return known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
 
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
@@ -247,13 +249,18 @@ class StackUp:
     @cached_property
     def _worst(self) -> WorstCase:
         (least, low), (largest, high) = self.touching.least(), self.touching.largest()
-        rounding = DEFAULT.weld * max(body.size for body in self.touching.bodies)
-        if self.on_true_faces:  # which are taken from corners with the digits of files
-            rounding = max(rounding, sum(body.rounding for body in self.touching.bodies))
-        least, largest = (0.0 if abs(gap) <= rounding else gap for gap in (least, largest))
+        least, largest = (0.0 if abs(gap) <= self._rounding else gap for gap in (least, largest))
         named = [dict(zip(self.names, place.tolist(), strict=True)) for place in (low, high)]
         out, short = self.off
         return WorstCase(least, named[0], largest, named[1], least - short, largest + out)
+
+    @property
+    def _rounding(self) -> float:
+        """How far a gap may be off by the digits of numbers, and on true faces by those of the files."""
+        bodies = self.touching.bodies
+        return max(
+            DEFAULT.weld * max(body.size for body in bodies), self.on_true_faces * sum(b.rounding for b in bodies)
+        )
 
     def worst(self) -> WorstCase:
         """Return the least and the largest gap within the tolerances, with sizes at which they are."""
@@ -296,7 +303,10 @@ class StackUp:
         """What each size contributes to the gap, largest first."""
         halves, (rows, weights) = np.array([size.half for size in self.sizes]), self._worst_rows
         parts = np.abs(weights @ np.abs(rows[:, 1:])) * halves, self._spread.variances
-        worst, variance = (own / own.sum() if own.sum() > 0.0 else own for own in parts)
+        worst, variance = (
+            own / own.sum() if own.sum() > noise else np.zeros_like(own)
+            for own, noise in zip(parts, (self._rounding, self._rounding**2), strict=True)
+        )
         found = zip(*map(np.ndarray.tolist, (self._spread.slopes, halves, worst, variance)), strict=True)
         shares = [SizeShare(name, *row) for name, row in zip(self.names, found, strict=True)]
         return tuple(sorted(shares, key=lambda own: (-round(own.worst, 9), own.size)))
