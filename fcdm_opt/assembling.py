@@ -180,8 +180,8 @@ class _Solving:
         """Return how a group is met by an answer in the parameters of some parts."""
         assembly = self._assembly
         shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
-        told = f"{', '.join(map(str, group))} (stage {answer.stage})"
-        met = _Met(answer.status, {}, answer.lower_bound, told, answer.active, {}, shared=shared)
+        stage = f"{', '.join(map(str, group))} (stage {answer.stage})"
+        met = _Met(answer.status, {}, answer.lower_bound, stage, answer.active, {}, shared=shared)
         if answer.q is None:
             return met
         rounding = np.abs(Task.of(problems[0]).weights * answer.q) <= DEFAULT.tie * assembly.size
@@ -262,12 +262,9 @@ class _Solving:
         if failed:
             worst = next((group.status for group in failed if group.status is Status.INFEASIBLE), failed[0].status)
             told["active"] = tuple(why for group in failed for why in group.active or (group.why_not,))
-            ends = (
-                dict.fromkeys(("amount_low", "amount_high"), np.inf)
-                if any(own.open_[0] == np.inf for own in failed)
-                else {}
-            )
-            return AssemblySolution(status=worst, lower_bound=bound, **ends, **told)
+            if any(own.open_[0] == np.inf for own in failed):  # of true parts, too
+                told |= dict.fromkeys(("amount_low", "amount_high"), np.inf)
+            return AssemblySolution(status=worst, lower_bound=bound, **told)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}

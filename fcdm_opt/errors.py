@@ -15,7 +15,6 @@ from typing import Any, TypeVar, cast, get_args
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 HINT, MANY = ", did you mean '", re.compile(r"[\w. -]+(, [\w. -]+){8,}")  # after a hint so many names are not told
-ALIKE = 0.7  # share of letters that a word is to have in common with one that is meant
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
@@ -25,7 +24,7 @@ _OTHER_WORDS = {
     **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
     **dict.fromkeys(("foot", "feet"), "ft"),
     **{"part": "body", "bodies": "parts", "sizes": "made", "axis": "along", "face": "faces"},
-    **{"tol": "tolerance", "linspace": "grid"},
+    **{"tol": "tolerance", "linspace": "grid", "fixed": "motion"},
 }
 """Names of units that are spelled otherwise in files, and words that stand for a key elsewhere."""
 
@@ -102,7 +101,7 @@ def closest(key: str, allowed: Iterable[str]) -> str:
 
     words = {word.casefold().removeprefix("--"): word for word in allowed}
     asked = key.casefold().removeprefix("--")
-    near = difflib.get_close_matches(asked, list(words), 1, ALIKE)
+    near = difflib.get_close_matches(asked, list(words), 1)
     meant = _OTHER_WORDS.get(asked, "")
     found = meant if meant in words else words[near[0]] if near else ""
     return f"{HINT}{found}'?" if found else ""

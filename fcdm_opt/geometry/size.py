@@ -263,7 +263,7 @@ class Size(Plain):
         else:
             low, high = self._numbers(told, "tolerance", 2, allowed)
         if not low <= high:
-            raise self._refused("empty tolerance", "tolerance", told, allowed)
+            raise self._refused("the low end is above the high one", "tolerance", told, allowed)
         if self.scale is not None and not low > -1.0:
             raise self._refused("nothing would be left of the body", "tolerance", told, allowed)
         return low, high

@@ -92,8 +92,8 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
         q, points, rates = y / first.weights, list[list[NearestPoints]](), list[Array]()
         for own, met in zip(asked, before, strict=True):
             points.append(_nearest(own, met, q))
-            ways = own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
-            rates += [-ways @ one.normal for one in points[-1]]
+            shifts = own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
+            rates += [-shifts @ one.normal for one in points[-1]]
         gaps, slopes = np.array([one.gap for own in points for one in own]), np.array(rates)
         if not all(points):
             return None
@@ -109,7 +109,7 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
 
 
 def _nearest(problem: Problem, before: Sequence[Pairs], q: Array) -> list[NearestPoints]:
-    """Return where faces that touch as drawn are nearest after a motion of the parts made; none where one is not found."""
+    """Return where faces that touch as drawn are nearest after a motion of the parts made; none where one is not."""
     pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
     made = [*problem.bodies_made.values()]
     for share in NEAR:

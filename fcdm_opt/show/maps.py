@@ -78,7 +78,9 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
         least, largest = region.amounts
-        amount = "" if np.isnan(least) else f", amount {number_text(least, 4)} to {measured(largest, sizes.unit, 4)}"
+        low, high = number_text(least, 4), number_text(largest, 4)
+        upto = measured(high, sizes.unit)
+        amount = "" if np.isnan(least) else f", amount {upto}" if low == high else f", amount {low} to {upto}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
         lines.append(f"{INDENT}{region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
@@ -90,11 +92,13 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
 def _signs(sizes: CompensationMap) -> list[str]:
     """Return what stands for what in the picture, of that which is there."""
     scales, box = sizes.over == SCALES, np.asarray(sizes.box)
+    top, constant = max((own.amounts[1] for own in sizes.regions), default=0.0), _constant(sizes)
     plane, several, inside = len(box) == 2, len(box) > 2, _within(sizes.nominal, box)
     signs = {
         "each panel: two sizes, all others as at the star": several and inside,
         "each panel: two sizes, all others in the middle": several and not inside,
-        "thin lines: equal amounts": len(box) > 1 and any(np.isfinite(own.amounts[0]) for own in sizes.regions),
+        f"one amount everywhere: {measured(top, sizes.unit, 4)}": constant,
+        "thin lines: equal amounts": len(box) > 1 and top > 0.0 and not constant,
         f"star: {'nominal sizes' if scales else 'as drawn'}": inside,
         "diamonds A to D: corners that these requirements ask for": scales,
         "double line: the motion jumps there": plane and any(own.jumps for own in sizes.boundaries),
@@ -104,6 +108,11 @@ def _signs(sizes: CompensationMap) -> list[str]:
         "hatched: no motion, or none known": any(np.isnan(own.amounts[0]) for own in sizes.regions),
     }
     return [told for told, there in signs.items() if there]
+
+
+def _constant(sizes: CompensationMap) -> bool:
+    """Tell whether all sizes with a motion need the same amount, to the digits that are shown."""
+    return len({number_text(end, 4) for own in sizes.regions for end in own.amounts if np.isfinite(end)}) == 1
 
 
 def _within(point: Any, box: Any) -> bool:
@@ -166,7 +175,7 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
         _mark(axes, sizes, (0, 1))
         for number, own in _numbered(sizes):
             axes.text(*own.place, str(number), **NUMBER)
-    if filled is None:
+    if filled is None or _constant(sizes):
         return
     bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
     sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(top, TICKS))

@@ -203,7 +203,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
 
 
 def _counted(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the sizes that a worst case depends on: others move no contact, or are left in their tolerance's middle."""
+    """Return the sizes that a worst case depends on: others move no contact, or are in their tolerance's middle."""
     moved = {size for row in stack.rows for size, off in row.coefficients.items() if off}
     ends = dict(zip(stack.names, stack.touching.box.tolist(), strict=True))
     return {
@@ -300,8 +300,8 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
-    ends, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
-    within = (ends >= low) & (ends <= high)
+    middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
+    within = (middles >= low) & (middles <= high)
     for chosen, colour, name in ((within, BLUE, "within"), (~within, VERMILLION, "outside")):
         if (heights[chosen] > 0.0).any():
             gaps.bar(

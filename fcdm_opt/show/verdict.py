@@ -276,22 +276,18 @@ def sure_text(solution: Solution) -> str:
 def _always_closed(solution: Solution) -> str:
     """Return that no motion opens the contact, where bodies only slide on plane faces that touch as drawn."""
     problem, motion = solution.problem, solution.problem.motion
-    if (
-        problem.goal not in ("touch", "at", "seat")
-        or not motion.shifts
-        or solution.pair_state != "touching"
-        or not solution.features
-    ):
+    asked = problem.goal in ("touch", "at", "seat") and motion.shifts
+    if not asked or solution.pair_state != "touching" or not solution.features:
         return ""
-    ways = motion.ways(problem.movable.seed, problem.static.seed)
+    moved = motion.ways(problem.movable.seed, problem.static.seed)
     for feature in solution.features:
-        flat = [(own.vertices, body) for own, body in zip((feature.one, feature.two), problem.bodies, strict=True)
-                if own.kind == "F" and not is_round(told_element(body, own))]  # fmt: skip
+        sides = (feature.one, problem.movable), (feature.two, problem.static)
+        flat = [pair for pair in sides if pair[0].kind == "F" and not is_round(told_element(pair[1], pair[0]))]
         if not flat:
             return ""
-        corners = flat[0][1].vertices[np.array(flat[0][0]) - 1]
+        corners = flat[0][1].vertices[np.array(flat[0][0].vertices) - 1]
         normal = np.linalg.svd(corners - corners.mean(axis=0))[2][2]
-        if np.abs(ways @ normal).max() > DEFAULT.nominal * np.abs(ways).max():
+        if np.abs(moved @ normal).max() > DEFAULT.nominal * np.abs(moved).max():
             return ""
     return (
         "this motion only slides the parts on each other, whatever else is near; to restore a contact ahead too, draw "

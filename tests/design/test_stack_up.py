@@ -661,7 +661,10 @@ def test_what_does_not_vary_has_no_shares() -> None:
     assert stack.worst().least == pytest.approx(0.01, abs=1e-12) == stack.worst().largest
     assert [(own.worst, own.variance) for own in stack.contributions] == [(0.0, 0.0)]
     told = str(stack)
-    assert "100" not in told and "nan" not in told and "trust" not in told and "none" in told
+    assert "100" not in told
+    assert "nan" not in told
+    assert "trust" not in told
+    assert "none" in told
 
 
 def test_a_size_that_the_worst_case_does_not_depend_on_is_not_told_at_it() -> None:
@@ -671,6 +674,7 @@ def test_a_size_that_the_worst_case_does_not_depend_on_is_not_told_at_it() -> No
     near = fo.Size("near", "static", faces=[{"through": (1.1, -0.5, 0)}], each=-1.0, tolerance=0.05)
     far = fo.Size("far", "static", faces=[{"through": (1.5, 0.5, 0)}], each=-1.0, tolerance=(-0.1, 0.3))
     stack = stacked(box((0, -1, -1), (1, 1, 1)), static, near, far)
-    assert stack.worst().least == pytest.approx(0.05) and stack.worst().largest == pytest.approx(0.15)
+    assert stack.worst().least == pytest.approx(0.05)
+    assert stack.worst().largest == pytest.approx(0.15)
     lines = [line for line in str(stack).splitlines() if line.startswith("worst case")]
     assert all("near" in line and "far" not in line for line in lines)

@@ -118,9 +118,11 @@ def test_a_roller_stays_on_both_flanks_where_one_is_nearer(half: float, off: flo
         assert found.parameters["TX"] == pytest.approx(off / 2 / sin(half), rel=1e-9)
         assert found.amount == pytest.approx(abs(off) / 2 / sin(half), rel=1e-9)
         assert (found.lower_bound, found.amount_low, found.amount_high) == pytest.approx([found.amount] * 3, rel=1e-9)
-        assert fo.verify(found).passed and not found.left_by_mesh
+        assert fo.verify(found).passed
+        assert not found.left_by_mesh
     none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, motion=y))
-    assert none.status.name == "INFEASIBLE" and "(proved)" in str(none)
+    assert none.status.name == "INFEASIBLE"
+    assert "(proved)" in str(none)
     free = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, motion=x >> y, limits={"TX": (-0.001, 0.001)}))
     assert not free.usable
 
@@ -134,7 +136,8 @@ def test_a_ball_stays_on_all_three_faces_of_its_corner(off: float) -> None:
     ball = fo.Sphere(5.0, centre=(5, 5, 5))
     found = fo.solve(fo.Problem(ball, corner, **asked, motion=x >> y >> z))
     assert [*found.parameters.values()] == pytest.approx([off / 2] * 3, rel=1e-9)
-    assert found.lower_bound == pytest.approx(found.amount) and fo.verify(found).passed
+    assert found.lower_bound == pytest.approx(found.amount)
+    assert fo.verify(found).passed
     assert fo.solve(fo.Problem(ball, corner, **asked, motion=x >> y)).status.name == "INFEASIBLE"
 
 
@@ -155,8 +158,10 @@ def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     found = fo.solve(asked)
     assert [*found.parameters["roller"].values()] == pytest.approx([-off / 2, off / 2], rel=1e-9)
     assert found.parameters["plate"]["TY"] == pytest.approx(off / 2, rel=1e-9)
-    assert found.amount_low == pytest.approx(found.amount) == found.lower_bound and not found.left_by_mesh
+    assert found.amount_low == pytest.approx(found.amount) == found.lower_bound
+    assert not found.left_by_mesh
     assert fo.verify(found).passed
     assert fo.verify(fo.AssemblySolution.from_dict(found.to_dict())).passed
     stack = fo.stack_up(asked, of=("plate", "roller"))
-    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025)) and not stack.known_to
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
+    assert not stack.known_to
