@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.multipliers import shows, smallest_by_multipliers
-from fcdm_opt.model.mesh_error import facets_known, too_wide, with_mesh_error
+from fcdm_opt.model.mesh_error import cannot_be_restored, facets_known, too_wide, with_mesh_error
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.templates import building
@@ -173,6 +173,10 @@ def _least(problem: Problem, how: _How) -> Solution:
     wide, solution = has_round_faces(problem) and pacing.in_time(too_wide, problem, late=True), None
     if not wide:
         solution = _of_true_faces(problem, how)
+    if solution is None and problem.touches_between_facets:
+        none = cannot_be_restored(problem)
+        status, bound = (Status.INFEASIBLE, math.inf) if none else (Status.NOT_FOUND, 0.0)
+        solution = Solution(problem=problem, status=status, lower_bound=bound, pair=problem.target, stage=RESTORED)
     if solution is None:
         solution = _solved_all(problem, how)
         if wide and _may_be_used(solution, how):  # as where one part is lifted off the other
@@ -189,9 +193,12 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if not has_round_faces(problem):
         return None
     if (touching := touching_again(problem)) is not None:
+        found = None if how.certify else _restored(problem, touching)  # which has no evidence
+        if found is not None and found.usable and found.lower_bound >= found.amount:
+            return found
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
-        return found if again else _restored(problem, touching, how)
+        return found if again else _restored(problem, touching)
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
@@ -211,8 +218,8 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     return None
 
 
-def _restored(problem: Problem, touching: Problem, how: _How) -> Solution | None:
-    """Return the least shift that restores contacts of true faces, where it is more than one that makes them touch."""
+def _restored(problem: Problem, touching: Problem) -> Solution | None:
+    """Return the least shift that restores contacts of true faces; None where none is found."""
     found = pacing.in_time(restoring_shift, [problem], late=None)
     if found is None or found.q is None or (exchange := Exchange.of(touching)) is None:
         return None

@@ -216,7 +216,7 @@ class Holding:
         """Return what keeps pairs apart, and the pair that must touch."""
         task, ways = self.task, self._near_pairs()
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
-        closes = task.must_touch and not task.joints
+        closes = task.must_touch and not (task.joints or task.restored)
         touching = [parts for parts in ways if task.obstacles[parts[1]].keep_out < 0] if closes else []
         groups = [own for parts, own in apart.items() if parts not in touching]
         closings: Alternatives = []
@@ -339,7 +339,7 @@ class Holding:
         for rate in rates:
             rate.data[self.layout.target] += rate.scales * [1.0, keep_out < 0]
             rate.data[self.layout.clearances][keep_out + 1] -= float(keep_out >= 0 or not task.must_touch)
-        return tuple(replace(rate, scales=np.zeros(2)) for rate in rates)
+        return tuple(replace(rate, scales=np.zeros(2), free=task.restored and keep_out < 0) for rate in rates)
 
     def _closing(self, parts: Parts, ways: list[Facing]) -> Alternatives:
         """Return what brings a pair together: in one corner of what it shares, in no direction apart."""

@@ -248,7 +248,8 @@ def _constraints(task: Task, q: Array, *, limits: bool = True) -> Iterator[_Cons
     if task.joints:
         yield from _aligned(task, q)
     if np.isfinite(task.needs).any():
-        yield from _pairs(task, q, slack)
+        for near in _pairs(task, q, slack):
+            yield near._replace(free=True) if near is not None and task.restored and not near.keep_out else near
 
 
 def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
@@ -268,7 +269,7 @@ def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
 
 def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
     """Yield what keeps pairs of parts apart, or brings one together."""
-    closes = task.must_touch and not task.joints and task.gap(task.rest) > 0.0
+    closes = task.must_touch and not (task.joints or task.restored) and task.gap(task.rest) > 0.0
     rotation = task.pose(q)[:9].reshape(3, 3)
     near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
     seen, meetings = set[tuple[Any, ...]](), round_contacts(task, q, slack) or []

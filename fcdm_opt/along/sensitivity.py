@@ -33,6 +33,7 @@ from fcdm_opt.model.task import Task
 from fcdm_opt.problem.active_parts import expand_active_parts
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution
+from fcdm_opt.problem.contacts_restored import touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
@@ -68,7 +69,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     best = min(balances, key=lambda balance: balance.residual)
     near = BALANCED if holding.round else DEFAULT.stationary
     even = [balance for balance in balances if balance.residual <= near] or [best]
-    only = solution.unique_within >= task.amount(q) or task.goal == FIT  # of a fit others have other largest gaps
+    only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # others have larger gaps
     reasons = [*holding.reasons, *(() if only else _ties(problem, task, q))]
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
@@ -349,7 +350,8 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         Any; without motions, or with ones that nothing holds, the derivatives do not exist.
     """
     assembly, questions = solution.assembly, solution.assembly.questions
-    problems = [*questions.values()]
+    found = dict(zip([pair[:2] for pair in assembly.contacts], solution.contacts, strict=False))
+    problems = [_where_exact(problem, found.get(pair)) for pair, problem in questions.items()]
     tasks = [Task.of(problem) for problem in problems]
     q = np.array([x for own in solution.parameters.values() for x in own.values()])
     changes = [
@@ -384,6 +386,14 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         motion_by_scale={name: frozen(own) for name, (_, own) in zip(scales, each[:rates], strict=True)},
         motion_by_size={name: frozen(own) for name, (_, own) in zip(sizes, each[rates:], strict=True)},
     )
+
+
+def _where_exact(asked: Problem, found: Solution | None) -> Problem:
+    """Return the question of two parts that are exact where a solution of their contact has them."""
+    points = None if found is None else found.problem.exact_at
+    if found is None or points is None:
+        return asked
+    return ((found.problem.goal != asked.goal and touching_again(asked)) or asked).with_exact_points(points)
 
 
 def _by_pose(seed: Array, k: int) -> Field:

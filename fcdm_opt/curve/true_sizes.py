@@ -225,6 +225,8 @@ class TrueSizes:
         The same, exact at the points.
     permanent : set of (int, int)
         Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
+    of_rest : bool
+        Whether only those that do so at rest are permanent, whatever pose is looked at; else those of any pose.
     asked, deepest : list
         The sizes last asked of `refined` with the gaps claimed, and of each the gap of the true faces and its
         direction, where it is less.
@@ -236,7 +238,7 @@ class TrueSizes:
         self.carried = np.zeros((len(sizes), 3)) if carried is None else carried
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
-        self.permanent = set[tuple[int, int]]()
+        self.permanent, self.of_rest = set[tuple[int, int]](), False
         self.deepest = list[tuple[float, Array] | None]()
         self.asked = list[tuple[Array, float]]()
         self.bodies = self._exact()
@@ -380,11 +382,13 @@ class TrueSizes:
             if own.gap >= gap:
                 break
             contact = TrueContact.of(own, made, scales, pose)
-            if contact.pairs <= self.permanent:
+            known = contact.pairs <= self.permanent
+            if known and not self.of_rest:
                 continue
-            if self._stands(made, contact, pose, place):
+            stands = self._stands(made, contact, pose, place)
+            if stands and (not self.of_rest or (pose == np.eye(4)).all()):
                 self.permanent |= self._facing(made, contact, pose)
-            else:
+            elif not (stands and known):
                 found.append(contact)
         return found
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
@@ -33,7 +34,7 @@ from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.contacts_restored import restores
+from fcdm_opt.problem.contacts_restored import restores, touching_again
 from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -155,6 +156,9 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
     Where that shows less, by evidence that is found anew, if some could be.
     """
     claimed, evidence = solution.lower_bound, solution.evidence
+    asked, moved = solution.problem.restoring, np.array([*solution.parameters.values()])
+    if evidence is None and asked is not None and restored_at_least([asked], claimed, moved):
+        return (Check("proof: lower bound", True, claimed, claimed, RESTORED),)
     if evidence is None:
         shown, why = _by_distance(solution), f"no evidence is kept: {_unproved(solution)}; by the gap at rest"
         if solution.problem.contacts:
@@ -189,6 +193,9 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
 
     if not (problems and isfinite(amount)):
         return False
+    round_ones = [own for own in problems if q is not None and touching_again(own) is not None]
+    if round_ones and q is not None and _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement):
+        return True
     own, weights = problems[0].amount, problems[0].weights
     if own != "weighted":
         if q is None:
@@ -209,6 +216,25 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
     shown = alone or amount <= slack or none_smaller(problems, amount - slack)
     return shown or none_shorter(problems, amount - slack)
+
+
+def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
+    """Return what shifts come to at least that restore contacts of true faces as this one does.
+
+    The gap of a plane face is linear in shifts: all that close those of the faces that touch as drawn differ from each
+    other along these faces alone.
+    """
+    weights, rows = asked[0].weights, list[Array]()
+    for own in asked:
+        faces = [true_faces(body) for body in own.of_facets.bodies_made.values()]
+        shifts = own.motion.ways(own.movable.seed, own.static.seed) / weights[:, None]
+        movable, static = own.drawn.values()
+        for met in contacts_as_drawn(movable, static, own.nominal_pair, DEFAULT.snap * own.size):
+            for side, patches, point in zip(faces, met.patches, met.points, strict=True):
+                normals = [side.patches[k].gaps(point[None])[1][0] for k in patches if not side.is_round[k]]
+                rows += [shifts @ n for n in normals if abs(n @ met.normal) > 1.0 - DEFAULT.nominal]
+    held = np.array(rows).reshape(-1, len(q))
+    return float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ (weights * q))))
 
 
 def without_evidence(solution: Solution | AssemblySolution) -> str:

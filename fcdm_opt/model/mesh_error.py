@@ -92,7 +92,7 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
     errors = [facet_errors(body) for body in problem.bodies]
     if all(own is not None and not own.any() for own in errors):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
-    if not solution.usable and (too_wide(problem) or _cannot_be_restored(problem)):
+    if not solution.usable and (too_wide(problem) or cannot_be_restored(problem)):
         return replace(solution, amount_low=math.inf, amount_high=math.inf)
     if not _comparable(problem) and not (solution.usable and _of_plane_faces(problem, solution)):
         return solution
@@ -146,7 +146,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     return _between(solution, low, amount)
 
 
-def _cannot_be_restored(problem: Problem) -> bool:
+def cannot_be_restored(problem: Problem) -> bool:
     """Tell whether no shift closes the gaps of all true faces that touch as drawn."""
     found = None if touching_again(problem) is None else restoring_shift([problem])
     return found is not None and found.q is None

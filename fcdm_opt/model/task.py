@@ -143,6 +143,8 @@ class Task:
         What is made least; "displacement" of `made_vertices`.
     resolution : (k,) array or None
         Steps of the machine, 0 where a parameter has none.
+    restored : bool
+        Whether all contacts of true faces that are closed after a motion are to be, see `Problem.to_touch`.
     """
 
     movable: Body
@@ -166,6 +168,7 @@ class Task:
     joints: tuple[Joint, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
+    restored: bool = False
     # the least answer made so far, for a search that ends before it is through; none in most tasks
     found: list[Answer] = field(default_factory=list, init=False)
     _poses: dict[bytes, Array] = field(default_factory=dict, init=False)
@@ -219,6 +222,7 @@ class Task:
             joints,
             amount,
             problem.resolution,
+            problem.restoring is not None,
         )
 
     def answer(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
@@ -32,9 +33,13 @@ def touching_again(problem: Problem) -> Problem | None:
     """
     drawn = [problem.drawn[role] for role in ("movable", "static")]
     asked = problem.of_facets
-    restored = asked.goal in ("at", "seat") and len(asked.contacts) == len(asked.nominal_joints) > 0
+    whole = len(asked.contacts) == len(asked.nominal_joints) > 0 or asked.touches_between_facets
     if not (
-        restored and asked.motion.shifts and asked.resolution is None and any(map(round_surfaces, asked.bodies[:2]))
+        asked.goal in ("at", "seat")
+        and whole
+        and asked.motion.shifts
+        and asked.resolution is None
+        and any(map(round_surfaces, asked.bodies[:2]))
     ):
         return None
     for feature in (joint.feature for joint in asked.chosen_joints):
@@ -137,8 +142,7 @@ def _met_as_drawn(problem: Problem) -> list[Pairs]:
     """
     asked = problem.of_facets
     drawn, made = ([own[role] for role in ("movable", "static")] for own in (asked.drawn, asked.bodies_made))
-    slack, nominal = problem.contact_slack, asked.nominal_pair
-    met = [pairs for pairs, own in _met(drawn, nominal, np.eye(4), problem) if abs(own.gap) <= slack]
+    met = [{*own.pairs} for own in contacts_as_drawn(drawn[0], drawn[1], asked.nominal_pair, DEFAULT.snap * asked.size)]
     known = Pairs().union(*met)
     labels = [[patches_of_element(*own) for own in zip(drawn, (x.one, x.two), strict=True)] for x in asked.contacts]
     alike = all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True))

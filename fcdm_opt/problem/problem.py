@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box
-from fcdm_opt.curve.true_sizes import made_at
+from fcdm_opt.curve.true_sizes import contacts_as_drawn, made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -353,8 +354,15 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
     def _check_goal(self) -> None:
-        if self.goal in TRACKING:
+        if self.goal in TRACKING and not self.touches_between_facets:
             self.check_goal(self.target, self.signs)
+
+    @cached_property
+    def touches_between_facets(self) -> bool:
+        """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do."""
+        asked = self.goal in ("at", "seat") and not self.contacts and self.nominal_contact is None
+        movable, static = self.drawn.values()
+        return asked and bool(contacts_as_drawn(movable, static, self.nominal_pair, DEFAULT.snap * self.size))
 
     def changed(self, **arguments: Any) -> Problem:
         """Return the same question with other arguments, resolved anew; raises as the constructor does.
@@ -445,6 +453,8 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def to_dict(self) -> dict[str, Any]:
         """Return the question as plain data: the keys of a problem file with one case, angles in radians."""
         asked, kinds = self.request, dict(self.motion.parameters)
+        if self.restoring is not None:  # the goal that people asked for, and where parts are exact
+            asked = {**self.restoring.request, "exact_at": asked["exact_at"]}
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]
         case = {key: plain(asked[key]) for key in keys}
         case["motion"] = [step.own_plain() for step in self.motion.steps]
@@ -470,10 +480,15 @@ class Problem(NominalContact, Scene, NotebookRepr):
         InputError
             Names the key, what was found and what is allowed.
         """
-        problems = checked(ProblemFile, _without_path(data)).problems(cls)
+        data, points = _without_path(data), None
+        with suppress(AttributeError, IndexError, KeyError, TypeError):  # of what is none, see below
+            if data["case"][0]["goal"] in ("at", "seat"):  # and parts exact at points: see `to_touch`
+                points = data["case"][0].get("exact_at")
+                data = {**data, "case": [{k: x for k, x in own.items() if k != "exact_at"} for own in data["case"]]}
+        problems = checked(ProblemFile, data).problems(cls)
         if len(problems) > 1:
             raise InputError("more than one case", key="case", found=len(problems), allowed="one")
-        return problems[0]
+        return problems[0] if points is None else problems[0].to_touch().with_exact_points(points)
 
 
 def _without_path(data: Any) -> Any:

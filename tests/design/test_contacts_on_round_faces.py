@@ -128,3 +128,23 @@ def test_the_rims_of_round_flanges_were_told_as_contacts_and_failed_the_judge() 
     assert found.passed
     assert len(found.contacts) == 1
     assert (found.least.gap, found.most.gap) == pytest.approx((-0.02, 0.02), rel=1e-9)
+
+
+def test_a_plate_with_a_hole_and_a_slot_on_two_pins() -> None:
+    """At the best pose the pins touched hole and slot at all sizes, and were left out as if they did at rest."""
+    pins = (fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20))
+    base = fo.joined(fo.Box((60, 40, 8), centre=(0, 0, -8)), *pins)
+    holes = [fo.Cylinder(5, 30, base=(x, 0, -15)) for x in (-20, 20)]
+    ends = [*(fo.Cylinder(5, 30, base=(x, 0, -15)) for x in (19, 21)), fo.Box((2, 10, 30), centre=(20, 0, 0))]
+    spacing = fo.Size("spacing", "static", faces=["cylinder radius 4.95 no. 2"], along="x", tolerance=0.12)
+    motion = fo.Translation("x") >> fo.Translation("y")
+    for cut, clear, play in ((holes, 0.03, -0.07), ([holes[0], *ends], 0.0, 0.05)):
+        plate = fo.cut(fo.Box((60, 40, 8)), *cut)
+        asked = fo.Problem(plate, base, sizes=[spacing], made={"spacing": 0.08}, goal="clear", motion=motion)
+        found = fo.solve(asked)
+        assert found.amount == pytest.approx(clear, abs=1e-9)
+        assert fo.verify(found).passed
+        assert fo.stack_up(asked).worst().least == pytest.approx(play, abs=1e-9)
+        best = fo.best_pose(asked)
+        assert best.worst_gap == pytest.approx(max(0.0, -play), abs=1e-9)
+        assert best.passed

@@ -141,6 +141,35 @@ def test_a_ball_stays_on_all_three_faces_of_its_corner(off: float) -> None:
     assert fo.solve(fo.Problem(ball, corner, **asked, motion=x >> y)).status.name == "INFEASIBLE"
 
 
+@pytest.mark.parametrize(("half", "off"), [*product((np.pi / 6, np.pi / 3), (-0.05, 0.05))])
+def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float) -> None:
+    """Its true face does: goal "at" was refused, as the facets are apart as drawn."""
+    roller = fo.Cylinder(5.0, 30.0, base=(0, 0, -5), name="roller")
+    size = fo.Size("diameter", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    x, y = map(fo.Translation, "xy")
+    asked = {"sizes": [size], "goal": "at", "motion": x >> y}
+    problem = fo.Problem(roller, v_block(half, 5.0), **asked, made={"diameter": off})
+    for found in (fo.solve(problem), fo.solve(problem, certify=True)):
+        assert found.parameters["TX"] == pytest.approx(off / 2 / sin(half), rel=1e-9)
+        assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+        assert fo.verify(found, proof=True).passed
+        read = fo.Solution.from_dict(found.to_dict())
+        assert read.problem.restoring.goal == "at"
+        assert fo.verify(read, proof=True).passed
+    rates = found.sensitivity
+    assert rates.sizes["diameter"] == pytest.approx(np.sign(off) / 2 / sin(half), rel=1e-6)
+    assert rates.motion_by_size["diameter"] == pytest.approx([0.5 / sin(half), 0.0], abs=1e-6)
+    changed = fo.whatif(problem, made={"diameter": 0.4 * off})
+    assert changed.prediction.amount == pytest.approx(abs(0.2 * off) / sin(half), rel=1e-6)
+    none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **{**asked, "motion": y}, made={"diameter": off}))
+    assert none.status.name == "INFEASIBLE"
+    apart = fo.Cylinder(5.0, 30.0, base=(0.01, 0, -5), name="roller")
+    with pytest.raises(fo.InputError, match="nominal"):
+        fo.Problem(apart, v_block(half, 5.0), **asked, made={"diameter": off})
+    stack = fo.stack_up(problem)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
+
+
 @pytest.mark.parametrize("off", [-0.05, 0.05])
 def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     """A roller between a floor and a wall, and a plate on it that moves with it: what true parts need was not known."""
@@ -162,6 +191,10 @@ def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     assert not found.left_by_mesh
     assert fo.verify(found).passed
     assert fo.verify(fo.AssemblySolution.from_dict(found.to_dict())).passed
+    assert fo.verify(fo.solve(asked, certify=True), proof=True).passed
+    rates = found.sensitivity
+    assert rates.parameters == ("plate.TY", "roller.TX", "roller.TY")
+    assert rates.motion_by_size["diameter"] == pytest.approx([0.5, -0.5, 0.5], abs=1e-6)
     stack = fo.stack_up(asked, of=("plate", "roller"))
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
     assert not stack.known_to

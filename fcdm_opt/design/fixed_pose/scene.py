@@ -385,9 +385,13 @@ def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
     None where no round face is known.
     """
     if sizes is None:
-        return TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
-    facets = problem.of_facets
-    return true_scales(facets.movable, facets.static, sizes)
+        found = TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
+    else:
+        found = true_scales(problem.of_facets.movable, problem.of_facets.static, sizes)
+    if found is not None:
+        found.of_rest = True
+        found.nearest(np.eye(4), np.mean([size.tolerance for size in found.sizes], axis=1), DEFAULT.snap * found.size)
+    return found
 
 
 def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:

@@ -62,7 +62,7 @@ def prediction(before: Any, problem: Any) -> Prediction:
         The changed question.
     """
     several = isinstance(before, AssemblySolution)
-    discrete = [] if several else [*_discrete(before.problem, problem)]
+    discrete = [] if several else [*_discrete(before.problem.restoring or before.problem, problem)]
     told = discrete
     if not discrete:  # else the derivatives need not be worked out
         told = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
@@ -84,6 +84,7 @@ def _of_motion(before: Any, new: Any) -> float | None:
     It is right across motions at which the amount has a kink, as where a part is moved the other way.
     """
     old, rates = before.question, before.sensitivity
+    old = getattr(old, "restoring", None) or old
     others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
     if old.amount != "weighted" or not all(same(old.request[key], new.request[key]) for key in others):
         return None
