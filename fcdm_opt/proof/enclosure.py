@@ -48,6 +48,12 @@ class Enclosure:
         data[:, -1] = PAD * np.abs(centre)
         return cls(data)
 
+    @classmethod
+    def box(cls, low: Array, high: Array) -> list[Enclosure]:
+        """Return the variables of boxes, given by their ends, (n, k) each."""
+        middle, half, count = (low + high) / 2.0, (high - low) / 2.0, low.shape[1]
+        return [cls.variable(middle[:, j], half[:, j], j, count) for j in range(count)]
+
     @property
     def radius(self) -> Array:
         """Bound of what is off the centre, (n,)."""

@@ -19,6 +19,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion.instructions import Instructions
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.proof.enclosure import Enclosure
 from fcdm_opt.proof.intervals import ARITHMETIC, Interval, IntervalFunction
 
 Bools = NDArray[np.bool_]
@@ -93,6 +94,17 @@ class Pieces:
         s, v = self.directions(over=over)
         return [s * v[:, k] for k in range(self.low.shape[1])]
 
+    @cached_property
+    def enclosed(self) -> list[Enclosure]:
+        """The same k numbers to the first order in the variables."""
+        rows, (n, k) = np.arange(len(self.faces)), self.low.shape
+        s, *box = Enclosure.box(self.low, self.high)
+        own = s.data * (1.0 - 2.0 * (self.faces & 1))[:, None]
+        own[:, -1] = s.data[:, -1]
+        made, places = np.stack([own, *((s * x).data for x in box)]), np.zeros((n, k), np.int64)
+        places[rows[:, None], self.others] = np.arange(1, k)
+        return [Enclosure(made[places[:, axis], rows]) for axis in range(k)]
+
     def changes(self, slopes: Interval) -> Interval:
         """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
         (n, k), (s, v) = self.low.shape, self.directions(over=True)
@@ -108,6 +120,11 @@ class Boxes(Pieces):
     def coordinates(self, *, over: bool) -> list[Interval]:
         """Return y, k numbers (n,), over the boxes or at their centres."""
         return [Interval(self.centre[:, k], self.half[:, k] if over else 0.0) for k in range(self.low.shape[1])]
+
+    @cached_property
+    def enclosed(self) -> list[Enclosure]:
+        """The same k numbers to the first order in the variables."""
+        return Enclosure.box(self.low, self.high)
 
     def changes(self, slopes: Interval) -> Interval:
         """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""

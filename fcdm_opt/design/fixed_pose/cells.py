@@ -195,7 +195,6 @@ def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, 
 
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:
     """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    problem, scene, k = worst.problem, worst.scene, low.shape[1]
-    offset = scene.static.seed - scene.movable.seed
-    q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    return enclosed_pose(problem.motion.seen_from(scene.movable.seed), q, offset)
+    scene = worst.scene
+    motion, offset = worst.problem.motion.seen_from(scene.movable.seed), scene.static.seed - scene.movable.seed
+    return enclosed_pose(motion, Enclosure.box(low, high), offset)
