@@ -43,15 +43,6 @@ class Bound(NamedTuple):
     closed: bool
 
 
-class Steps(NamedTuple):
-    """A motion taken apart: places of its translations and rotations, the former's directions."""
-
-    translations: Ints
-    rotations: Ints
-    directions: Array
-    vector: bool
-
-
 def least_over_turns(
     task: Task, *, upper: Answer | None, gap: float, seconds: float, share: float = 1.0
 ) -> Bound | None:
@@ -71,19 +62,14 @@ def least_over_turns(
     share : float
         Of `MOST_CELLS`.
     """
-    steps = _steps(task)
-    if steps is None:
-        return None
-    return _TurnSearch(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
+    search = _TurnSearch.of(task)
+    return None if search is None else search.least(upper, gap, seconds, int(share * MOST_CELLS))
 
 
 def turns(task: Task) -> Answer | None:
     """Stage 3: one rotation searched, translations exact; where the smallest motion is proved to be so."""
-    steps = _steps(task)
-    if steps is None or len(steps.rotations) > 1:
-        return None
-    search = _TurnSearch(task, steps)
-    if not search.plain:
+    search = _TurnSearch.of(task)
+    if search is None or len(search.rotations) > 1 or not search.plain:
         return None
     bound = search.least(None, FINE, SHORT)
     if bound.q is None or bound.lower < bound.upper * (1.0 - PROVED) or not task.meets(bound.q, DEFAULT.requirement):
@@ -93,33 +79,33 @@ def turns(task: Task) -> Answer | None:
     return Answer(Status.SOLVED, bound.q, stage, bound.lower, names, task.modelled_by_gaps(bound.q, kept))
 
 
-def _steps(task: Task) -> Steps | None:
-    """Return the motion taken apart; None for other motions and goals."""
-    if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
-        return None
-    motion = task.motion
-    moves = [(k, own) for k, own in enumerate(motion.shift_directions) if own is not None]
-    spins = np.flatnonzero(motion.turning).tolist()
-    vector = any(len(step.own_parameters) > 1 for step in motion.steps)
-    if not motion.about_seed or (vector and len(motion.steps) > 1):
-        return None
-    if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
-        return None
-    directions = np.array([axis for _, axis in moves]).T
-    if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
-        return None
-    return Steps(np.array([k for k, _ in moves]), np.array(spins), directions, vector)
-
-
 class _TurnSearch:
     """The scene as the kernels take it, and the loop over generations of cells.
 
     `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too.
     """
 
-    def __init__(self, task: Task, steps: Steps) -> None:
-        self.task, self.steps = task, steps
-        metric = steps.directions / task.weights[steps.translations]
+    @classmethod
+    def of(cls, task: Task) -> _TurnSearch | None:
+        """Return it of a motion of three translations and rotations; None for other motions and goals."""
+        if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
+            return None
+        motion = task.motion
+        moves = [(k, own) for k, own in enumerate(motion.shift_directions) if own is not None]
+        spins = np.flatnonzero(motion.turning)
+        vector = any(len(step.own_parameters) > 1 for step in motion.steps)
+        if not motion.about_seed or (vector and len(motion.steps) > 1):
+            return None
+        if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
+            return None
+        translations, directions = (np.array(own) for own in zip(*moves, strict=True))
+        if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
+            return None
+        return cls(task, translations, spins, directions.T, vector=vector)
+
+    def __init__(self, task: Task, translations: Ints, rotations: Ints, directions: Array, *, vector: bool) -> None:
+        self.task, self.translations, self.rotations = task, translations, rotations
+        metric = directions / task.weights[translations]
         square = metric.T @ metric
         even = bool(np.abs(square - square[0, 0] * np.eye(3)).max() <= SAME * square[0, 0])
         spectral = float(np.linalg.norm(metric, 2)) * (1.0 + SAME)
@@ -135,17 +121,17 @@ class _TurnSearch:
             ]
         )
         self.touching, self.apart = self._pairs()
-        at_will = not np.isfinite(task.limits[steps.translations]).any() and task.allows(task.rest)
+        at_will = not np.isfinite(task.limits[translations]).any() and task.allows(task.rest)
         alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
         self.plain = exact and at_will and alone
         self.weights = np.ones(3)
-        self.weights[: len(steps.rotations)] = task.weights[steps.rotations]
+        self.weights[: len(rotations)] = task.weights[rotations]
         reach = float(np.linalg.norm(self.one[0], axis=1).max())
         size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
         program = pose_instructions(task.motion)
         assert program is not None
         motion = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed)
-        self.kind = motion, steps.rotations, steps.vector, self.weights
+        self.kind = motion, rotations, vector, self.weights
         self.space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
         self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
@@ -209,7 +195,7 @@ class _TurnSearch:
 
         None of a larger amount than the best known; none of more than half a turn, if all are allowed.
         """
-        count, limits = len(self.steps.rotations), self.task.limits[self.steps.rotations]
+        count, limits = len(self.rotations), self.task.limits[self.rotations]
         ends = np.full(3, most)
         if not np.isfinite(limits).any():
             ends = np.minimum(ends, np.pi * self.weights)
@@ -227,8 +213,8 @@ class _TurnSearch:
         """Return the best motion found as parameters; one that undoes an overlap by the least of all directions."""
         if not np.isfinite(best[1]):
             return None
-        task, steps, q, y = self.task, self.steps, self.task.rest, best[4:]
-        q[steps.rotations] = best[1 : 1 + len(steps.rotations)] / task.weights[steps.rotations]
+        task, q, y = self.task, self.task.rest, best[4:]
+        q[self.rotations] = best[1 : 1 + len(self.rotations)] / task.weights[self.rotations]
         if len(self.apart):
             _, rows, gaps = task.separations((0, 0), task.pose(q))
             ways = rows[:, :3] @ self.metric
@@ -236,7 +222,7 @@ class _TurnSearch:
             k = int(depths.argmin())
             if gaps[k] <= 0:
                 y = -max(float(depths[k]), 0.0) / np.linalg.norm(ways[k]) * ways[k]
-        q[steps.translations] = y / task.weights[steps.translations]
+        q[self.translations] = y / task.weights[self.translations]
         return q
 
 
