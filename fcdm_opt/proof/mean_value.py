@@ -117,6 +117,12 @@ class Pieces:
 class Boxes(Pieces):
     """Boxes of y themselves, which have no faces."""
 
+    @classmethod
+    def between(cls, low: Array, high: Array) -> Boxes:
+        """Return boxes by their ends, (n, k) each."""
+        rows = np.arange(len(low))
+        return cls(rows, np.zeros_like(rows), low, high)
+
     def coordinates(self, *, over: bool) -> list[Interval]:
         """Return y, k numbers (n,), over the boxes or at their centres."""
         return [Interval(self.centre[:, k], self.half[:, k] if over else 0.0) for k in range(self.low.shape[1])]

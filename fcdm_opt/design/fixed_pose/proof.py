@@ -231,10 +231,10 @@ class _PoseExaminer:
 
     def _poses(self, low: Array, high: Array) -> Array:
         """Return centre, changes and error of each of the twelve numbers of poses over boxes, (n, 12, k + 2)."""
-        weights, none = self.worst.problem.weights, np.zeros(len(low), np.int64)
+        weights = self.worst.problem.weights
         ends = np.nextafter(low * weights, -np.inf), np.nextafter(high * weights, np.inf)
         with np.errstate(all="ignore"):
-            found = self.kinematics.poses(Boxes(none, none, *ends))
+            found = self.kinematics.poses(Boxes.between(*ends))
             at, over = (
                 [np.hstack([getattr(x, side) for x in own]) for side in ("middle", "radius")]
                 for own in (found.centre, found.over)
