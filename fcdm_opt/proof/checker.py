@@ -34,6 +34,10 @@ from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
 
+Margins = Iterator[tuple[Any, Array]]
+"""Pieces, and by how much what their witness rows say holds all over them; of others it does not."""
+Test = Callable[[Poses, Array], Margins]
+
 HALVINGS = 34  # times that a cell is halved at most: to one in ten thousand million of its width all of it is shown
 PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
 BATCH = 4096  # pieces of cells looked at together
@@ -396,7 +400,7 @@ class Examiner:
                 note += f"; first cell {row}: face {cells.faces[row]}, directions {box}, s [{start:.17g}, {end:.17g}]"
             yield Check(name, not len(lost), float(len(lost)), 0.0, note)
 
-    def _unproved(self, rows: Ints, test: Callable[[Poses], Array]) -> tuple[Ints, int]:
+    def _unproved(self, rows: Ints, test: Test) -> tuple[Ints, int]:
         """Return the cells of which a margin is not positive all over, and how many were halved."""
         own = self.evidence
         low = np.column_stack([own.stretches[rows, 0], own.boxes[rows, 0]])
@@ -415,24 +419,31 @@ class Examiner:
             waiting = waiting.halved()
         return lost, halved
 
-    def _shown(self, pieces: Pieces, test: Callable[[Poses], Array]) -> Bools:
+    def _shown(self, pieces: Pieces, test: Test) -> Bools:
         """Tell of which pieces a margin is positive all over."""
-        batches = range(0, len(pieces.rows), BATCH)
-        found = [test(self.kinematics.poses(pieces[start : start + BATCH])) > 0.0 for start in batches]
-        return np.concatenate([np.empty(0, dtype=bool), *found])
+        shown = np.zeros(len(pieces.rows), dtype=bool)
+        for start in range(0, len(shown), BATCH):
+            poses = self.kinematics.poses(pieces[start : start + BATCH])
+            margin = np.full(len(poses.pieces.rows), -np.inf)
+            for here, own in test(poses, self.evidence.witnesses[self.evidence.first[poses.pieces.rows]]):
+                margin[here] = own
+            shown[start : start + BATCH] = margin > 0.0
+        return shown
 
-    def _witness(self, poses: Poses) -> Array:
-        """Return the first witness row of each piece's cell, (n, 16)."""
-        return self.evidence.witnesses[self.evidence.first[poses.pieces.rows]]
+    def _parts_meant(self, witness: Array, *bodies: int) -> Iterator[tuple[int, int, Ints]]:
+        """Yield each part of body 1, each obstacle that counts, and witnesses that start with both and `bodies`."""
+        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
+            here = np.flatnonzero((witness[:, : 2 + len(bodies)] == (i, j, *bodies)).all(axis=1))
+            if len(here) and np.isfinite(self.obstacles[j].need):
+                yield i, j, here
 
-    def short(self, poses: Poses) -> Array:
-        """Return by how much the tracked pair lies short of the target, or a line misses it."""
+    def short(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much the tracked pair lies short of the target, or a line misses it."""
         features, _ = self.features
-        count, witness = len(poses.pieces.rows), self._witness(poses)
-        margin = np.full(count, -np.inf)
+        count = len(witness)
         if self.problem.goal == "beyond":
             if self.crossing is None:
-                return margin
+                return
             lows, highs = poses.bounds(conditions.crossing(self.crossing.kinds), self.crossing.given)
             ends = list(zip(lows, highs, strict=True))  # of D, D rho and D (rho - rho_t)
             excess = [
@@ -442,18 +453,17 @@ class Examiner:
             short = [np.where(lows[0] > 0, -high, np.where(highs[0] < 0, low, -np.inf)) for low, high in excess]
             for code, own in enumerate((*short, _opposed(*excess), _opposed(*ends[1:3]))):
                 here = witness[:, 0] == code
-                margin[here] = _flat(own, count)[here]
-            return margin
-        if self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
-            return self._off_edge(poses, self.crossing)
-        for k, feature in enumerate(features):
-            here = np.flatnonzero(witness[:, 0] == k)
-            if len(here):
-                u, w, x, y = self._feature(feature)
-                given = _numbers(u, w, x * self.target[0], y * self.target[1])
-                (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
-                margin[here] = _flat(np.maximum(low, -high), len(here))
-        return margin
+                yield here, _flat(own, count)[here]
+        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
+            yield slice(None), self._off_edge(poses, self.crossing)
+        else:
+            for k, feature in enumerate(features):
+                here = np.flatnonzero(witness[:, 0] == k)
+                if len(here):
+                    u, w, x, y = self._feature(feature)
+                    given = _numbers(u, w, x * self.target[0], y * self.target[1])
+                    (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
+                    yield here, _flat(np.maximum(low, -high), len(here))
 
     def _off_edge(self, poses: Poses, crossing: TrackedCrossing) -> Array:
         """Return a margin by which the vertex that touches an edge is off its line at the target pair.
@@ -470,11 +480,9 @@ class Examiner:
             margin = np.fmax(margin, np.maximum(low, -high)[:, 0])
         return margin
 
-    def loose(self, poses: Poses) -> Array:
-        """Return by how much a vertex reaches beyond the plane of a tracked feature, which then is no contact."""
+    def loose(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a vertex reaches beyond the plane of a tracked feature, which then is no contact."""
         features, tracked = self.features
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
         bodies = self.problem.active
         for k, body in product(range(tracked), (0, 1)):
             feature = features[k]
@@ -487,16 +495,13 @@ class Examiner:
             reach = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
             (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), _numbers(u, w, reach))
             flat = DEFAULT.planarity * self.problem.size * _norm(u) * (_norm(w) if feature.kind == E1E2 else 1.0)
-            margin[here] = _flat(low - flat, len(here))
-        return margin
+            yield here, _flat(low - flat, len(here))
 
-    def left(self, poses: Poses) -> Array:
-        """Return by how much a direction keeps the tracked parts apart at the tracked pair."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
+    def left(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a direction keeps the tracked parts apart at the tracked pair."""
         movable, static = self.problem.active
         if self.crossing is None or len(movable.parts) != 1 or len(static.parts) != 1:
-            return margin  # parts of unions may be left for one another
+            return  # parts of unions may be left for one another
         kinds, given = self.crossing.kinds, self.crossing.given
         one, two = Interval(movable.parts[0].vertices) - movable.seed, Interval(static.parts[0].vertices) - static.seed
         for kind, here, u, w in _directions(witness):
@@ -510,14 +515,13 @@ class Examiner:
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
             excess = sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True))
-            margin[here] = gap - excess * (1.0 + FLOATS)
-        return margin
+            yield here, gap - excess * (1.0 + FLOATS)
 
-    def apart(self, poses: Poses) -> Array:
-        """Return by how much a direction for each part pair keeps it apart at the target pair."""
+    def apart(self, poses: Poses, _: Array) -> Margins:
+        """Yield by how much a direction for each part pair keeps it apart at the target pair."""
         count, others = len(poses.pieces.rows), len(self.problem.active[1].parts)
         if not self.must_touch:
-            return np.full(count, -np.inf)
+            return
         first = self.evidence.first
         rows = np.diff(first)[poses.pieces.rows] == len(self.movable) * others
         margin = np.where(rows, np.inf, -np.inf)
@@ -530,17 +534,12 @@ class Examiner:
                 (low,), _ = own.bounds(conditions.separation(kind), _numbers(u, w, x, y))
                 gap[here] = low[:, 0] - (reach[0] + reach[1]) * (1.0 + FLOATS)
             margin = np.minimum(margin, gap)
-        return margin
+        yield slice(None), margin
 
-    def meets(self, poses: Poses) -> Array:
-        """Return how deep a point of an edge of one part is inside the other."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
-        for i, j, body in product(range(len(self.movable)), range(len(self.obstacles)), (0, 1)):
+    def meets(self, poses: Poses, witness: Array) -> Margins:
+        """Yield how deep a point of an edge of one part is inside the other, or one that moves with body 1."""
+        for body, (i, j, here) in ((k, own) for k in (0, 1) for own in self._parts_meant(witness, k + 1)):
             obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :3] == (i, j, body + 1)).all(axis=1))
-            if not len(here) or not np.isfinite(obstacle.need):
-                continue
             sides = (self.problem.movable.parts[i], self.movable[i]), (obstacle.part, obstacle.vertices)
             (edged, points), (part, corners) = sides[body], sides[1 - body]
             edge, known = _index(witness[here, 3], len(edged.edges))
@@ -552,13 +551,9 @@ class Examiner:
             given = [*planes, *(x for vector in (start, along) for x in _numbers(vector))]
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
-            margin[here] = np.where(known, depth, -np.inf)
-        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
-            obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :3] == (i, j, 3)).all(axis=1))
-            if len(here) and np.isfinite(obstacle.need):
-                margin[here] = self._depth_of_point(poses[here], witness[here, 4:7], i, j)
-        return margin
+            yield here, np.where(known, depth, -np.inf)
+        for i, j, here in self._parts_meant(witness, 3):
+            yield here, self._depth_of_point(poses[here], witness[here, 4:7], i, j)
 
     def _depth_of_point(self, poses: Poses, x: Array, i: int, j: int) -> Array:
         """Return how deep a point that moves with body 1 is inside an obstacle, less how far it is from the part."""
@@ -584,42 +579,33 @@ class Examiner:
         beyond = np.maximum(np.maximum(-over.low, over.high - 1.0), 0.0)[:, 0]
         return Place(centre, over, change), beyond
 
-    def outside(self, poses: Poses) -> Array:
-        """Return by how much a parameter is beyond a limit."""
-        pieces, witness = poses.pieces, self._witness(poses)
-        y = pieces.coordinates(over=True)
-        margin = np.full(len(witness), -np.inf)
+    def outside(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a parameter is beyond a limit."""
+        y = poses.pieces.coordinates(over=True)
         for k, (own, weight, ends) in enumerate(zip(y, self.problem.weights.tolist(), self.limits, strict=True)):
             low, high = (Interval(end) * weight if np.isfinite(end) else Interval(end) for end in ends)
             here = witness[:, 0] == k
-            margin[here] = np.maximum(own.low - high.high, low.low - own.high)[here]
-        return margin
+            yield here, np.maximum(own.low - high.high, low.low - own.high)[here]
 
-    def near(self, poses: Poses) -> Array:
-        """Return by how much points of two parts are nearer than the gap asked for, squared."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
-        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
+    def near(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much points of two parts are nearer than the gap asked for, squared."""
+        for i, j, here in self._parts_meant(witness):
             obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :2] == (i, j)).all(axis=1))
-            if not len(here) or not obstacle.need > 0:
-                continue
             x, y = witness[here, 2:5], witness[here, 5:8]
             off = distances_from(x, self.movable[i]) + distances_from(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
             (low,), _ = poses[here].bounds(
                 conditions.nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
             )
-            margin[here] = np.where(need > 0, low[:, 0], -np.inf)
-        return margin
+            yield here, np.where(need > 0, low[:, 0], -np.inf)
 
-    def costly(self, poses: Poses) -> Array:
-        """Return by how much the amount, the user's own, is more than what is claimed."""
-        return self._amount_bounds.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+    def costly(self, poses: Poses, _: Array) -> Margins:
+        """Yield by how much the amount, the user's own, is more than what is claimed."""
+        yield slice(None), self._amount_bounds.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
-    def beyond(self, poses: Poses) -> Array:
-        """Return the same of all motions from here on outwards."""
-        return self._amount_bounds.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+    def beyond(self, poses: Poses, _: Array) -> Margins:
+        """Yield the same of all motions from here on outwards."""
+        yield slice(None), self._amount_bounds.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
     @cached_property
     def _amount_bounds(self) -> AmountOfPieces:
