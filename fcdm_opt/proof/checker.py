@@ -342,18 +342,21 @@ class Examiner:
         open_ends = int(np.isnan(fronts).sum())
         note = f"of {int(closed.sum())} columns have no cell that closes them"
         checks.append(Check("proof: closed columns", open_ends == 0, float(open_ends), 0.0, note))
-        fronts = np.where(np.isnan(fronts), 0.0, fronts)
-        low = np.concatenate([own.stretches[:, 0], np.zeros(len(fronts))])
-        high = np.concatenate([own.stretches[:, 1], fronts])
+        ends = np.column_stack([np.zeros(len(fronts)), np.where(np.isnan(fronts), 0.0, fronts)])
+        cells, columns = self._cells, Pieces.of(own.column_faces, own.column_boxes, ends)
         wrong = left_over(
-            np.concatenate([own.faces, own.column_faces]),
-            np.column_stack([low, np.concatenate([own.boxes[:, 0], own.column_boxes[:, 0]])]),
-            np.column_stack([high, np.concatenate([own.boxes[:, 1], own.column_boxes[:, 1]])]),
+            np.concatenate([cells.faces, columns.faces]),
+            np.concatenate([cells.low, columns.low]),
+            np.concatenate([cells.high, columns.high]),
             np.repeat([1, -1], [len(own.faces), len(fronts)]),
         )
         note = _where("not covered once up to the fronts", wrong)
         checks.append(Check("proof: stretches", wrong is None, float(wrong is not None), 0.0, note))
         return checks
+
+    @cached_property
+    def _cells(self) -> Pieces:
+        return Pieces.of(self.evidence.faces, self.evidence.boxes, self.evidence.stretches)
 
     def bound(self, claimed: float) -> Check:
         """Check that no motion of a smaller amount is left."""
@@ -402,10 +405,7 @@ class Examiner:
 
     def _unproved(self, rows: Ints, test: Test) -> tuple[Ints, int]:
         """Return the cells of which a margin is not positive all over, and how many were halved."""
-        own = self.evidence
-        low = np.column_stack([own.stretches[rows, 0], own.boxes[rows, 0]])
-        high = np.column_stack([own.stretches[rows, 1], own.boxes[rows, 1]])
-        waiting, lost, halved = Pieces(rows, own.faces[rows], low, high), np.array([], dtype=np.int64), 0
+        waiting, lost, halved = self._cells[rows], np.array([], dtype=np.int64), 0
         for level in range(HALVINGS + 1):
             waiting = waiting[~self._shown(waiting, test)]
             refuted = waiting.rows[~self._shown(waiting.centres, test)]
@@ -566,13 +566,11 @@ class Examiner:
 
     def _place(self, poses: Poses, witness: Array) -> tuple[Place, Array]:
         """Return where on its edge a point is, and how far beyond the edge's ends at most."""
-        pieces, own = poses.pieces, self.evidence
-        low = np.column_stack([own.stretches[pieces.rows, 0], own.boxes[pieces.rows, 0]])
-        high = np.column_stack([own.stretches[pieces.rows, 1], own.boxes[pieces.rows, 1]])
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        rates = np.where(half > 0, witness[:, 5 : 5 + low.shape[1]] / np.where(half > 0, half, 1.0), 0.0)
+        pieces, cells = poses.pieces, self._cells[poses.pieces.rows]
+        middle, half = 0.5 * (cells.low + cells.high), 0.5 * (cells.high - cells.low)
+        rates = np.where(half > 0, witness[:, 5 : 5 + half.shape[1]] / np.where(half > 0, half, 1.0), 0.0)
         centre = Interval(witness[:, 4:5])
-        for j in range(low.shape[1]):
+        for j in range(half.shape[1]):
             centre = centre + Interval(rates[:, j : j + 1]) * (Interval(pieces.centre) - middle)[:, j : j + 1]
         change = Interval(rates[:, None]) * Interval(pieces.half[:, None])
         over = centre + Interval(0.0, change.size.sum(axis=2) * (1.0 + FLOATS))

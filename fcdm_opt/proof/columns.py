@@ -76,8 +76,8 @@ class Columns:
 
     def cells(self, rows: Ints, ends: Array) -> Pieces:
         """Return the cells from the fronts of some columns on."""
-        low, high = np.column_stack([self.front[rows], self.low[rows]]), np.column_stack([ends, self.high[rows]])
-        return Pieces(np.arange(len(rows)), self.faces[rows], low, high)
+        boxes, stretches = np.stack([self.low, self.high], axis=1)[rows], np.column_stack([self.front[rows], ends])
+        return Pieces.of(self.faces[rows], boxes, stretches)
 
     @property
     def lengths(self) -> Array:

@@ -40,6 +40,12 @@ class Pieces:
     low: Array
     high: Array
 
+    @classmethod
+    def of(cls, faces: Ints, boxes: Array, stretches: Array) -> Pieces:
+        """Return whole cells by the ends of their directions, (n, 2, k - 1), and of s, (n, 2)."""
+        low, high = (np.column_stack([stretches[:, side], boxes[:, side]]) for side in (0, 1))
+        return cls(np.arange(len(faces)), faces, low, high)
+
     def __getitem__(self, key: Any) -> Pieces:
         return Pieces(self.rows[key], self.faces[key], self.low[key], self.high[key])
 

@@ -51,12 +51,7 @@ def random_cells(rng, k, count, size):
     middle, half = rng.uniform(-1, 1, (count, k - 1)), size * rng.uniform(0, 1, (count, k - 1))
     start = rng.uniform(0.0, 1.0, count)
     end = start + size * rng.uniform(0, 1, count)
-    return cells_of(faces, np.stack([middle - half, middle + half], axis=1), np.column_stack([start, end]))
-
-
-def cells_of(faces, boxes, stretches):
-    low, high = (np.column_stack([stretches[:, side], boxes[:, side]]) for side in (0, 1))
-    return Pieces(np.arange(len(faces)), faces, low, high)
+    return Pieces.of(faces, np.stack([middle - half, middle + half], axis=1), np.column_stack([start, end]))
 
 
 def inside(rng, cells):
@@ -162,7 +157,7 @@ def test_no_motion_of_an_excluded_cell_does(goal, seed):
     task = Task.of(fo.Problem(one, two, motion=motion, **arguments))
     evidence = prove(task, 1.5, aims=[(1e-3, 4000)]).evidence
     assert len(evidence.reasons) > 20
-    cells = cells_of(evidence.faces, evidence.boxes, evidence.stretches)
+    cells = Pieces.of(evidence.faces, evidence.boxes, evidence.stretches)
     for reason, y in zip(evidence.reasons, inside(rng, cells), strict=True):
         q = y / task.weights
         if reason in (Reason.OUTSIDE, Reason.SHORT, Reason.APART, Reason.MEETS, Reason.NEAR):

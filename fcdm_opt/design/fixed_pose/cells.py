@@ -128,7 +128,9 @@ class Search:
 
     def _add(self, boxes: list[tuple[Array, Array]], heap: list[tuple[float, int]]) -> None:
         low, high = map(np.array, zip(*boxes, strict=True))
-        for a, b, T in zip(low, high, enclosures(self.worst, low, high), strict=True):
+        scene = self.worst.scene
+        motion, offset = self.worst.problem.motion.seen_from(scene.movable.seed), scene.static.seed - scene.movable.seed
+        for a, b, T in zip(low, high, enclosed_pose(motion, Enclosure.box(low, high), offset), strict=True):
             node = Node(a, b)
             self._look_at(node, T)
             heappush(heap, (node.bound, len(self.nodes)))
@@ -191,10 +193,3 @@ def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, 
         *(rows.rows, rows.first, rows.pairs, rows.along),
         *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
     )
-
-
-def enclosures(worst: Worst, low: Array, high: Array) -> Array:
-    """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    scene = worst.scene
-    motion, offset = worst.problem.motion.seen_from(scene.movable.seed), scene.static.seed - scene.movable.seed
-    return enclosed_pose(motion, Enclosure.box(low, high), offset)

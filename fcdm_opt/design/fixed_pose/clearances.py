@@ -282,8 +282,7 @@ def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> 
     names, worst = tuple(stack.names), stack.worst()
 
     def end(gap: float, at: Mapping[str, float]) -> EndOfRange:
-        pair, row = touching.governing(rho := np.array([*at.values()]))
-        own = touching.pairs[pair]
+        own, row = touching.governing(rho := np.array([*at.values()]))
         feature, direction = touching.feature(own, row), frozen(own.normals[row])
         between = feature.in_words(*touching.bodies)
         return EndOfRange(

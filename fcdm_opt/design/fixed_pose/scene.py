@@ -365,15 +365,14 @@ class OwnSizes(SizedBodies):
 
         def end(gap: float, p: Array) -> Extreme:
             pair, row = there.governing(p)
-            return Extreme(gap, frozen(p), there.pairs[pair].parts, there.pairs[pair].normals[row])
+            return Extreme(gap, frozen(p), pair.parts, pair.normals[row])
 
         return Extremes(end(*there.least()), end(*there.largest()))
 
     def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme."""
         there = self._at(at.pose)
-        pair, row = there.governing(extreme.rho)
-        return there.feature(there.pairs[pair], row)
+        return there.feature(*there.governing(extreme.rho))
 
 
 BodyGaps = Scales | OwnSizes
