@@ -46,20 +46,10 @@ FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats
 
 
 def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> tuple[Check, ...]:
-    """Check a proof that no motion with a smaller amount does what a problem asks.
+    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks.
 
-    Parameters
-    ----------
-    problem : Problem
-    evidence : Evidence
-        Taken at its word in nothing.
-    lower_bound : float
-        What it is said to prove; infinite where no motion is to do at all.
-
-    Returns
-    -------
-    tuple of Check
-        One for the cover of all directions and stretches, one for the bound, one for each reason.
+    The evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
+    the bound, and of each reason.
     """
     flaw = _flaw(problem, evidence)
     if flaw:
@@ -683,12 +673,7 @@ def _extremes(
 ) -> tuple[Interval, Interval, list[Array]]:
     """Return the vertices of two parts that are nearest to each other along directions, and what others reach beyond.
 
-    Returns
-    -------
-    first, second : (n, 3) Interval
-        The vertices, at the centres.
-    reach : list of two (n,) arrays
-        Upper bounds, over the pieces, of how much further any vertex reaches; not negative.
+    These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
     """
     R, _ = poses.middles
     if kind == V1F2:

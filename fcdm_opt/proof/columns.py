@@ -130,15 +130,8 @@ class Record:
 class Proof:
     """What branch and bound found.
 
-    Attributes
-    ----------
-    lower_bound : float
-        No motion with a smaller amount does; infinite where none does at all.
-    q : (k,) array or None
-        A motion better than that known before, if one came up.
-    cells : int
-        Cells tested.
-    evidence : Evidence
+    No motion of an amount below `lower_bound` does, and none at all where that is infinite; `q` is one better than
+    that known before, if one came up. So many `cells` were tested.
     """
 
     lower_bound: float

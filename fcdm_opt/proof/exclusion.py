@@ -52,12 +52,7 @@ def _pack(solids: Sequence[Solid]) -> Packed:
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved out by that.
 
-    Parameters
-    ----------
-    part : ConvexPart
-    placed : (n, 3) array
-        Its vertices, where they are.
-    by : float
+    Its vertices are where they are `placed`, (n, 3).
     """
     middles = np.zeros_like(placed)
     for loop, normal in zip(part.loops, part.normals, strict=True):

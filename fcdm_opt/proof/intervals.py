@@ -319,23 +319,14 @@ ARITHMETIC: dict[str, Callable[..., Interval]] = {
 class IntervalFunction:
     """A CasADi function of symbols (SX), worked out in intervals, instruction by instruction.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        An operation that is not known here gives all numbers.
+    An operation that is not known here gives all numbers.
     """
 
     def __init__(self, function: Any) -> None:
         self._instructions = Instructions.of(function)
 
     def __call__(self, *inputs: Sequence[Interval]) -> tuple[list[list[Interval]], Any]:
-        """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs.
-
-        Parameters
-        ----------
-        inputs : sequences of Interval
-            The numbers of each input.
-        """
+        """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs."""
         jumps: Any = False
 
         def watched(name: str) -> Callable[..., Interval]:

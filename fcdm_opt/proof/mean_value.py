@@ -145,17 +145,7 @@ class Boxes(Pieces):
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """Functions of a pose and of given numbers, and their derivatives by the pose.
-
-    Attributes
-    ----------
-    values : IntervalFunction
-        (pose, given) -> values.
-    slopes : IntervalFunction
-        (pose, given) -> values, derivatives column by column.
-    count : int
-        Number of values.
-    """
+    """So many functions of a pose and of given numbers, and their derivatives by the pose, column by column."""
 
     values: IntervalFunction
     slopes: IntervalFunction
@@ -214,15 +204,10 @@ class Poses:
     def bounds(
         self, expression: Expression, given: Sequence[Interval], place: Place | None = None
     ) -> tuple[list[Array], list[Array]]:
-        """Return lower and upper bounds of each value of an expression, (n, rows) each.
+        """Return lower and upper bounds of each value of an expression, (n, rows) each, as what is given broadcasts to.
 
-        Parameters
-        ----------
-        given : sequence of Interval
-            Each (n, rows) or what broadcasts to it.
-        place : Place, optional
-            The last of the given numbers, where it is not fixed over a piece; the expression's last value is then the
-            first one's derivative by it.
+        With a place as the last of the given numbers, which is not fixed over a piece, the expression's last value is
+        the first one's derivative by it.
         """
         at = ([*given, place.centre], [*given, place.over]) if place else (given, given)
         (still,), _ = expression.values(self.centre, at[0])
@@ -243,14 +228,8 @@ class Poses:
 class PosesOfPieces:
     """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells.
 
-    Attributes
-    ----------
-    symbols : tuple of SX
-        y, both seeds as the pose is seen from, and the pose, (12,).
-    seeds : list of Interval
-        What these seeds are.
-    smooth : bool
-        Whether the motion has no jumps.
+    `symbols` are y, both seeds as the pose is seen from, and the pose, (12,); `seeds` what these are. It is `smooth`
+    where it has no jumps.
     """
 
     def __init__(self, problem: Problem) -> None:

@@ -37,12 +37,8 @@ Problems = Sequence[Problem]
 def widest_unique(problems: Problems, q: Array) -> float:
     """Return the half width of the widest box tried about no motion in which no other motion restores the contacts.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-        With `contacts`, and the same parameters, weights and limits.
-    q : (k,) array
-        A motion that restores them. Boxes are of weights * q, and all hold it; 0 where none is proved.
+    Of problems with `contacts`, and the same parameters, weights and limits, which q restores. Boxes are of weights *
+    q, and all hold it; 0 where none is proved.
     """
     largest = float(np.abs(problems[0].weights * q).max())
     tried = max(largest, DEFAULT.least_unit * _size(problems)) * np.array(TRIED)
@@ -80,10 +76,7 @@ def unique(problems: Problems, q: Array, half: Array) -> Array:
 def least_amount(problems: Problems, tried: Array) -> float:
     """Return the largest of some weighted amounts below which no motion restores the contacts; 0 where none is proved.
 
-    Parameters
-    ----------
-    tried : (n,) array
-        Amounts, rising. What is proved of one holds of those before it.
+    They rise: what is proved of one holds of those before it.
     """
     first, last = 0, len(tried)
     while first < last:
@@ -155,15 +148,8 @@ def _none_below(problems: Problems, amount: float) -> bool:
 def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
     """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
 
-    Parameters
-    ----------
-    low, high : (k,) arrays
-        Ends of weighted parameters.
-
-    Returns
-    -------
-    boxes, motions : (n, 2, k), (n, k) arrays, or None
-        None where `MOST_BOXES` do not do.
+    Boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
+    do not do.
     """
     if not (np.isfinite(low) & np.isfinite(high)).all():
         return None

@@ -49,18 +49,8 @@ def least_over_turns(
     """Bound the amount of a task from below, by cutting its rotations into cells; None where the task is not its own.
 
     Limits on translations, keep-outs, and parts of unions that the motion brings in each other's way are left out:
-    the bound holds without them, but may not meet the answer then, which `upper` has to bring.
-
-    Parameters
-    ----------
-    upper : Answer or None
-        The best motion known.
-    gap : float
-        Relative gap between both bounds at which to stop.
-    seconds : float
-        Time after which to stop; whether a task is stopped by `MOST_CELLS` before does not depend on the machine.
-    share : float
-        Of `MOST_CELLS`.
+    the bound holds without them, but may not meet the answer then, which `upper` has to bring. It ends at a relative
+    `gap` between both, after so many seconds, or after its share of `MOST_CELLS`, alike on any machine.
     """
     search = _TurnSearch.of(task)
     return None if search is None else search.least(upper, gap, seconds, int(share * MOST_CELLS))

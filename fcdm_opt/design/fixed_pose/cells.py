@@ -98,15 +98,7 @@ class Search:
     def run(self, *, accuracy: float, near: float, most: int, settled: Callable[[], bool] = lambda: False) -> None:
         """Halve cells until no pose is better than the best by `accuracy`, or there are `most` cells.
 
-        Parameters
-        ----------
-        accuracy : float
-            Relative.
-        near : float
-            Values this near to each other are equal.
-        most : int
-        settled : callable
-            Ends the search early.
+        The accuracy is relative, and values as near to each other as `near` are equal; what is `settled` ends early.
         """
         heap, floor = list[tuple[float, int]](), 0.0 if self.amounts else self.worst.floor
         self._add([(self.limits[:, 0], self.limits[:, 1])], heap)

@@ -112,26 +112,11 @@ def check_proof(
     *,
     amounts: bool,
 ) -> tuple[Check, ...]:
-    """Check that no pose is better than a bound.
+    """Check that no pose is better than a bound: of how far the worst gap is off the window at any pose.
 
-    Parameters
-    ----------
-    problem : Problem
-    sizes : Sizes
-    window : (low, high)
-        Of the gap.
-    evidence : PoseEvidence
-        Taken at its word in nothing.
-    lower_bound : float
-        Of how far the worst gap is off the window at any pose, or, with `amounts`, of the weighted amount of a motion
-        that brings all gaps into it.
-    amounts : bool
-
-    Returns
-    -------
-    tuple of Check
-        That the limits hold all poses wanted, that the cells fill them, and one for all cells: by how much the least
-        sure of them falls short.
+    Or, with `amounts`, of the weighted amount of a motion that brings all gaps into it. The evidence is taken at its
+    word in nothing. The checks are that the limits hold all poses wanted, that the cells fill them, and one for all
+    cells: by how much the least sure of them falls short.
     """
     worst = Worst.of(problem, sizes, *window)
     worst.leave_out_permanent()

@@ -348,17 +348,10 @@ def obstacles(problem: Problem) -> list[tuple[Body, float, Body | None]]:
 def domain(worst: Worst, most: float, amount: float) -> Array:
     """Return the limits of the parameters outside which no pose is wanted, (k, 2).
 
-    A turn beyond half a revolution repeats a smaller one where the limits have that one. A gap is no less than the
-    distance of the seeds less what both bodies reach, so that the seed of body 1 comes to lie in a ball; from the balls
-    before and after them follows how long translations are. What no such bound is known of may be infinite.
-
-    Parameters
-    ----------
-    worst : Worst
-    most : float
-        Poses whose largest gap exceeds this are not wanted.
-    amount : float
-        Nor are motions of a larger weighted amount.
+    None is whose largest gap exceeds `most`, nor a motion of a larger weighted `amount`. A turn beyond half a
+    revolution repeats a smaller one where the limits have that one. A gap is no less than the distance of the seeds
+    less what both bodies reach, so that the seed of body 1 comes to lie in a ball; from the balls before and after
+    them follows how long translations are. What no such bound is known of may be infinite.
     """
     problem, limits = worst.problem, worst.limits.copy()
     if np.isfinite(amount):
