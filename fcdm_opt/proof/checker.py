@@ -139,6 +139,14 @@ def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, 
     return int(faces[row]), np.where(corners[corner] == 0, low[row], high[row])
 
 
+def filled_box(boxes: Array) -> tuple[Array, bool]:
+    """Return the ends of the box that boxes span, (2, k), and whether they fill it, each place of it once."""
+    ends, count = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]), len(boxes)
+    wide = ends[0] < ends[1]  # along others all boxes are the same point, and would cancel each other
+    low, high = np.concatenate([boxes, ends[None]])[:, :, wide].swapaxes(0, 1)
+    return ends, left_over(np.zeros(count + 1, np.int64), low, high, np.append(np.ones(count), -1.0)) is None
+
+
 # ------------------------------------------------------------------------------------------------------- the examiner
 
 

@@ -44,15 +44,14 @@ NO_WITNESSES = Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np
 
 @dataclass(eq=False)
 class Node:
-    """A cell, its bound and what proves it; `axis` is that along which it was halved, -1 for a leaf."""
+    """A cell, its bound and what proves it; `split` is the axis along which it is to be halved, if it is not yet."""
 
     low: Array
     high: Array
     bound: float = -np.inf
     witnesses: Witnesses = NO_WITNESSES
     split: int = 0
-    axis: int = -1
-    children: tuple[int, ...] = ()
+    halved: bool = False
 
 
 @dataclass(eq=False)
@@ -92,7 +91,7 @@ class Search:
     @property
     def lower(self) -> float:
         """What no pose has less of: by the leaves."""
-        leaves = [node.bound for node in self.nodes if node.axis < 0]
+        leaves = [node.bound for node in self.nodes if not node.halved]
         return max(min(min(leaves, default=np.inf), self.value), 0.0 if self.amounts else self.worst.floor)
 
     def run(self, *, accuracy: float, near: float, most: int, settled: Callable[[], bool] = lambda: False) -> None:
@@ -112,8 +111,7 @@ class Search:
                 upper, lower, axis = node.low.copy(), node.high.copy(), node.split
                 upper[axis] = lower[axis] = middle = 0.5 * node.low[axis] + 0.5 * node.high[axis]
                 if node.low[axis] < middle < node.high[axis]:  # else as small as digits allow
-                    first = len(self.nodes) + len(halves)
-                    node.axis, node.children = axis, (first, first + 1)
+                    node.halved = True
                     halves += [(node.low, lower), (upper, node.high)]
             if halves:
                 self._add(halves, heap)
