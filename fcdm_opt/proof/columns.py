@@ -159,7 +159,6 @@ def prove(
 
     Parameters
     ----------
-    task : Task
     upper : float
         Amount of a motion that is known to do; infinite if none is.
     aims : sequence of (gap, most)

@@ -172,15 +172,11 @@ class Exclusion:
         return enclosed_pose(self.motion, q, self.offset)
 
     @cached_property
-    def closing(self) -> list[int]:
-        """Reasons that exclude all motions further out in the same direction."""
-        own: list[int] = [Reason.BEYOND, *((Reason.LOOSE, Reason.LEFT) if self.task.coherent else ())]
-        return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
-
-    @cached_property
     def closes(self) -> NDArray[np.bool_]:
-        """Whether each reason, by its number, is of `closing`."""
-        return np.isin(np.arange(len(Reason)), self.closing)
+        """Whether each reason, by its number, excludes all motions further out in the same direction."""
+        own: list[int] = [Reason.BEYOND, *((Reason.LOOSE, Reason.LEFT) if self.task.coherent else ())]
+        own += [Reason.OUTSIDE] if self.task.allows(self.task.rest) else []
+        return np.isin(np.arange(len(Reason)), own)
 
     @cached_property
     def domain(self) -> Array:

@@ -56,22 +56,11 @@ class Node:
 
 @dataclass(eq=False)
 class Search:
-    """Cells of poses, and the best pose known.
+    """Cells of poses within limits, (k, 2), all finite, and the best pose known.
 
-    Attributes
-    ----------
-    worst : Worst
-    limits : (k, 2) array
-        All finite.
-    best : Found
-    slack : float
-        A pose is in the window whose worst gap is off by no more.
-    amounts : bool
-        Whether the smallest amount in the window is looked for; else the pose whose worst gap is off least.
-    improve : callable
-        Given a pose, returns one near it that is as good as those about it.
-    known : float, optional
-        What no pose has less of, where a program tells it without cells.
+    A pose is in the window whose worst gap is off by no more than `slack`. With `amounts` the smallest amount in the
+    window is looked for; else the pose whose worst gap is off least. `improve` returns a pose near one that is as good
+    as those about it; `known` is what no pose has less of, where a program tells it without cells.
     """
 
     worst: Worst

@@ -79,12 +79,6 @@ class SizedBodies:
 
     Attributes
     ----------
-    movable, static : Body
-    sizes : Sizes
-    names : tuple of str
-        Of the sizes.
-    size : float
-        Of the larger body.
     vertices, starts : two arrays each
         Of scaled bodies, about their seeds, part by part; empty of others.
     reach : float

@@ -49,17 +49,12 @@ class Off(NamedTuple):
 class Worst:
     """The worst gap of a problem's bodies over all sizes: off(q) = max(most(q) - high, low - least(q)).
 
-    With the window [0, 0] it is the largest |gap|.
+    With the window [0, 0] it is the largest |gap|; its ends are infinite where it is open.
 
     Attributes
     ----------
-    problem : Problem
-        Bodies, motion and weights.
-    scene : BodyGaps
     solid : Body or None
         The other body, where only its surface is known: a pose inside of it is none.
-    low, high : float
-        The window; infinite where it is open.
     limits : (k, 2) array
         Of the parameters; default the problem's.
     active : (m, s) array
