@@ -42,11 +42,7 @@ def shows(solution: Solution, evidence: Multipliers) -> bool:
 def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check, ...]:
     """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked.
 
-    Parameters
-    ----------
-    solution : Solution
-    evidence : Multipliers
-        Taken at its word in nothing.
+    The evidence is taken at its word in nothing.
     """
     problem, claimed = solution.problem, solution.lower_bound
     k, n = len(problem.weights), len(evidence.boxes)

@@ -64,15 +64,9 @@ class FeaturePoints:
 def feature_points(
     movable: Body, static: Body, site: tuple[int, int, int], parts: tuple[int, int], normal: Array, rotation: Array
 ) -> FeaturePoints:
-    """Return the template parameters of a site.
+    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair.
 
-    Parameters
-    ----------
-    movable, static : Body
-    site, parts : tuples of int
-        The facet of the Minkowski difference and its part pair.
-    normal : (3,) array
-        Direction from body 1 to body 2 at the pose in which `rotation`, (3, 3), turns body 1: it fixes the sign.
+    Its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign.
     """
     kind, i, j = site
     one, two = movable.parts[parts[0]], static.parts[parts[1]]
