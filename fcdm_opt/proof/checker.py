@@ -28,7 +28,7 @@ from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.proof import conditions
-from fcdm_opt.proof.intervals import Interval
+from fcdm_opt.proof.intervals import Interval, cross, numbers_of
 from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces, Place, Poses, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
@@ -220,9 +220,9 @@ class Examiner:
                 points = (ends[0], corner) if own == 0 else (corner, ends[0])
                 sides = [set(shared[own]) <= set(loop) for loop in parts[own].loops]
                 return TrackedCrossing(
-                    (own,), [*given, *_numbers(ends[1] - ends[0], *points)], parts[own].normals[sides]
+                    (own,), [*given, *numbers_of(ends[1] - ends[0], *points)], parts[own].normals[sides]
                 )
-        given += [x for feature in (one, two) for x in _numbers(*self._feature(feature))]
+        given += [x for feature in (one, two) for x in numbers_of(*self._feature(feature))]
         return TrackedCrossing((one.kind, two.kind), given, np.empty((0, 3)))
 
     def _feature(self, feature: FeaturePoints) -> tuple[Interval, Interval, Interval, Interval]:
@@ -233,7 +233,7 @@ class Examiner:
             u, w = q - p, (s - r) * feature.sign
         else:
             sides = (q - p, r - p) if feature.kind == F1V2 else (r - q, s - q)
-            u, w = _cross(*sides) * feature.sign, nothing
+            u, w = cross(*sides) * feature.sign, nothing
         return u, w, p - self.problem.movable.seed, s - self.problem.static.seed
 
     @cached_property
@@ -459,7 +459,7 @@ class Examiner:
                 here = np.flatnonzero(witness[:, 0] == k)
                 if len(here):
                     u, w, x, y = self._feature(feature)
-                    given = _numbers(u, w, x * self.target[0], y * self.target[1])
+                    given = numbers_of(u, w, x * self.target[0], y * self.target[1])
                     (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
                     yield here, _flat(np.maximum(low, -high), len(here))
 
@@ -472,8 +472,8 @@ class Examiner:
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
         for n in crossing.beside:
-            across = _cross(u, _cross(Interval(n), u))  # at right angles to the edge, whatever n is
-            given = _numbers(across, Interval(np.zeros(3)), *points)
+            across = cross(u, cross(Interval(n), u))  # at right angles to the edge, whatever n is
+            given = numbers_of(across, Interval(np.zeros(3)), *points)
             (low,), (high,) = poses.bounds(conditions.separation((F1V2, V1F2)[crossing.kinds[0]]), given)
             margin = np.fmax(margin, np.maximum(low, -high)[:, 0])
         return margin
@@ -491,7 +491,7 @@ class Examiner:
             if not len(here):
                 continue
             reach = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
-            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), _numbers(u, w, reach))
+            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), numbers_of(u, w, reach))
             flat = DEFAULT.planarity * self.problem.size * _norm(u) * (_norm(w) if feature.kind == E1E2 else 1.0)
             yield here, _flat(low - flat, len(here))
 
@@ -507,7 +507,7 @@ class Examiner:
             first, second, reach = _extremes(own, kind, u, w, one, two)
             lows, highs = own.bounds(conditions.crossing(kinds), given)
             (low,), (high,) = own.bounds(
-                conditions.gap_at_crossing(kinds, kind), [*given, *_numbers(u, w, first, second)]
+                conditions.gap_at_crossing(kinds, kind), [*given, *numbers_of(u, w, first, second)]
             )
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
@@ -529,7 +529,7 @@ class Examiner:
             for kind, here, u, w in _directions(witness):
                 own, two = poses[here], self.obstacles[j].vertices
                 x, y, reach = _extremes(own, kind, u, w, self.movable[i], two)
-                (low,), _ = own.bounds(conditions.separation(kind), _numbers(u, w, x, y))
+                (low,), _ = own.bounds(conditions.separation(kind), numbers_of(u, w, x, y))
                 gap[here] = low[:, 0] - (reach[0] + reach[1]) * (1.0 + FLOATS)
             margin = np.minimum(margin, gap)
         yield slice(None), margin
@@ -546,7 +546,7 @@ class Examiner:
             own = poses[here]
             place, beyond = self._place(own, witness[here])
             normals, planes = face_planes(part, corners)
-            given = [*planes, *(x for vector in (start, along) for x in _numbers(vector))]
+            given = [*planes, *(x for vector in (start, along) for x in numbers_of(vector))]
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
             yield here, np.where(known, depth, -np.inf)
@@ -558,7 +558,7 @@ class Examiner:
         obstacle, none = self.obstacles[j], Interval(np.zeros((len(x), 1)))
         normals, planes = face_planes(obstacle.part, obstacle.vertices)
         still = Place(none, none, Interval(np.zeros((len(x), 1, poses.pieces.half.shape[1]))))
-        given = [*planes, *_numbers(Interval(x), Interval(np.zeros_like(x)))]
+        given = [*planes, *numbers_of(Interval(x), Interval(np.zeros_like(x)))]
         lows, _ = poses.bounds(conditions.depth(0), given, still)
         return np.asarray(lows[0].min(axis=1) - distances_from(x, self.movable[i]) * _norm(Interval(normals)).max())
 
@@ -591,7 +591,7 @@ class Examiner:
             off = distances_from(x, self.movable[i]) + distances_from(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
             (low,), _ = poses[here].bounds(
-                conditions.nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
+                conditions.nearness(), [*numbers_of(Interval(x), Interval(y)), Interval(need[:, None])]
             )
             yield here, np.where(need > 0, low[:, 0], -np.inf)
 
@@ -629,28 +629,10 @@ def _corners(feature: FeaturePoints, body: int, part: ConvexPart) -> set[int]:
     return set(part.loops[place]) if kind == (F1V2, V1F2)[body] else {place}
 
 
-def _cross(u: Interval, v: Interval) -> Interval:
-    """Return the cross product along the last axis."""
-    places = np.array([1, 2, 0]), np.array([2, 0, 1])
-    (a, b), (c, e) = ((x[..., places[0]], x[..., places[1]]) for x in (u, v))
-    return a * e - b * c
-
-
 def _norm(v: Interval) -> Any:
     """Return an upper bound of the lengths of vectors."""
     size = v.size
     return np.sqrt((size * size).sum(axis=-1)) * (1.0 + FLOATS)
-
-
-def _numbers(*vectors: Interval) -> list[Interval]:
-    """Return the components of vectors, (3,) each for all rows or (n, 3) a column each."""
-    found = []
-    for vector in vectors:
-        for k in range(3):
-            own = vector[..., k]
-            each = np.ndim(own.middle) > 0
-            found.append(Interval(own.middle[:, None], np.asarray(own.radius)[..., None]) if each else own)
-    return found
 
 
 def _joined(numbers: Sequence[Interval]) -> Interval:
@@ -697,7 +679,7 @@ def _extremes(
         further = [
             vertices[..., k][None] - Interval(own.middle[:, k : k + 1], own.radius[:, k : k + 1]) for k in range(3)
         ]
-        _, (high,) = poses.bounds(conditions.height(kind, body), [*_numbers(u, w), *further])
+        _, (high,) = poses.bounds(conditions.height(kind, body), [*numbers_of(u, w), *further])
         points.append(own)
         reach.append(np.maximum(high, 0.0).max(axis=1) * np.ones(len(place)))
     return points[0], points[1], reach

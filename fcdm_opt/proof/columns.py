@@ -80,14 +80,9 @@ class Columns:
         return Pieces.of(self.faces[rows], boxes, stretches)
 
     @property
-    def lengths(self) -> Array:
-        """Amount by which the front of each column is further out than its s, at least."""
-        return least_lengths(self.low, self.high)
-
-    @property
     def bounds(self) -> Array:
         """Amount that no motion of each column stays below; infinite where it is closed."""
-        return np.where(self.closed, np.inf, self.front * self.lengths)
+        return np.where(self.closed, np.inf, self.front * least_lengths(self.low, self.high))
 
 
 @dataclass(eq=False)
@@ -264,7 +259,8 @@ def _advance(scene: Exclusion, columns: Columns, record: Record, rows: Ints, eno
     tries, front = len(REACHES), columns.front[rows]
     last = np.full(len(rows), np.inf)
     if scene.task.weighted:
-        last = np.maximum(enough / columns.lengths[rows] * (1.0 + DEFAULT.line), front)
+        lengths = least_lengths(columns.low[rows], columns.high[rows])
+        last = np.maximum(enough / lengths * (1.0 + DEFAULT.line), front)
     strides = np.minimum(columns.stride[rows], last - front)
     ends = np.minimum(front[:, None] + strides[:, None] * np.array(REACHES), last[:, None])
     cells = columns.cells(np.repeat(rows, tries), ends.ravel())

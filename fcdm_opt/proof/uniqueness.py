@@ -20,7 +20,7 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.conditions import separation
-from fcdm_opt.proof.intervals import Interval
+from fcdm_opt.proof.intervals import Interval, cross, numbers_of
 from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
@@ -268,25 +268,19 @@ def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
     kinds = feature.one.kind + feature.two.kind
     flush = any(feature == seat.touching for seat in problem.nominal_seats)
     none, *axes = (Interval(axis, np.zeros(3)) for axis in np.vstack([np.zeros(3), np.eye(3)]))
-    if kinds == "VV":
-        for axis in axes:
-            yield V1F2, [*_numbers(axis, none, own[0], other[0])]
-    elif kinds[1] == "E" and (kinds[0] == "V" or flush):
-        for point, axis in product(own, axes):
-            yield V1F2, [*_numbers(_cross(other[1] - other[0], axis), none, point, other[0])]
-    elif kinds == "EV":
-        for axis in axes:
-            yield F1V2, [*_numbers(_cross(own[1] - own[0], axis), none, own[0], other[0])]
-    elif kinds == "EE":
-        yield E1E2, [*_numbers(own[1] - own[0], other[1] - other[0], own[0], other[0])]
-    elif kinds[1] == "F":
-        a, b, c = _corners(other)
-        for point in own if kinds != "FF" else _corners(own):
-            yield V1F2, [*_numbers(_cross(b - a, c - a), none, point, a)]
-    elif kinds[0] == "F":
-        a, b, c = _corners(own)
-        for point in other:
-            yield F1V2, [*_numbers(_cross(b - a, c - a), none, a, point)]
+    if kinds == "EE" and not flush:
+        yield E1E2, numbers_of(own[1] - own[0], other[1] - other[0], own[0], other[0])
+        return
+    in_two = kinds in ("VV", "VE") or kinds[1] == "F" or (kinds[1] == "E" and flush)  # else in the axes of body 1
+    (held, points), kind = ((other, own), kinds[1]) if in_two else ((own, other), kinds[0])
+    place, normals = held[0], axes
+    if kind == "E":
+        normals = [cross(held[1] - place, axis) for axis in axes]
+    elif kind == "F":
+        place, b, c = _corners(held)
+        normals = [cross(b - place, c - place)]
+    for point, n in product(_corners(points) if kinds == "FF" else points, normals):
+        yield (V1F2, numbers_of(n, none, point, place)) if in_two else (F1V2, numbers_of(n, none, place, point))
 
 
 def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
@@ -296,13 +290,3 @@ def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
     two = int(np.linalg.norm(places - places[one], axis=1).argmax())
     three = int(np.linalg.norm(np.cross(places - places[one], places[two] - places[one]), axis=1).argmax())
     return points[one], points[two], points[three]
-
-
-def _cross(u: Interval, v: Interval) -> Interval:
-    rows = [u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3] for k in range(3)]
-    return Interval.stacked(rows, ())
-
-
-def _numbers(*vectors: Interval) -> Iterator[Interval]:
-    for vector in vectors:
-        yield from (vector[k] for k in range(3))
