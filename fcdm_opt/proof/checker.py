@@ -468,7 +468,7 @@ class Examiner:
 
         Across the edge, along the normal of a face beside it or what is near that and at right angles.
         """
-        u, x, y = (_joined(crossing.given[2 + 3 * k : 5 + 3 * k]) for k in range(3))
+        u, x, y = (Interval.stacked(crossing.given[2 + 3 * k : 5 + 3 * k], ()) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
         for n in crossing.beside:
@@ -635,10 +635,6 @@ def _norm(v: Interval) -> Any:
     return np.sqrt((size * size).sum(axis=-1)) * (1.0 + FLOATS)
 
 
-def _joined(numbers: Sequence[Interval]) -> Interval:
-    return Interval(np.array([x.middle for x in numbers]), np.array([x.radius for x in numbers]))
-
-
 def _index(values: Array, count: int) -> tuple[Ints, Bools]:
     known = (values >= 0) & (values < count) & (values == np.floor(values))
     return np.where(known, values, 0).astype(np.int64), known
@@ -665,7 +661,7 @@ def _extremes(
 
     These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
     """
-    R, _ = poses.middles
+    R = poses.middle_rotations
     if kind == V1F2:
         n = u.middle
     else:

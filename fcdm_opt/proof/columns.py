@@ -126,12 +126,11 @@ class Proof:
     """What branch and bound found.
 
     No motion of an amount below `lower_bound` does, and none at all where that is infinite; `q` is one better than
-    that known before, if one came up. So many `cells` were tested.
+    that known before, if one came up.
     """
 
     lower_bound: float
     q: Array | None
-    cells: int
     evidence: Evidence
 
 
@@ -168,7 +167,7 @@ def prove(
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
-    columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
+    columns = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0)
     for _ in range(TURNS):
         looked = 0
         for gap, most in aims:
@@ -184,7 +183,6 @@ def prove(
                     found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
                     pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
                 search_.beside(columns)
-        total += looked
         closed = columns.bounds.min() >= search_.enough(aims[-1][0])
         if closed or perf_counter() > until or pacing.over() or not search_.ahead(columns):
             break
@@ -193,7 +191,7 @@ def prove(
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
     if isinstance(task.amount_kind, OwnAmount) and not columns.closed.all():
         bound = 0.0  # it may be less further out
-    return Proof(bound, search_.q, total, record.evidence(columns, scene.domain))
+    return Proof(bound, search_.q, record.evidence(columns, scene.domain))
 
 
 @dataclass(eq=False)

@@ -196,10 +196,9 @@ class Poses:
         return Poses(self.pieces[rows], centre, over, self.change[rows], self.jumps[rows])
 
     @property
-    def middles(self) -> tuple[Array, Array]:
-        """R and d at the centres in plain floats, (n, 3, 3) and (n, 3)."""
-        numbers = np.concatenate([x.middle for x in self.centre], axis=1)
-        return numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
+    def middle_rotations(self) -> Array:
+        """R at the centres in plain floats, (n, 3, 3)."""
+        return np.concatenate([x.middle for x in self.centre[:9]], axis=1).reshape(-1, 3, 3)
 
     def bounds(
         self, expression: Expression, given: Sequence[Interval], place: Place | None = None

@@ -520,7 +520,7 @@ def _try_depth(part1, part2, way, kind, eta, metric, more, best):
 
 
 @kernel
-def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, best, gap):
+def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, best, gap):
     """Look at every cell of a generation; return the halves of those left, (bound, c, h), and their directions.
 
     `touching` are pairs of which one must touch, all of them apart at rest; `apart` are pairs each of which must be

@@ -8,8 +8,9 @@ is left below the best known motion.
 
 from __future__ import annotations
 
+from functools import partial
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,6 @@ class Bound(NamedTuple):
     lower: float
     upper: float
     q: Array | None
-    cells: int
     closed: bool
 
 
@@ -121,10 +121,11 @@ class _TurnSearch:
         program = pose_instructions(task.motion)
         assert program is not None
         motion = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed)
-        self.kind = motion, rotations, vector, self.weights
-        self.space = metric.ravel(), np.linalg.inv(metric).ravel()
+        kind = motion, rotations, vector, self.weights
+        space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
-        self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        self._advance = partial(turned_cells.advance, self.one, self.two, self.apart, kind, space, numbers)
 
     def _pairs(self) -> tuple[Ints, Ints]:
         """Return the pairs one of which must touch, and those that must come apart, see `turned_cells.advance`."""
@@ -142,7 +143,7 @@ class _TurnSearch:
         if upper is not None and upper.q is not None:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
-            return Bound(0.0, float(best[0]), None, 0, bool(best[0] == 0))
+            return Bound(0.0, float(best[0]), None, bool(best[0] == 0))
         pool = self._ways()
         ways, cells = np.array([[0, len(pool)]]), 0
         self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
@@ -155,13 +156,7 @@ class _TurnSearch:
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
-        return Bound(lower, least, q, cells, not len(nodes))
-
-    def _advance(self, touching: Ints, *cells: Any) -> tuple[Array, Ints, Ints]:
-        """Look at a generation of cells, see `turned_cells.advance`."""
-        return turned_cells.advance(
-            self.one, self.two, touching, self.apart, self.kind, self.space, self.numbers, *cells
-        )
+        return Bound(lower, least, q, not len(nodes))
 
     def _ways(self) -> Ints:
         """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""
