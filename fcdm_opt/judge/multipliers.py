@@ -56,7 +56,8 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     short = float(np.maximum(ends[0] - asked[0], asked[1] - ends[1]).max())
     covered = short <= 0.0 and filled
     q = np.array([*solution.parameters.values()]) if solution.status.found else None
-    shown = float(_rows_of(problem, q).least(*evidence.boxes.swapaxes(0, 1), evidence.motions, claimed)[0].min())
+    low, high = evidence.boxes[:, 0], evidence.boxes[:, 1]
+    shown = float(_rows_of(problem, q).least(low, high, evidence.motions, claimed)[0].min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
         Check("proof: cover", covered, max(short, float(not filled)), 0.0, "boxes fill all smaller motions"),

@@ -340,8 +340,8 @@ class Examiner:
         open_ends = int(np.isnan(fronts).sum())
         note = f"of {int(closed.sum())} columns have no cell that closes them"
         checks.append(Check("proof: closed columns", open_ends == 0, float(open_ends), 0.0, note))
-        ends = np.column_stack([np.zeros(len(fronts)), np.where(np.isnan(fronts), 0.0, fronts)])
-        cells, columns = self._cells, Pieces.of(own.column_faces, own.column_boxes, ends)
+        stretches = np.column_stack([np.zeros(len(fronts)), np.where(np.isnan(fronts), 0.0, fronts)])
+        cells, columns = self._cells, Pieces.of(own.column_faces, own.column_boxes, stretches)
         wrong = left_over(
             np.concatenate([cells.faces, columns.faces]),
             np.concatenate([cells.low, columns.low]),
@@ -373,7 +373,7 @@ class Examiner:
 
     def reasons(self) -> Iterator[Check]:
         """Check each cell's reason, all of one reason at once."""
-        tests = {
+        tests: dict[Reason, Test] = {
             Reason.SHORT: self.short,
             Reason.LOOSE: self.loose,
             Reason.LEFT: self.left,
@@ -515,7 +515,7 @@ class Examiner:
             excess = sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True))
             yield here, gap - excess * (1.0 + FLOATS)
 
-    def apart(self, poses: Poses, _: Array) -> Margins:
+    def apart(self, poses: Poses, witness: Array) -> Margins:
         """Yield by how much a direction for each part pair keeps it apart at the target pair."""
         count, others = len(poses.pieces.rows), len(self.problem.active[1].parts)
         if not self.must_touch:

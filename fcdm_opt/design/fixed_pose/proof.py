@@ -108,7 +108,7 @@ def check_proof(
     if filled:
         judge = _PoseExaminer(worst, evidence)
         slack = DEFAULT.touch * scene.size
-        margin = judge.margin(*evidence.boxes.swapaxes(0, 1), lower_bound, slack, amounts)
+        margin = judge.margin(evidence.boxes[:, 0], evidence.boxes[:, 1], lower_bound, slack, amounts)
         checks.append(Check("proof: bounds", bool(margin >= -slack), margin, -slack, "of the least sure cell"))
     return tuple(checks)
 
