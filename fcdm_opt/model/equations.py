@@ -29,20 +29,10 @@ OWNERS = {F1V2: (1, 1, 1, 2), V1F2: (1, 2, 2, 2), E1E2: (1, 1, 2, 2)}  # the bod
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """What a template needs to know of a feature pair.
+    """What a template needs to know of a feature pair, of kind F1V2, V1F2 or E1E2.
 
-    Attributes
-    ----------
-    kind : int
-        F1V2, V1F2 or E1E2.
-    points : (3, 4) array
-        Vertices as drawn, see the module.
-    sign : float
-        +1 or -1: orientation of the normal.
-    parts : tuple of int
-        The part pair.
-    site : tuple of int
-        (kind, i, j) in the packed parts.
+    The points, (3, 4), are vertices as drawn, see the module; `sign` is the orientation of the normal, `parts` the
+    part pair, and `site` (kind, i, j) in the packed parts.
     """
 
     kind: int
@@ -109,17 +99,7 @@ def _spans(kind: int, points: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPose:
-    """Symbols that all equations share: motion parameters, seeds, and the pose they give.
-
-    Attributes
-    ----------
-    q : (k,) SX
-        Motion parameters.
-    seeds : (6,) SX
-        s_1, s_2 as drawn.
-    transform : (4, 4) SX
-        Pose change of body 1.
-    """
+    """Symbols that all equations share: motion parameters, seeds as drawn, (6,), and the pose change of body 1."""
 
     q: Any
     seeds: Any

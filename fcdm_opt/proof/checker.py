@@ -109,9 +109,9 @@ def searched_limits(problem: Problem) -> Array:
 def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
     """Return an amount of the user's own that no motion with a weighted parameter beyond `half` is below."""
     faces, wide = np.arange(2 * len(weights)), np.ones((2 * len(weights), len(weights) - 1))
-    low, high = (np.column_stack([np.full(len(faces), half), sign * wide]) for sign in (-1.0, 1.0))
+    cells = Pieces.of(faces, np.stack([-wide, wide], axis=1), np.full((len(faces), 2), half))
     with np.errstate(all="ignore"):
-        found = AmountOfPieces(amount.function, weights).least_beyond(Pieces(faces, faces, low, high))
+        found = AmountOfPieces(amount.function, weights).least_beyond(cells)
         return float(np.nan_to_num(found, nan=-np.inf).min())
 
 
