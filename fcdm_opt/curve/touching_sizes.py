@@ -257,11 +257,11 @@ class TouchingSizes:
         heights = flat @ rows[:, 1:].T + rows[:, 0]
         return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=1), axis=1).reshape(p.shape[:-1])
 
-    def governing(self, p: Any) -> tuple[int, int]:
+    def governing(self, p: Any) -> tuple[PairRows, int]:
         """Return the pair and its row that the gap at sizes p is of."""
         heights = [pair.values[:, 0] + pair.values[:, 1:] @ np.asarray(p, float) for pair in self.pairs]
         pair = int(np.argmin([own.max() for own in heights]))
-        return pair, int(heights[pair].argmax())
+        return self.pairs[pair], int(heights[pair].argmax())
 
     def shifted(self, q: Array) -> TouchingSizes:
         """Return them with the movable body shifted by q, (s,), along its ways; other rows than the nearest go."""

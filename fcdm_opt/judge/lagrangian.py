@@ -17,13 +17,8 @@ def lagrangian_bounds(
 ) -> Array:
     """Return amounts below which the Lagrangian leaves no motion in boxes, (n,); infinite where there is none in one.
 
-    Parameters
-    ----------
-    low, high : (n, k) arrays
-    y : (n, k) array
-        Motions, which may lie outside.
-    value, slope, bend : Interval, k of them, k x k of them
-        l . F at the motions, its derivatives there, and the second ones over the boxes and the ways to them.
+    Of l . F: its value and slopes at motions y, (n, k), which may lie outside, k of them, and its bends, k x k, over
+    the boxes and the ways to them.
     """
     k = low.shape[1]
     below, above = (low - y).T / ROUNDED, (high - y).T / ROUNDED

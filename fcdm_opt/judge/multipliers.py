@@ -22,7 +22,7 @@ from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check, Solution
-from fcdm_opt.proof.checker import left_over, searched_limits
+from fcdm_opt.proof.checker import filled_box, searched_limits
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
@@ -42,11 +42,7 @@ def shows(solution: Solution, evidence: Multipliers) -> bool:
 def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check, ...]:
     """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked.
 
-    Parameters
-    ----------
-    solution : Solution
-    evidence : Multipliers
-        Taken at its word in nothing.
+    The evidence is taken at its word in nothing.
     """
     problem, claimed = solution.problem, solution.lower_bound
     k, n = len(problem.weights), len(evidence.boxes)
@@ -54,20 +50,17 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     shapes = shapes and bool((evidence.boxes[:, 0] <= evidence.boxes[:, 1]).all())
     if not (shapes and problem.amount == "weighted" and (problem.contacts or _whole(problem))):
         return (Check("proof well-formed", False, 1.0, 0.0, "not boxes of motions of solids, by weighted amount"),)
-    starts, stops = evidence.boxes[:, 0], evidence.boxes[:, 1]
-    ends = np.array([starts.min(axis=0), stops.max(axis=0)])
+    ends, filled = filled_box(evidence.boxes)
     asked = searched_limits(problem).T * problem.weights
     asked = np.array([np.maximum(asked[0], -claimed), np.minimum(asked[1], claimed)])
     short = float(np.maximum(ends[0] - asked[0], asked[1] - ends[1]).max())
-    wide = ends[0] < ends[1]  # along others all boxes are the same point, and would cancel each other
-    low, high = (np.vstack([own, end])[:, wide] for own, end in zip((starts, stops), ends, strict=True))
-    wrong = left_over(np.zeros(n + 1, np.int64), low, high, np.append(np.ones(n), -1.0))
-    covered = short <= 0.0 and wrong is None
+    covered = short <= 0.0 and filled
     q = np.array([*solution.parameters.values()]) if solution.status.found else None
-    shown = float(_rows_of(problem, q).least(starts, stops, evidence.motions, claimed)[0].min())
+    low, high = evidence.boxes[:, 0], evidence.boxes[:, 1]
+    shown = float(_rows_of(problem, q).least(low, high, evidence.motions, claimed)[0].min())
     passed = covered and shown >= claimed * (1.0 - ACCURACY)
     return (
-        Check("proof: cover", covered, max(short, float(wrong is not None)), 0.0, "boxes fill all smaller motions"),
+        Check("proof: cover", covered, max(short, float(not filled)), 0.0, "boxes fill all smaller motions"),
         Check("proof: lower bound", bool(passed), shown, claimed, "least amount that the contacts' multipliers leave"),
     )
 

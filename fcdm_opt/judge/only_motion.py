@@ -44,14 +44,8 @@ MOST_BRANCHES = 2000  # of directions along which parts are apart
 def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
     """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-        With `contacts`, and the same parameters, weights and limits.
-    q : (k,) array
-        The motion, which is to lie in the box.
-    half : float
-        The box: |weight x parameter| <= half. Infinite only of motions that turn nothing.
+    They have `contacts`, and the same parameters, weights and limits. The box, in which the motion is to lie, is
+    |weight x parameter| <= half, infinite only of motions that turn nothing.
     """
     low, high = problems[0].limits.T
     moving, y = np.flatnonzero(low < high), problems[0].weights * q
@@ -87,12 +81,8 @@ def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
 def none_smaller(problems: Sequence[Problem], least: float) -> bool:
     """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-        As of `only_motion`.
-    least : float
-        The amount; infinite where none is to do at all, which is proved only within limits.
+    These are as of `only_motion`. The amount is infinite where none is to do at all, which is proved only within
+    limits.
     """
     weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving, y = np.flatnonzero(low < high), np.where(low < high, 0.0, low * weights)
@@ -120,12 +110,7 @@ def none_smaller(problems: Sequence[Problem], least: float) -> bool:
 def none_shorter(problems: Sequence[Problem], least: float) -> bool:
     """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-        With the same parameters, weights and limits. Clearances count as that parts do not overlap.
-    least : float
-        The amount.
+    They have the same parameters, weights and limits. Clearances count as that parts do not overlap.
     """
     if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
         return False
@@ -208,12 +193,7 @@ def _contacts(problems: Sequence[Problem]) -> bool:
 class _Restored:
     """The equations of all contacts of some problems, and their derivatives, by the weighted parameters that move.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-    y : (k,) array
-        Weighted parameters, of which those that do not move are taken.
-    moving : (j,) ints
+    Of y, (k,), those that do not move are taken.
     """
 
     def __init__(self, problems: Sequence[Problem], y: Array, moving: Ints) -> None:

@@ -29,20 +29,10 @@ OWNERS = {F1V2: (1, 1, 1, 2), V1F2: (1, 2, 2, 2), E1E2: (1, 1, 2, 2)}  # the bod
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """What a template needs to know of a feature pair.
+    """What a template needs to know of a feature pair, of kind F1V2, V1F2 or E1E2.
 
-    Attributes
-    ----------
-    kind : int
-        F1V2, V1F2 or E1E2.
-    points : (3, 4) array
-        Vertices as drawn, see the module.
-    sign : float
-        +1 or -1: orientation of the normal.
-    parts : tuple of int
-        The part pair.
-    site : tuple of int
-        (kind, i, j) in the packed parts.
+    The points, (3, 4), are vertices as drawn, see the module; `sign` is the orientation of the normal, `parts` the
+    part pair, and `site` (kind, i, j) in the packed parts.
     """
 
     kind: int
@@ -64,15 +54,9 @@ class FeaturePoints:
 def feature_points(
     movable: Body, static: Body, site: tuple[int, int, int], parts: tuple[int, int], normal: Array, rotation: Array
 ) -> FeaturePoints:
-    """Return the template parameters of a site.
+    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair.
 
-    Parameters
-    ----------
-    movable, static : Body
-    site, parts : tuples of int
-        The facet of the Minkowski difference and its part pair.
-    normal : (3,) array
-        Direction from body 1 to body 2 at the pose in which `rotation`, (3, 3), turns body 1: it fixes the sign.
+    Its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign.
     """
     kind, i, j = site
     one, two = movable.parts[parts[0]], static.parts[parts[1]]
@@ -115,17 +99,7 @@ def _spans(kind: int, points: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPose:
-    """Symbols that all equations share: motion parameters, seeds, and the pose they give.
-
-    Attributes
-    ----------
-    q : (k,) SX
-        Motion parameters.
-    seeds : (6,) SX
-        s_1, s_2 as drawn.
-    transform : (4, 4) SX
-        Pose change of body 1.
-    """
+    """Symbols that all equations share: motion parameters, seeds as drawn, (6,), and the pose change of body 1."""
 
     q: Any
     seeds: Any

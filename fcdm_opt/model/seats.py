@@ -33,11 +33,7 @@ def spins(motion: Motion, movable: Body, static: Body) -> Array:
 def tilts(seats: Sequence[Flush], axes: Array) -> Array:
     """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k).
 
-    Parameters
-    ----------
-    seats : sequence of Flush
-    axes : (k, 3) array
-        See `spins`.
+    The axes, (k, 3), are as of `spins`.
     """
     return np.array([axes @ crossed(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
 
@@ -91,12 +87,7 @@ def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
 def untracked(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
     """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked.
 
-    Parameters
-    ----------
-    seats : sequence of Flush
-    tracked : sequence
-        Those of them that are tracked, among others.
-    target : (2,) array
+    Those of them that are tracked are among `tracked`.
     """
     own = [seat for seat in seats if seat in tracked]
     kept: list[Flush] = []

@@ -61,6 +61,12 @@ class Reason(IntEnum):
     BEYOND = 9
 
 
+def least_lengths(low: Array, high: Array) -> Array:
+    """Return the least length of v in boxes of directions, given by their ends, (n, k - 1) each."""
+    least = np.maximum(np.maximum(low, -high), 0.0)
+    return np.asarray(np.sqrt(1.0 + (least * least).sum(axis=1)))
+
+
 class ProofData:
     """Base of what a bound rests on: plain data made of arrays, whose `told` says in words what it is."""
 
@@ -148,8 +154,7 @@ class Evidence(ProofData):
     @property
     def bound(self) -> float:
         """Amount below which no motion is left, by the fronts; infinite where all columns are closed."""
-        least = np.maximum(np.maximum(self.column_boxes[:, 0], -self.column_boxes[:, 1]), 0.0)
-        return float((self.fronts * np.sqrt(1.0 + (least * least).sum(axis=1))).min(initial=np.inf))
+        return float((self.fronts * least_lengths(*self.column_boxes.swapaxes(0, 1))).min(initial=np.inf))
 
     @property
     def told(self) -> str:  # type: ignore[override]

@@ -28,11 +28,15 @@ from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.proof import conditions
-from fcdm_opt.proof.intervals import Interval
+from fcdm_opt.proof.intervals import Interval, cross, numbers_of
 from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces, Place, Poses, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
+
+Margins = Iterator[tuple[Any, Array]]
+"""Pieces, and by how much what their witness rows say holds all over them; of others it does not."""
+Test = Callable[[Poses, Array], Margins]
 
 HALVINGS = 34  # times that a cell is halved at most: to one in ten thousand million of its width all of it is shown
 PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
@@ -42,20 +46,10 @@ FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats
 
 
 def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> tuple[Check, ...]:
-    """Check a proof that no motion with a smaller amount does what a problem asks.
+    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks.
 
-    Parameters
-    ----------
-    problem : Problem
-    evidence : Evidence
-        Taken at its word in nothing.
-    lower_bound : float
-        What it is said to prove; infinite where no motion is to do at all.
-
-    Returns
-    -------
-    tuple of Check
-        One for the cover of all directions and stretches, one for the bound, one for each reason.
+    The evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
+    the bound, and of each reason.
     """
     flaw = _flaw(problem, evidence)
     if flaw:
@@ -115,9 +109,9 @@ def searched_limits(problem: Problem) -> Array:
 def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
     """Return an amount of the user's own that no motion with a weighted parameter beyond `half` is below."""
     faces, wide = np.arange(2 * len(weights)), np.ones((2 * len(weights), len(weights) - 1))
-    low, high = (np.column_stack([np.full(len(faces), half), sign * wide]) for sign in (-1.0, 1.0))
+    cells = Pieces.of(faces, np.stack([-wide, wide], axis=1), np.full((len(faces), 2), half))
     with np.errstate(all="ignore"):
-        found = AmountOfPieces(amount.function, weights).least_beyond(Pieces(faces, faces, low, high))
+        found = AmountOfPieces(amount.function, weights).least_beyond(cells)
         return float(np.nan_to_num(found, nan=-np.inf).min())
 
 
@@ -143,6 +137,14 @@ def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, 
     place = int(np.flatnonzero(key == wrong[0])[0])
     row, corner = divmod(place, len(corners))
     return int(faces[row]), np.where(corners[corner] == 0, low[row], high[row])
+
+
+def filled_box(boxes: Array) -> tuple[Array, bool]:
+    """Return the ends of the box that boxes span, (2, k), and whether they fill it, each place of it once."""
+    ends, count = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]), len(boxes)
+    wide = ends[0] < ends[1]  # along others all boxes are the same point, and would cancel each other
+    low, high = np.concatenate([boxes, ends[None]])[:, :, wide].swapaxes(0, 1)
+    return ends, left_over(np.zeros(count + 1, np.int64), low, high, np.append(np.ones(count), -1.0)) is None
 
 
 # ------------------------------------------------------------------------------------------------------- the examiner
@@ -218,9 +220,9 @@ class Examiner:
                 points = (ends[0], corner) if own == 0 else (corner, ends[0])
                 sides = [set(shared[own]) <= set(loop) for loop in parts[own].loops]
                 return TrackedCrossing(
-                    (own,), [*given, *_numbers(ends[1] - ends[0], *points)], parts[own].normals[sides]
+                    (own,), [*given, *numbers_of(ends[1] - ends[0], *points)], parts[own].normals[sides]
                 )
-        given += [x for feature in (one, two) for x in _numbers(*self._feature(feature))]
+        given += [x for feature in (one, two) for x in numbers_of(*self._feature(feature))]
         return TrackedCrossing((one.kind, two.kind), given, np.empty((0, 3)))
 
     def _feature(self, feature: FeaturePoints) -> tuple[Interval, Interval, Interval, Interval]:
@@ -231,7 +233,7 @@ class Examiner:
             u, w = q - p, (s - r) * feature.sign
         else:
             sides = (q - p, r - p) if feature.kind == F1V2 else (r - q, s - q)
-            u, w = _cross(*sides) * feature.sign, nothing
+            u, w = cross(*sides) * feature.sign, nothing
         return u, w, p - self.problem.movable.seed, s - self.problem.static.seed
 
     @cached_property
@@ -338,18 +340,21 @@ class Examiner:
         open_ends = int(np.isnan(fronts).sum())
         note = f"of {int(closed.sum())} columns have no cell that closes them"
         checks.append(Check("proof: closed columns", open_ends == 0, float(open_ends), 0.0, note))
-        fronts = np.where(np.isnan(fronts), 0.0, fronts)
-        low = np.concatenate([own.stretches[:, 0], np.zeros(len(fronts))])
-        high = np.concatenate([own.stretches[:, 1], fronts])
+        stretches = np.column_stack([np.zeros(len(fronts)), np.where(np.isnan(fronts), 0.0, fronts)])
+        cells, columns = self._cells, Pieces.of(own.column_faces, own.column_boxes, stretches)
         wrong = left_over(
-            np.concatenate([own.faces, own.column_faces]),
-            np.column_stack([low, np.concatenate([own.boxes[:, 0], own.column_boxes[:, 0]])]),
-            np.column_stack([high, np.concatenate([own.boxes[:, 1], own.column_boxes[:, 1]])]),
+            np.concatenate([cells.faces, columns.faces]),
+            np.concatenate([cells.low, columns.low]),
+            np.concatenate([cells.high, columns.high]),
             np.repeat([1, -1], [len(own.faces), len(fronts)]),
         )
         note = _where("not covered once up to the fronts", wrong)
         checks.append(Check("proof: stretches", wrong is None, float(wrong is not None), 0.0, note))
         return checks
+
+    @cached_property
+    def _cells(self) -> Pieces:
+        return Pieces.of(self.evidence.faces, self.evidence.boxes, self.evidence.stretches)
 
     def bound(self, claimed: float) -> Check:
         """Check that no motion of a smaller amount is left."""
@@ -368,7 +373,7 @@ class Examiner:
 
     def reasons(self) -> Iterator[Check]:
         """Check each cell's reason, all of one reason at once."""
-        tests = {
+        tests: dict[Reason, Test] = {
             Reason.SHORT: self.short,
             Reason.LOOSE: self.loose,
             Reason.LEFT: self.left,
@@ -396,12 +401,9 @@ class Examiner:
                 note += f"; first cell {row}: face {cells.faces[row]}, directions {box}, s [{start:.17g}, {end:.17g}]"
             yield Check(name, not len(lost), float(len(lost)), 0.0, note)
 
-    def _unproved(self, rows: Ints, test: Callable[[Poses], Array]) -> tuple[Ints, int]:
+    def _unproved(self, rows: Ints, test: Test) -> tuple[Ints, int]:
         """Return the cells of which a margin is not positive all over, and how many were halved."""
-        own = self.evidence
-        low = np.column_stack([own.stretches[rows, 0], own.boxes[rows, 0]])
-        high = np.column_stack([own.stretches[rows, 1], own.boxes[rows, 1]])
-        waiting, lost, halved = Pieces(rows, own.faces[rows], low, high), np.array([], dtype=np.int64), 0
+        waiting, lost, halved = self._cells[rows], np.array([], dtype=np.int64), 0
         for level in range(HALVINGS + 1):
             waiting = waiting[~self._shown(waiting, test)]
             refuted = waiting.rows[~self._shown(waiting.centres, test)]
@@ -415,24 +417,31 @@ class Examiner:
             waiting = waiting.halved()
         return lost, halved
 
-    def _shown(self, pieces: Pieces, test: Callable[[Poses], Array]) -> Bools:
+    def _shown(self, pieces: Pieces, test: Test) -> Bools:
         """Tell of which pieces a margin is positive all over."""
-        batches = range(0, len(pieces.rows), BATCH)
-        found = [test(self.kinematics.poses(pieces[start : start + BATCH])) > 0.0 for start in batches]
-        return np.concatenate([np.empty(0, dtype=bool), *found])
+        shown = np.zeros(len(pieces.rows), dtype=bool)
+        for start in range(0, len(shown), BATCH):
+            poses = self.kinematics.poses(pieces[start : start + BATCH])
+            margin = np.full(len(poses.pieces.rows), -np.inf)
+            for here, own in test(poses, self.evidence.witnesses[self.evidence.first[poses.pieces.rows]]):
+                margin[here] = own
+            shown[start : start + BATCH] = margin > 0.0
+        return shown
 
-    def _witness(self, poses: Poses) -> Array:
-        """Return the first witness row of each piece's cell, (n, 16)."""
-        return self.evidence.witnesses[self.evidence.first[poses.pieces.rows]]
+    def _parts_meant(self, witness: Array, *bodies: int) -> Iterator[tuple[int, int, Ints]]:
+        """Yield each part of body 1, each obstacle that counts, and witnesses that start with both and `bodies`."""
+        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
+            here = np.flatnonzero((witness[:, : 2 + len(bodies)] == (i, j, *bodies)).all(axis=1))
+            if len(here) and np.isfinite(self.obstacles[j].need):
+                yield i, j, here
 
-    def short(self, poses: Poses) -> Array:
-        """Return by how much the tracked pair lies short of the target, or a line misses it."""
+    def short(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much the tracked pair lies short of the target, or a line misses it."""
         features, _ = self.features
-        count, witness = len(poses.pieces.rows), self._witness(poses)
-        margin = np.full(count, -np.inf)
+        count = len(witness)
         if self.problem.goal == "beyond":
             if self.crossing is None:
-                return margin
+                return
             lows, highs = poses.bounds(conditions.crossing(self.crossing.kinds), self.crossing.given)
             ends = list(zip(lows, highs, strict=True))  # of D, D rho and D (rho - rho_t)
             excess = [
@@ -442,39 +451,36 @@ class Examiner:
             short = [np.where(lows[0] > 0, -high, np.where(highs[0] < 0, low, -np.inf)) for low, high in excess]
             for code, own in enumerate((*short, _opposed(*excess), _opposed(*ends[1:3]))):
                 here = witness[:, 0] == code
-                margin[here] = _flat(own, count)[here]
-            return margin
-        if self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
-            return self._off_edge(poses, self.crossing)
-        for k, feature in enumerate(features):
-            here = np.flatnonzero(witness[:, 0] == k)
-            if len(here):
-                u, w, x, y = self._feature(feature)
-                given = _numbers(u, w, x * self.target[0], y * self.target[1])
-                (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
-                margin[here] = _flat(np.maximum(low, -high), len(here))
-        return margin
+                yield here, _flat(own, count)[here]
+        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
+            yield slice(None), self._off_edge(poses, self.crossing)
+        else:
+            for k, feature in enumerate(features):
+                here = np.flatnonzero(witness[:, 0] == k)
+                if len(here):
+                    u, w, x, y = self._feature(feature)
+                    given = numbers_of(u, w, x * self.target[0], y * self.target[1])
+                    (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
+                    yield here, _flat(np.maximum(low, -high), len(here))
 
     def _off_edge(self, poses: Poses, crossing: TrackedCrossing) -> Array:
         """Return a margin by which the vertex that touches an edge is off its line at the target pair.
 
         Across the edge, along the normal of a face beside it or what is near that and at right angles.
         """
-        u, x, y = (_joined(crossing.given[2 + 3 * k : 5 + 3 * k]) for k in range(3))
+        u, x, y = (Interval.stacked(crossing.given[2 + 3 * k : 5 + 3 * k], ()) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
         for n in crossing.beside:
-            across = _cross(u, _cross(Interval(n), u))  # at right angles to the edge, whatever n is
-            given = _numbers(across, Interval(np.zeros(3)), *points)
+            across = cross(u, cross(Interval(n), u))  # at right angles to the edge, whatever n is
+            given = numbers_of(across, Interval(np.zeros(3)), *points)
             (low,), (high,) = poses.bounds(conditions.separation((F1V2, V1F2)[crossing.kinds[0]]), given)
             margin = np.fmax(margin, np.maximum(low, -high)[:, 0])
         return margin
 
-    def loose(self, poses: Poses) -> Array:
-        """Return by how much a vertex reaches beyond the plane of a tracked feature, which then is no contact."""
+    def loose(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a vertex reaches beyond the plane of a tracked feature, which then is no contact."""
         features, tracked = self.features
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
         bodies = self.problem.active
         for k, body in product(range(tracked), (0, 1)):
             feature = features[k]
@@ -485,18 +491,15 @@ class Examiner:
             if not len(here):
                 continue
             reach = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
-            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), _numbers(u, w, reach))
+            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), numbers_of(u, w, reach))
             flat = DEFAULT.planarity * self.problem.size * _norm(u) * (_norm(w) if feature.kind == E1E2 else 1.0)
-            margin[here] = _flat(low - flat, len(here))
-        return margin
+            yield here, _flat(low - flat, len(here))
 
-    def left(self, poses: Poses) -> Array:
-        """Return by how much a direction keeps the tracked parts apart at the tracked pair."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
+    def left(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a direction keeps the tracked parts apart at the tracked pair."""
         movable, static = self.problem.active
         if self.crossing is None or len(movable.parts) != 1 or len(static.parts) != 1:
-            return margin  # parts of unions may be left for one another
+            return  # parts of unions may be left for one another
         kinds, given = self.crossing.kinds, self.crossing.given
         one, two = Interval(movable.parts[0].vertices) - movable.seed, Interval(static.parts[0].vertices) - static.seed
         for kind, here, u, w in _directions(witness):
@@ -504,20 +507,19 @@ class Examiner:
             first, second, reach = _extremes(own, kind, u, w, one, two)
             lows, highs = own.bounds(conditions.crossing(kinds), given)
             (low,), (high,) = own.bounds(
-                conditions.gap_at_crossing(kinds, kind), [*given, *_numbers(u, w, first, second)]
+                conditions.gap_at_crossing(kinds, kind), [*given, *numbers_of(u, w, first, second)]
             )
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
             excess = sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True))
-            margin[here] = gap - excess * (1.0 + FLOATS)
-        return margin
+            yield here, gap - excess * (1.0 + FLOATS)
 
-    def apart(self, poses: Poses) -> Array:
-        """Return by how much a direction for each part pair keeps it apart at the target pair."""
+    def apart(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a direction for each part pair keeps it apart at the target pair."""
         count, others = len(poses.pieces.rows), len(self.problem.active[1].parts)
         if not self.must_touch:
-            return np.full(count, -np.inf)
+            return
         first = self.evidence.first
         rows = np.diff(first)[poses.pieces.rows] == len(self.movable) * others
         margin = np.where(rows, np.inf, -np.inf)
@@ -527,20 +529,15 @@ class Examiner:
             for kind, here, u, w in _directions(witness):
                 own, two = poses[here], self.obstacles[j].vertices
                 x, y, reach = _extremes(own, kind, u, w, self.movable[i], two)
-                (low,), _ = own.bounds(conditions.separation(kind), _numbers(u, w, x, y))
+                (low,), _ = own.bounds(conditions.separation(kind), numbers_of(u, w, x, y))
                 gap[here] = low[:, 0] - (reach[0] + reach[1]) * (1.0 + FLOATS)
             margin = np.minimum(margin, gap)
-        return margin
+        yield slice(None), margin
 
-    def meets(self, poses: Poses) -> Array:
-        """Return how deep a point of an edge of one part is inside the other."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
-        for i, j, body in product(range(len(self.movable)), range(len(self.obstacles)), (0, 1)):
+    def meets(self, poses: Poses, witness: Array) -> Margins:
+        """Yield how deep a point of an edge of one part is inside the other, or one that moves with body 1."""
+        for body, (i, j, here) in ((k, own) for k in (0, 1) for own in self._parts_meant(witness, k + 1)):
             obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :3] == (i, j, body + 1)).all(axis=1))
-            if not len(here) or not np.isfinite(obstacle.need):
-                continue
             sides = (self.problem.movable.parts[i], self.movable[i]), (obstacle.part, obstacle.vertices)
             (edged, points), (part, corners) = sides[body], sides[1 - body]
             edge, known = _index(witness[here, 3], len(edged.edges))
@@ -549,77 +546,62 @@ class Examiner:
             own = poses[here]
             place, beyond = self._place(own, witness[here])
             normals, planes = face_planes(part, corners)
-            given = [*planes, *(x for vector in (start, along) for x in _numbers(vector))]
+            given = [*planes, *(x for vector in (start, along) for x in numbers_of(vector))]
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
-            margin[here] = np.where(known, depth, -np.inf)
-        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
-            obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :3] == (i, j, 3)).all(axis=1))
-            if len(here) and np.isfinite(obstacle.need):
-                margin[here] = self._depth_of_point(poses[here], witness[here, 4:7], i, j)
-        return margin
+            yield here, np.where(known, depth, -np.inf)
+        for i, j, here in self._parts_meant(witness, 3):
+            yield here, self._depth_of_point(poses[here], witness[here, 4:7], i, j)
 
     def _depth_of_point(self, poses: Poses, x: Array, i: int, j: int) -> Array:
         """Return how deep a point that moves with body 1 is inside an obstacle, less how far it is from the part."""
         obstacle, none = self.obstacles[j], Interval(np.zeros((len(x), 1)))
         normals, planes = face_planes(obstacle.part, obstacle.vertices)
         still = Place(none, none, Interval(np.zeros((len(x), 1, poses.pieces.half.shape[1]))))
-        given = [*planes, *_numbers(Interval(x), Interval(np.zeros_like(x)))]
+        given = [*planes, *numbers_of(Interval(x), Interval(np.zeros_like(x)))]
         lows, _ = poses.bounds(conditions.depth(0), given, still)
         return np.asarray(lows[0].min(axis=1) - distances_from(x, self.movable[i]) * _norm(Interval(normals)).max())
 
     def _place(self, poses: Poses, witness: Array) -> tuple[Place, Array]:
         """Return where on its edge a point is, and how far beyond the edge's ends at most."""
-        pieces, own = poses.pieces, self.evidence
-        low = np.column_stack([own.stretches[pieces.rows, 0], own.boxes[pieces.rows, 0]])
-        high = np.column_stack([own.stretches[pieces.rows, 1], own.boxes[pieces.rows, 1]])
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        rates = np.where(half > 0, witness[:, 5 : 5 + low.shape[1]] / np.where(half > 0, half, 1.0), 0.0)
+        pieces, cells = poses.pieces, self._cells[poses.pieces.rows]
+        middle, half = 0.5 * (cells.low + cells.high), 0.5 * (cells.high - cells.low)
+        rates = np.where(half > 0, witness[:, 5 : 5 + half.shape[1]] / np.where(half > 0, half, 1.0), 0.0)
         centre = Interval(witness[:, 4:5])
-        for j in range(low.shape[1]):
+        for j in range(half.shape[1]):
             centre = centre + Interval(rates[:, j : j + 1]) * (Interval(pieces.centre) - middle)[:, j : j + 1]
         change = Interval(rates[:, None]) * Interval(pieces.half[:, None])
         over = centre + Interval(0.0, change.size.sum(axis=2) * (1.0 + FLOATS))
         beyond = np.maximum(np.maximum(-over.low, over.high - 1.0), 0.0)[:, 0]
         return Place(centre, over, change), beyond
 
-    def outside(self, poses: Poses) -> Array:
-        """Return by how much a parameter is beyond a limit."""
-        pieces, witness = poses.pieces, self._witness(poses)
-        y = pieces.coordinates(over=True)
-        margin = np.full(len(witness), -np.inf)
+    def outside(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much a parameter is beyond a limit."""
+        y = poses.pieces.coordinates(over=True)
         for k, (own, weight, ends) in enumerate(zip(y, self.problem.weights.tolist(), self.limits, strict=True)):
             low, high = (Interval(end) * weight if np.isfinite(end) else Interval(end) for end in ends)
             here = witness[:, 0] == k
-            margin[here] = np.maximum(own.low - high.high, low.low - own.high)[here]
-        return margin
+            yield here, np.maximum(own.low - high.high, low.low - own.high)[here]
 
-    def near(self, poses: Poses) -> Array:
-        """Return by how much points of two parts are nearer than the gap asked for, squared."""
-        witness = self._witness(poses)
-        margin = np.full(len(witness), -np.inf)
-        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
+    def near(self, poses: Poses, witness: Array) -> Margins:
+        """Yield by how much points of two parts are nearer than the gap asked for, squared."""
+        for i, j, here in self._parts_meant(witness):
             obstacle = self.obstacles[j]
-            here = np.flatnonzero((witness[:, :2] == (i, j)).all(axis=1))
-            if not len(here) or not obstacle.need > 0:
-                continue
             x, y = witness[here, 2:5], witness[here, 5:8]
             off = distances_from(x, self.movable[i]) + distances_from(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
             (low,), _ = poses[here].bounds(
-                conditions.nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
+                conditions.nearness(), [*numbers_of(Interval(x), Interval(y)), Interval(need[:, None])]
             )
-            margin[here] = np.where(need > 0, low[:, 0], -np.inf)
-        return margin
+            yield here, np.where(need > 0, low[:, 0], -np.inf)
 
-    def costly(self, poses: Poses) -> Array:
-        """Return by how much the amount, the user's own, is more than what is claimed."""
-        return self._amount_bounds.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+    def costly(self, poses: Poses, _: Array) -> Margins:
+        """Yield by how much the amount, the user's own, is more than what is claimed."""
+        yield slice(None), self._amount_bounds.least(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
-    def beyond(self, poses: Poses) -> Array:
-        """Return the same of all motions from here on outwards."""
-        return self._amount_bounds.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
+    def beyond(self, poses: Poses, _: Array) -> Margins:
+        """Yield the same of all motions from here on outwards."""
+        yield slice(None), self._amount_bounds.least_beyond(poses.pieces) - self.claimed * (1.0 - ACCURACY)
 
     @cached_property
     def _amount_bounds(self) -> AmountOfPieces:
@@ -647,32 +629,10 @@ def _corners(feature: FeaturePoints, body: int, part: ConvexPart) -> set[int]:
     return set(part.loops[place]) if kind == (F1V2, V1F2)[body] else {place}
 
 
-def _cross(u: Interval, v: Interval) -> Interval:
-    """Return the cross product along the last axis."""
-    places = np.array([1, 2, 0]), np.array([2, 0, 1])
-    (a, b), (c, e) = ((x[..., places[0]], x[..., places[1]]) for x in (u, v))
-    return a * e - b * c
-
-
 def _norm(v: Interval) -> Any:
     """Return an upper bound of the lengths of vectors."""
     size = v.size
     return np.sqrt((size * size).sum(axis=-1)) * (1.0 + FLOATS)
-
-
-def _numbers(*vectors: Interval) -> list[Interval]:
-    """Return the components of vectors, (3,) each for all rows or (n, 3) a column each."""
-    found = []
-    for vector in vectors:
-        for k in range(3):
-            own = vector[..., k]
-            each = np.ndim(own.middle) > 0
-            found.append(Interval(own.middle[:, None], np.asarray(own.radius)[..., None]) if each else own)
-    return found
-
-
-def _joined(numbers: Sequence[Interval]) -> Interval:
-    return Interval(np.array([x.middle for x in numbers]), np.array([x.radius for x in numbers]))
 
 
 def _index(values: Array, count: int) -> tuple[Ints, Bools]:
@@ -699,14 +659,9 @@ def _extremes(
 ) -> tuple[Interval, Interval, list[Array]]:
     """Return the vertices of two parts that are nearest to each other along directions, and what others reach beyond.
 
-    Returns
-    -------
-    first, second : (n, 3) Interval
-        The vertices, at the centres.
-    reach : list of two (n,) arrays
-        Upper bounds, over the pieces, of how much further any vertex reaches; not negative.
+    These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
     """
-    R, _ = poses.middles
+    R = poses.middle_rotations
     if kind == V1F2:
         n = u.middle
     else:
@@ -720,7 +675,7 @@ def _extremes(
         further = [
             vertices[..., k][None] - Interval(own.middle[:, k : k + 1], own.radius[:, k : k + 1]) for k in range(3)
         ]
-        _, (high,) = poses.bounds(conditions.height(kind, body), [*_numbers(u, w), *further])
+        _, (high,) = poses.bounds(conditions.height(kind, body), [*numbers_of(u, w), *further])
         points.append(own)
         reach.append(np.maximum(high, 0.0).max(axis=1) * np.ones(len(place)))
     return points[0], points[1], reach

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,9 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.amounts import OwnAmount
-from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
-from fcdm_opt.proof.exclusion import Cells, Exclusion
+from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason, least_lengths
+from fcdm_opt.proof.exclusion import Exclusion
+from fcdm_opt.proof.mean_value import Pieces
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
@@ -72,49 +74,47 @@ class Columns:
         self.high[rows, place] = middle
         self.low[new, place] = middle
 
-    def cells(self, rows: Ints, ends: Array) -> Cells:
+    def cells(self, rows: Ints, ends: Array) -> Pieces:
         """Return the cells from the fronts of some columns on."""
-        return Cells(self.faces[rows], self.low[rows], self.high[rows], np.column_stack([self.front[rows], ends]))
+        boxes, stretches = np.stack([self.low, self.high], axis=1)[rows], np.column_stack([self.front[rows], ends])
+        return Pieces.of(self.faces[rows], boxes, stretches)
 
     @property
     def bounds(self) -> Array:
         """Amount that no motion of each column stays below; infinite where it is closed."""
-        least = np.maximum(np.maximum(self.low, -self.high), 0.0)
-        lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
-        return np.where(self.closed, np.inf, self.front * lengths)
+        return np.where(self.closed, np.inf, self.front * least_lengths(self.low, self.high))
 
 
 @dataclass(eq=False)
 class Record:
-    """The excluded cells, collected on the way."""
+    """The excluded cells, collected on the way: faces, ends, reasons, how many witness rows each has, and these.
 
-    cells: list[tuple[Ints, Array, Array, Ints]] = field(default_factory=list)
-    witnesses: list[Array] = field(default_factory=list)
-    counts: list[Ints] = field(default_factory=list)
-    open: list[float] = field(default_factory=list)  # amounts of cells that were passed, not excluded
+    `open` are amounts of cells that were passed, not excluded.
+    """
 
-    def add(self, cells: Cells, rows: Ints, codes: Ints, witness: Array) -> None:
+    cells: list[tuple[Any, ...]] = field(default_factory=list)
+    open: list[float] = field(default_factory=list)
+
+    def add(self, cells: Pieces, rows: Ints, codes: Ints, witness: Array) -> None:
         """Keep some of the cells, with as many witness rows as their reason has."""
-        boxes = np.stack([cells.low[rows], cells.high[rows]], axis=1)
-        self.cells.append((cells.faces[rows], boxes, cells.stretch[rows], codes[rows]))
-        used = np.where(codes[rows] == Reason.APART, witness.shape[1], 1)
-        kept = np.arange(witness.shape[1]) < used[:, None]
-        self.witnesses.append(witness[rows][kept])
-        self.counts.append(used)
+        kept, codes, witness = cells[rows], codes[rows], witness[rows]
+        used = np.where(codes == Reason.APART, witness.shape[1], 1)
+        rows_used = np.arange(witness.shape[1]) < used[:, None]
+        self.cells.append((kept.faces, kept.low, kept.high, codes, used, witness[rows_used]))
 
     def evidence(self, columns: Columns, domain: Array) -> Evidence:
         """Return what was collected, and what it leaves."""
-        k = columns.low.shape[1]
-        self.cells.append((np.empty(0, np.int64), np.empty((0, 2, k)), np.empty((0, 2)), np.empty(0, np.int64)))
-        faces, boxes, stretches, reasons = (np.concatenate(own) for own in zip(*self.cells, strict=True))
+        none, ends = np.empty(0, np.int64), np.empty((0, 1 + columns.low.shape[1]))
+        every = *self.cells, (none, ends, ends, none, none, np.empty((0, WITNESS)))
+        faces, low, high, reasons, counts, witnesses = (np.concatenate(own) for own in zip(*every, strict=True))
         return Evidence(
             limits=domain,
             faces=faces,
-            boxes=boxes,
-            stretches=stretches,
+            boxes=np.stack([low[:, 1:], high[:, 1:]], axis=1),
+            stretches=np.column_stack([low[:, 0], high[:, 0]]),
             reasons=reasons,
-            first=np.concatenate([[0], np.cumsum(np.concatenate([*self.counts, []]))]).astype(np.int64),
-            witnesses=np.concatenate([*self.witnesses, np.empty((0, WITNESS))]),
+            first=np.append(0, np.cumsum(counts)),
+            witnesses=witnesses,
             column_faces=columns.faces,
             column_boxes=np.stack([columns.low, columns.high], axis=1),
             fronts=np.where(columns.closed, np.inf, columns.front),
@@ -125,20 +125,12 @@ class Record:
 class Proof:
     """What branch and bound found.
 
-    Attributes
-    ----------
-    lower_bound : float
-        No motion with a smaller amount does; infinite where none does at all.
-    q : (k,) array or None
-        A motion better than that known before, if one came up.
-    cells : int
-        Cells tested.
-    evidence : Evidence
+    No motion of an amount below `lower_bound` does, and none at all where that is infinite; `q` is one better than
+    that known before, if one came up.
     """
 
     lower_bound: float
     q: Array | None
-    cells: int
     evidence: Evidence
 
 
@@ -161,7 +153,6 @@ def prove(
 
     Parameters
     ----------
-    task : Task
     upper : float
         Amount of a motion that is known to do; infinite if none is.
     aims : sequence of (gap, most)
@@ -176,7 +167,7 @@ def prove(
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
-    columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
+    columns = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0)
     for _ in range(TURNS):
         looked = 0
         for gap, most in aims:
@@ -192,7 +183,6 @@ def prove(
                     found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
                     pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
                 search_.beside(columns)
-        total += looked
         closed = columns.bounds.min() >= search_.enough(aims[-1][0])
         if closed or perf_counter() > until or pacing.over() or not search_.ahead(columns):
             break
@@ -201,7 +191,7 @@ def prove(
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
     if isinstance(task.amount_kind, OwnAmount) and not columns.closed.all():
         bound = 0.0  # it may be less further out
-    return Proof(bound, search_.q, total, record.evidence(columns, scene.domain))
+    return Proof(bound, search_.q, record.evidence(columns, scene.domain))
 
 
 @dataclass(eq=False)
@@ -241,7 +231,8 @@ class _Search:
     def _better(self, columns: Columns, row: int) -> bool:
         """Search from where a column stands; keep what is better than the best motion known, and tell whether it is."""
         at = np.array([row])
-        q = columns.cells(at, columns.front[at] + columns.stride[at]).centres()[0] / self.task.weights
+        y = columns.cells(at, columns.front[at] + columns.stride[at]).coordinates(over=False)
+        q = np.array([own.middle[0] for own in y]) / self.task.weights
         found = None if self.search is None else self.search(q)
         if found is None or not self.task.amount(found) < self.upper:
             return False
@@ -266,7 +257,8 @@ def _advance(scene: Exclusion, columns: Columns, record: Record, rows: Ints, eno
     tries, front = len(REACHES), columns.front[rows]
     last = np.full(len(rows), np.inf)
     if scene.task.weighted:
-        last = np.maximum(enough / columns.cells(rows, front).nearest * (1.0 + DEFAULT.line), front)
+        lengths = least_lengths(columns.low[rows], columns.high[rows])
+        last = np.maximum(enough / lengths * (1.0 + DEFAULT.line), front)
     strides = np.minimum(columns.stride[rows], last - front)
     ends = np.minimum(front[:, None] + strides[:, None] * np.array(REACHES), last[:, None])
     cells = columns.cells(np.repeat(rows, tries), ends.ravel())

@@ -26,13 +26,7 @@ PAD = 2.0**-49  # rounding of one operation: no more than sixteen units in the l
 
 
 class Enclosure:
-    """A number over each of n cells with k variables.
-
-    Parameters
-    ----------
-    data : (n, k + 2) array
-        Centre, slopes and error of each cell, a row each.
-    """
+    """A number over each of n cells with k variables: centre, slopes and error of each, `data` of (n, k + 2)."""
 
     __slots__ = ("data",)
     __array_ufunc__ = None  # numpy leaves the arithmetic to this class
@@ -47,6 +41,12 @@ class Enclosure:
         data[:, 0], data[:, 1 + place] = centre, half
         data[:, -1] = PAD * np.abs(centre)
         return cls(data)
+
+    @classmethod
+    def box(cls, low: Array, high: Array) -> list[Enclosure]:
+        """Return the variables of boxes, given by their ends, (n, k) each."""
+        middle, half, count = (low + high) / 2.0, (high - low) / 2.0, low.shape[1]
+        return [cls.variable(middle[:, j], half[:, j], j, count) for j in range(count)]
 
     @property
     def radius(self) -> Array:
@@ -184,13 +184,7 @@ class Enclosure:
 def enclosed_pose(motion: Motion, q: list[Any], offset: Array) -> Array:
     """Return the relative pose of body 1 over cells of parameters, (n, 12, k + 2): R, row by row, and s_2 - moved s_1.
 
-    Parameters
-    ----------
-    motion : Motion
-        Seen from the seed of body 1.
-    q : list of Enclosure
-    offset : (3,) array
-        From that seed to the other.
+    Of a motion as seen from the seed of body 1, for enclosures q of its parameters; `offset` leads from there to s_2.
     """
     with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and bounds nothing
         matrix = motion.composed(q, (0.0, 0.0, 0.0), tuple(offset.tolist()))

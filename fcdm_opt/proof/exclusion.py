@@ -15,9 +15,9 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.amounts import OwnAmount
-from fcdm_opt.problem.evidence import WITNESS, Reason
+from fcdm_opt.problem.evidence import WITNESS, Reason, least_lengths
 from fcdm_opt.proof import cells as tests
-from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
+from fcdm_opt.proof.enclosure import enclosed_pose
 from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces
 from fcdm_opt.tolerances import DEFAULT
 
@@ -30,55 +30,6 @@ Solid = tuple[Array, Array, Array, Ints]
 
 Packed = tuple[Array, Array, Array, Ints, Ints, Array]
 """Many solids one after the other, where the vertices, faces and edges of each begin, and a ball around each."""
-
-
-class Cells:
-    """Boxes of motions: n stretches of s, (n, 2), each over a box of directions on a face of the cube."""
-
-    def __init__(self, faces: Ints, low: Array, high: Array, stretch: Array) -> None:
-        self.faces, self.low, self.high, self.stretch = faces, low, high, stretch
-
-    def coordinates(self) -> list[Enclosure]:
-        """Return the weighted coordinates y of all cells as enclosures, the same objects at every call."""
-        return self._coordinates
-
-    @cached_property
-    def _coordinates(self) -> list[Enclosure]:
-        count = self.low.shape[1] + 1
-        middle, half = self.stretch.mean(axis=1), (self.stretch[:, 1] - self.stretch[:, 0]) / 2.0
-        s = Enclosure.variable(middle, half, 0, count)
-        centres, halves = (self.low + self.high) / 2.0, (self.high - self.low) / 2.0
-        own = s.data * (1.0 - 2.0 * (self.faces & 1))[:, None]
-        own[:, -1] = s.data[:, -1]
-        products = [s * Enclosure.variable(centres[:, j], halves[:, j], 1 + j, count) for j in range(count - 1)]
-        axes = (self.faces >> 1)[:, None]
-        made: list[Enclosure] = []
-        for axis in range(count):
-            before, after = (products[j].data if 0 <= j < count - 1 else own for j in (axis - 1, axis))
-            made.append(Enclosure(np.where(axes == axis, own, np.where(axes < axis, before, after))))
-        return made
-
-    @property
-    def pieces(self) -> Pieces:
-        """The same for interval arithmetic."""
-        low, high = (np.column_stack([self.stretch[:, k], own]) for k, own in enumerate((self.low, self.high)))
-        return Pieces(np.arange(len(self.faces)), self.faces, low, high)
-
-    @property
-    def nearest(self) -> Array:
-        """Return the least length of v in each cell's box of directions."""
-        least = np.maximum(np.maximum(self.low, -self.high), 0.0)
-        return np.sqrt(1.0 + (least * least).sum(axis=1))
-
-    def centres(self) -> Array:
-        """Return the weighted coordinates of each cell's middle, (n, k)."""
-        count = self.low.shape[1] + 1
-        axes, rows = self.faces >> 1, np.arange(len(self.faces))
-        others = np.arange(count - 1) + (np.arange(count - 1) >= axes[:, None])
-        v = np.empty((len(rows), count))
-        v[rows, axes] = 1.0 - 2.0 * (self.faces & 1)
-        v[rows[:, None], others] = (self.low + self.high) / 2.0
-        return np.asarray(self.stretch.mean(axis=1)[:, None] * v)
 
 
 def _solid(part: ConvexPart, vertices: Array) -> Solid:
@@ -101,12 +52,7 @@ def _pack(solids: Sequence[Solid]) -> Packed:
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved out by that.
 
-    Parameters
-    ----------
-    part : ConvexPart
-    placed : (n, 3) array
-        Its vertices, where they are.
-    by : float
+    Its vertices are where they are `placed`, (n, 3).
     """
     middles = np.zeros_like(placed)
     for loop, normal in zip(part.loops, part.normals, strict=True):
@@ -220,21 +166,17 @@ class Exclusion:
         one, starts1, two, starts2 = found
         return one, starts1, two, starts2
 
-    def poses(self, cells: Cells) -> Array:
+    def poses(self, cells: Pieces) -> Array:
         """Return the enclosures of the relative pose over each cell, (n, 12, k + 2)."""
-        q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.coordinates(), self.task.weights.tolist(), strict=True)]
+        q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.enclosed, self.task.weights.tolist(), strict=True)]
         return enclosed_pose(self.motion, q, self.offset)
 
     @cached_property
-    def closing(self) -> list[int]:
-        """Reasons that exclude all motions further out in the same direction."""
-        own: list[int] = [Reason.BEYOND, *((Reason.LOOSE, Reason.LEFT) if self.task.coherent else ())]
-        return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
-
-    @cached_property
     def closes(self) -> NDArray[np.bool_]:
-        """Whether each reason, by its number, is of `closing`."""
-        return np.isin(np.arange(len(Reason)), self.closing)
+        """Whether each reason, by its number, excludes all motions further out in the same direction."""
+        own: list[int] = [Reason.BEYOND, *((Reason.LOOSE, Reason.LEFT) if self.task.coherent else ())]
+        own += [Reason.OUTSIDE] if self.task.allows(self.task.rest) else []
+        return np.isin(np.arange(len(Reason)), own)
 
     @cached_property
     def domain(self) -> Array:
@@ -317,14 +259,14 @@ class Exclusion:
             return None
         return np.array(line[1]), np.array(line[0])
 
-    def amounts(self, cells: Cells, T: Array) -> Array:
+    def amounts(self, cells: Pieces, T: Array) -> Array:
         """Return a lower bound of the amount over each cell, (n,)."""
         task = self.task
         if task.weighted:
-            return cells.stretch[:, 0] * cells.nearest
+            return cells.low[:, 0] * least_lengths(cells.low[:, 1:], cells.high[:, 1:])
         if isinstance(task.amount_kind, OwnAmount):
             with np.errstate(all="ignore"):
-                return np.nan_to_num(self._amount_bounds.least(cells.pieces), nan=-np.inf)
+                return np.nan_to_num(self._amount_bounds.least(cells), nan=-np.inf)
         # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
         points = np.concatenate([solid[0] for solid in self.movable])
         turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
@@ -338,7 +280,7 @@ class Exclusion:
         low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
         return np.asarray(np.maximum(low.max(axis=1), 0.0))
 
-    def reasons(self, cells: Cells, enough: float = np.inf, tries: int = 1) -> tuple[Ints, Array]:
+    def reasons(self, cells: Pieces, enough: float = np.inf, tries: int = 1) -> tuple[Ints, Array]:
         """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).
 
         Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one. Of each
@@ -353,7 +295,7 @@ class Exclusion:
             codes[costly := (codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
             if isinstance(self.task.amount_kind, OwnAmount):
                 with np.errstate(all="ignore"):
-                    codes[costly & (self._amount_bounds.least_beyond(cells.pieces) >= enough)] = Reason.BEYOND
+                    codes[costly & (self._amount_bounds.least_beyond(cells) >= enough)] = Reason.BEYOND
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
         if np.isfinite(self.needs).any():
@@ -371,11 +313,10 @@ class Exclusion:
         """Witness rows that a cell may need: one, or one for each part pair that has to be apart."""
         return len(self.movable) * len(self.task.static.parts) if self.task.must_touch else 1
 
-    def _outside(self, cells: Cells, codes: Ints, witness: Array) -> None:
+    def _outside(self, cells: Pieces, codes: Ints, witness: Array) -> None:
         task = self.task
-        y = cells.coordinates()
         room = DEFAULT.requirement * task.size
-        for k, (own, weight, (low, high)) in enumerate(zip(y, task.weights, self.domain, strict=True)):
+        for k, (own, weight, (low, high)) in enumerate(zip(cells.enclosed, task.weights, self.domain, strict=True)):
             if not (np.isfinite(low) or np.isfinite(high)):
                 continue
             out = (own.low > high * weight + room) | (own.high < low * weight - room)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -184,7 +186,7 @@ class Interval:
         if np.ndim(exponent.middle) == 0 and not np.any(exponent.radius) and float(exponent.middle).is_integer():
             count = int(exponent.middle)
             if abs(count) <= 64:
-                made = _product([self] * abs(count))
+                made = reduce(mul, [self] * abs(count), Interval(1.0))
                 return made if count >= 0 else made.reciprocal()
         return (exponent * self.increasing(np.log)).increasing(np.exp)
 
@@ -203,19 +205,30 @@ def _interval(value: Any) -> Interval:
     return value if isinstance(value, Interval) else Interval(value)
 
 
+def cross(u: Interval, v: Interval) -> Interval:
+    """Return the cross product along the last axis."""
+    places = np.array([1, 2, 0]), np.array([2, 0, 1])
+    (a, b), (c, e) = ((x[..., places[0]], x[..., places[1]]) for x in (u, v))
+    return a * e - b * c
+
+
+def numbers_of(*vectors: Interval) -> list[Interval]:
+    """Return the components of vectors, (3,) each for all rows or (n, 3) a column each."""
+    found = []
+    for vector in vectors:
+        for k in range(3):
+            own = vector[..., k]
+            each = np.ndim(own.middle) > 0
+            found.append(Interval(own.middle[:, None], np.asarray(own.radius)[..., None]) if each else own)
+    return found
+
+
 def _down(value: Any) -> Any:
     return value - (LIBRARY * np.abs(value) + LEAST)
 
 
 def _up(value: Any) -> Any:
     return value + (LIBRARY * np.abs(value) + LEAST)
-
-
-def _product(factors: Sequence[Interval]) -> Interval:
-    total = Interval(1.0)
-    for factor in factors:
-        total = total * factor
-    return total
 
 
 def _truth(sure: Any, never: Any) -> Interval:
@@ -319,23 +332,14 @@ ARITHMETIC: dict[str, Callable[..., Interval]] = {
 class IntervalFunction:
     """A CasADi function of symbols (SX), worked out in intervals, instruction by instruction.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        An operation that is not known here gives all numbers.
+    An operation that is not known here gives all numbers.
     """
 
     def __init__(self, function: Any) -> None:
         self._instructions = Instructions.of(function)
 
     def __call__(self, *inputs: Sequence[Interval]) -> tuple[list[list[Interval]], Any]:
-        """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs.
-
-        Parameters
-        ----------
-        inputs : sequences of Interval
-            The numbers of each input.
-        """
+        """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs."""
         jumps: Any = False
 
         def watched(name: str) -> Callable[..., Interval]:

@@ -19,6 +19,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion.instructions import Instructions
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.proof.enclosure import Enclosure
 from fcdm_opt.proof.intervals import ARITHMETIC, Interval, IntervalFunction
 
 Bools = NDArray[np.bool_]
@@ -38,6 +39,12 @@ class Pieces:
     faces: Ints
     low: Array
     high: Array
+
+    @classmethod
+    def of(cls, faces: Ints, boxes: Array, stretches: Array) -> Pieces:
+        """Return whole cells by the ends of their directions, (n, 2, k - 1), and of s, (n, 2)."""
+        low, high = (np.column_stack([stretches[:, side], boxes[:, side]]) for side in (0, 1))
+        return cls(np.arange(len(faces)), faces, low, high)
 
     def __getitem__(self, key: Any) -> Pieces:
         return Pieces(self.rows[key], self.faces[key], self.low[key], self.high[key])
@@ -93,6 +100,17 @@ class Pieces:
         s, v = self.directions(over=over)
         return [s * v[:, k] for k in range(self.low.shape[1])]
 
+    @cached_property
+    def enclosed(self) -> list[Enclosure]:
+        """The same k numbers to the first order in the variables."""
+        rows, (n, k) = np.arange(len(self.faces)), self.low.shape
+        s, *box = Enclosure.box(self.low, self.high)
+        own = s.data * (1.0 - 2.0 * (self.faces & 1))[:, None]
+        own[:, -1] = s.data[:, -1]
+        made, places = np.stack([own, *((s * x).data for x in box)]), np.zeros((n, k), np.int64)
+        places[rows[:, None], self.others] = np.arange(1, k)
+        return [Enclosure(made[places[:, axis], rows]) for axis in range(k)]
+
     def changes(self, slopes: Interval) -> Interval:
         """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
         (n, k), (s, v) = self.low.shape, self.directions(over=True)
@@ -105,9 +123,20 @@ class Pieces:
 class Boxes(Pieces):
     """Boxes of y themselves, which have no faces."""
 
+    @classmethod
+    def between(cls, low: Array, high: Array) -> Boxes:
+        """Return boxes by their ends, (n, k) each."""
+        rows = np.arange(len(low))
+        return cls(rows, np.zeros_like(rows), low, high)
+
     def coordinates(self, *, over: bool) -> list[Interval]:
         """Return y, k numbers (n,), over the boxes or at their centres."""
         return [Interval(self.centre[:, k], self.half[:, k] if over else 0.0) for k in range(self.low.shape[1])]
+
+    @cached_property
+    def enclosed(self) -> list[Enclosure]:
+        """The same k numbers to the first order in the variables."""
+        return Enclosure.box(self.low, self.high)
 
     def changes(self, slopes: Interval) -> Interval:
         """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
@@ -116,17 +145,7 @@ class Boxes(Pieces):
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """Functions of a pose and of given numbers, and their derivatives by the pose.
-
-    Attributes
-    ----------
-    values : IntervalFunction
-        (pose, given) -> values.
-    slopes : IntervalFunction
-        (pose, given) -> values, derivatives column by column.
-    count : int
-        Number of values.
-    """
+    """So many functions of a pose and of given numbers, and their derivatives by the pose, column by column."""
 
     values: IntervalFunction
     slopes: IntervalFunction
@@ -177,23 +196,17 @@ class Poses:
         return Poses(self.pieces[rows], centre, over, self.change[rows], self.jumps[rows])
 
     @property
-    def middles(self) -> tuple[Array, Array]:
-        """R and d at the centres in plain floats, (n, 3, 3) and (n, 3)."""
-        numbers = np.concatenate([x.middle for x in self.centre], axis=1)
-        return numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
+    def middle_rotations(self) -> Array:
+        """R at the centres in plain floats, (n, 3, 3)."""
+        return np.concatenate([x.middle for x in self.centre[:9]], axis=1).reshape(-1, 3, 3)
 
     def bounds(
         self, expression: Expression, given: Sequence[Interval], place: Place | None = None
     ) -> tuple[list[Array], list[Array]]:
-        """Return lower and upper bounds of each value of an expression, (n, rows) each.
+        """Return lower and upper bounds of each value of an expression, (n, rows) each, as what is given broadcasts to.
 
-        Parameters
-        ----------
-        given : sequence of Interval
-            Each (n, rows) or what broadcasts to it.
-        place : Place, optional
-            The last of the given numbers, where it is not fixed over a piece; the expression's last value is then the
-            first one's derivative by it.
+        With a place as the last of the given numbers, which is not fixed over a piece, the expression's last value is
+        the first one's derivative by it.
         """
         at = ([*given, place.centre], [*given, place.over]) if place else (given, given)
         (still,), _ = expression.values(self.centre, at[0])
@@ -214,14 +227,8 @@ class Poses:
 class PosesOfPieces:
     """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells.
 
-    Attributes
-    ----------
-    symbols : tuple of SX
-        y, both seeds as the pose is seen from, and the pose, (12,).
-    seeds : list of Interval
-        What these seeds are.
-    smooth : bool
-        Whether the motion has no jumps.
+    `symbols` are y, both seeds as the pose is seen from, and the pose, (12,); `seeds` what these are. It is `smooth`
+    where it has no jumps.
     """
 
     def __init__(self, problem: Problem) -> None:

@@ -8,19 +8,20 @@ problems with the same parameters, as the contacts of an assembly are, give thei
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache, lru_cache
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.proof.intervals import Interval
-from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
+from fcdm_opt.proof.conditions import separation
+from fcdm_opt.proof.intervals import Interval, cross, numbers_of
+from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES, NARROWED = 400, 0.7  # that are looked at, and of a longest side, above which a piece is cut in two
@@ -29,19 +30,15 @@ ROUNDING = 1e-12  # of the size: more than corners as made are off where they ou
 MOST_BOXES = 4000  # in which equations are shown to disagree
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
-Equation = tuple[str, list[Interval]]
+Equation = tuple[int, list[Interval]]  # a `separation` that is 0: its kind, and what is given
 Problems = Sequence[Problem]
 
 
 def widest_unique(problems: Problems, q: Array) -> float:
     """Return the half width of the widest box tried about no motion in which no other motion restores the contacts.
 
-    Parameters
-    ----------
-    problems : sequence of Problem
-        With `contacts`, and the same parameters, weights and limits.
-    q : (k,) array
-        A motion that restores them. Boxes are of weights * q, and all hold it; 0 where none is proved.
+    Of problems with `contacts`, and the same parameters, weights and limits, which q restores. Boxes are of weights *
+    q, and all hold it; 0 where none is proved.
     """
     largest = float(np.abs(problems[0].weights * q).max())
     tried = max(largest, DEFAULT.least_unit * _size(problems)) * np.array(TRIED)
@@ -63,12 +60,12 @@ def unique(problems: Problems, q: Array, half: Array) -> Array:
     wide = half[:, None] * moving
     here = np.where(moving, weights * q, still)[None]
     # derivatives at the motion, by the coordinates of the unit box: which equations are independent, and their inverse
-    slopes = equations.slopes(_boxes(here - step * moving, here + step * moving)).middle[0][:, moving] / step
+    slopes = equations.slopes(Boxes.between(here - step * moving, here + step * moving)).middle[0][:, moving] / step
     chosen = _independent(slopes, count)
     if len(chosen) < count:
         return np.zeros(len(half), dtype=np.bool_)
     inverse = np.linalg.inv(slopes[chosen])
-    over = equations.slopes(_boxes(still - wide, still + wide), chosen)
+    over = equations.slopes(Boxes.between(still - wide, still + wide), chosen)
     places = np.broadcast_to(np.flatnonzero(moving), (len(half), count, count))
     scaled = inverse / half[:, None, None]
     product = Interval(scaled, np.zeros_like(scaled)).contracted(over.taken(np.ascontiguousarray(places)))
@@ -79,10 +76,7 @@ def unique(problems: Problems, q: Array, half: Array) -> Array:
 def least_amount(problems: Problems, tried: Array) -> float:
     """Return the largest of some weighted amounts below which no motion restores the contacts; 0 where none is proved.
 
-    Parameters
-    ----------
-    tried : (n,) array
-        Amounts, rising. What is proved of one holds of those before it.
+    They rise: what is proved of one holds of those before it.
     """
     first, last = 0, len(tried)
     while first < last:
@@ -108,7 +102,7 @@ def _none_below(problems: Problems, amount: float) -> bool:
     looked_at, noise = 0, ROUNDING * _size(problems)
     while len(low) and looked_at + len(low) <= PIECES and not pacing.over():
         looked_at += len(low)
-        boxes = _boxes(low, high)
+        boxes = Boxes.between(low, high)
         centre, half, slopes = boxes.centre, np.where(boxes.half > 0.0, boxes.half, 1.0), equations.slopes(boxes)
         values = equations.centred(boxes) + Interval(0.0, noise)  # corners as made are off each other
         J = slopes.middle / half[:, None]
@@ -154,15 +148,8 @@ def _none_below(problems: Problems, amount: float) -> bool:
 def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
     """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
 
-    Parameters
-    ----------
-    low, high : (k,) arrays
-        Ends of weighted parameters.
-
-    Returns
-    -------
-    boxes, motions : (n, 2, k), (n, k) arrays, or None
-        None where `MOST_BOXES` do not do.
+    Boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
+    do not do.
     """
     if not (np.isfinite(low) & np.isfinite(high)).all():
         return None
@@ -172,7 +159,7 @@ def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] |
         if count > MOST_BOXES:
             return None
         pacing.check()
-        boxes = _boxes(left[:, 0], left[:, 1])
+        boxes = Boxes.between(left[:, 0], left[:, 1])
         values, slopes = equations.centred(boxes), equations.slopes(boxes)
         half = np.where(boxes.half > 0.0, boxes.half, 1.0)
         rates = slopes.middle / half[:, None]
@@ -201,8 +188,8 @@ def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """
     limits = problems[0].limits
     moving, equations, step = limits[:, 0] < limits[:, 1], _Equations(problems), 1e-9 * _size(problems)
-    values = equations.centred(_boxes(y[None], y[None])).middle[0]
-    slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
+    values = equations.centred(Boxes.between(y[None], y[None])).middle[0]
+    slopes = equations.slopes(Boxes.between((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
     return values, slopes
 
 
@@ -234,7 +221,7 @@ class _Equations:
         found = []
         for motion, equations in self._own:
             centre = _poses(motion, boxes).centre
-            found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
+            found += [separation(kind).values(centre, given)[0][0][0] for kind, given in equations]
         return Interval.stacked(found, (len(boxes.rows), 1))[:, 0]
 
     def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
@@ -248,17 +235,12 @@ class _Equations:
         return Interval(*both)
 
 
-def _boxes(low: Array, high: Array) -> Boxes:
-    rows = np.arange(len(low))
-    return Boxes(rows, np.zeros_like(rows), low, high)
-
-
 def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) -> list[Interval]:
     """Return derivatives of each equation over boxes times their half widths, (n, 1, k)."""
     poses = _poses(motion, boxes)
     found = []
     for kind, given in equations:
-        (_, slopes), _ = _expression(kind).slopes(poses.over, given)
+        (_, slopes), _ = separation(kind).slopes(poses.over, given)
         own = Interval.stacked(slopes, (len(boxes.rows), 1)).contracted(poses.change)
         found.append(Interval(own.middle, np.where(poses.jumps[:, :, None], np.inf, own.radius)))
     return found
@@ -285,26 +267,20 @@ def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
     )
     kinds = feature.one.kind + feature.two.kind
     flush = any(feature == seat.touching for seat in problem.nominal_seats)
-    axes = [Interval(axis, np.zeros(3)) for axis in np.eye(3)]
-    if kinds == "VV":
-        for axis in axes:
-            yield "in two", [*_numbers(own[0], axis, other[0])]
-    elif kinds[1] == "E" and (kinds[0] == "V" or flush):
-        for point, axis in product(own, axes):
-            yield "in two", [*_numbers(point, _cross(other[1] - other[0], axis), other[0])]
-    elif kinds == "EV":
-        for axis in axes:
-            yield "in one", [*_numbers(other[0], _cross(own[1] - own[0], axis), own[0])]
-    elif kinds == "EE":
-        yield "edges", [*_numbers(own[0], own[1] - own[0], other[0], other[1] - other[0])]
-    elif kinds[1] == "F":
-        a, b, c = _corners(other)
-        for point in own if kinds != "FF" else _corners(own):
-            yield "in two", [*_numbers(point, _cross(b - a, c - a), a)]
-    elif kinds[0] == "F":
-        a, b, c = _corners(own)
-        for point in other:
-            yield "in one", [*_numbers(point, _cross(b - a, c - a), a)]
+    none, *axes = (Interval(axis, np.zeros(3)) for axis in np.vstack([np.zeros(3), np.eye(3)]))
+    if kinds == "EE" and not flush:
+        yield E1E2, numbers_of(own[1] - own[0], other[1] - other[0], own[0], other[0])
+        return
+    in_two = kinds in ("VV", "VE") or kinds[1] == "F" or (kinds[1] == "E" and flush)  # else in the axes of body 1
+    (held, points), kind = ((other, own), kinds[1]) if in_two else ((own, other), kinds[0])
+    place, normals = held[0], axes
+    if kind == "E":
+        normals = [cross(held[1] - place, axis) for axis in axes]
+    elif kind == "F":
+        place, b, c = _corners(held)
+        normals = [cross(b - place, c - place)]
+    for point, n in product(_corners(points) if kinds == "FF" else points, normals):
+        yield (V1F2, numbers_of(n, none, point, place)) if in_two else (F1V2, numbers_of(n, none, place, point))
 
 
 def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
@@ -314,31 +290,3 @@ def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
     two = int(np.linalg.norm(places - places[one], axis=1).argmax())
     three = int(np.linalg.norm(np.cross(places - places[one], places[two] - places[one]), axis=1).argmax())
     return points[one], points[two], points[three]
-
-
-def _cross(u: Interval, v: Interval) -> Interval:
-    rows = [u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3] for k in range(3)]
-    return Interval.stacked(rows, ())
-
-
-def _numbers(*vectors: Interval) -> Iterator[Interval]:
-    for vector in vectors:
-        yield from (vector[k] for k in range(3))
-
-
-@cache
-def _expression(kind: str) -> Expression:
-    """Return the equation of a kind: of points of body 1 from its moved seed, and of body 2 from its own, scaled."""
-    import casadi
-
-    def in_two(R: Any, d: Any, p: Any) -> Any:
-        return casadi.dot(p[3:6], d + p[6:9] - R @ p[:3])
-
-    def in_one(R: Any, d: Any, p: Any) -> Any:
-        return casadi.dot(p[3:6], R.T @ (d + p[:3]) - p[6:9])
-
-    def edges(R: Any, d: Any, p: Any) -> Any:
-        return casadi.dot(casadi.cross(R @ p[3:6], p[9:12]), d + p[6:9] - R @ p[:3])
-
-    builds: dict[str, Callable[[Any, Any, Any], Any]] = {"in two": in_two, "in one": in_one, "edges": edges}
-    return Expression.of(12 if kind == "edges" else 9, builds[kind])

@@ -35,14 +35,8 @@ def nearest_weighted(task: Task) -> Task:
 def another_amount(task: Task, weighted: Answer) -> Answer:
     """Return the least motion by the task's own amount, found from the least by the weighted one.
 
-    Whether there is a motion does not depend on the amount. That the nonlinear program finds the least is not proved;
-    the lower bound is that of the displacement, or 0.
-
-    Parameters
-    ----------
-    task : Task
-    weighted : Answer
-        To `nearest_weighted`.
+    That is of the task `nearest_weighted`. Whether there is a motion does not depend on the amount. That the
+    nonlinear program finds the least is not proved; the lower bound is that of the displacement, or 0.
     """
     if weighted.q is None:
         bound = weighted.lower_bound if weighted.status is Status.INFEASIBLE else displacement_bound(task)

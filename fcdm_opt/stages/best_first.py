@@ -142,20 +142,10 @@ class _Branch:
 
 
 def nearest(choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf) -> Nearest:
-    """Return the y nearest to a point that meets some rows and one alternative of every group.
+    """Return the y nearest to `centre` that meets some rows, not none, and one alternative of every group.
 
-    Parameters
-    ----------
-    choices : Choices
-    start : Rows
-        Not empty.
-    centre : (k,) array
-    slack : float
-        Up to which a group counts as met.
-    nodes : int
-        After which the search is left.
-    most : float
-        Only what is nearer is of interest.
+    Up to `slack` a group counts as met. The search is left after so many nodes, and only what is nearer than `most`
+    is of interest.
     """
     (normals, levels), firsts, groups = choices
     number, heap, lasts = count(), list[tuple[float, int, int, Array, _Branch]](), [*groups[1:].tolist(), len(firsts)]

@@ -109,13 +109,10 @@ def confirmed(task: Task, answer: Answer) -> Answer:
 def proved(
     task: Task, answer: Answer, *, gap: float, seconds: float | None = None, share: float = 1.0
 ) -> tuple[Answer, Evidence | None]:
-    """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up.
+    """Return what stages found with a lower bound that is proved, and what proves it; a better motion if one comes up.
 
     Parameters
     ----------
-    task : Task
-    answer : Answer
-        What the stages found.
     gap : float
         Relative gap between amount and bound that is enough.
     seconds : float, optional
@@ -273,13 +270,10 @@ def bounded(
     until: float = np.inf,
     checked: bool = True,
 ) -> tuple[Answer, Evidence | None]:
-    """Return an answer with a bound by `prove`, better or settled where that is so.
+    """Return an answer, of a motion or none yet, with a bound by `prove`: better or settled where that is so.
 
     Parameters
     ----------
-    task : Task
-    answer : Answer
-        What is known: a motion, or none yet.
     aims : sequence of (gap, effort)
         Relative gaps between bound and amount that are enough, the finest first, and up to which effort, in cells
         times vertices of a cell's tests; after the last the bound is what it is.

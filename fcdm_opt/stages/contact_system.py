@@ -119,18 +119,8 @@ def all_at_once(
     """Answer several tasks that share their parameters and their size: contacts of an assembly that share motions.
 
     Exact where nothing turns; else with the best bound found: `known` beforehand, that no other motions restore the
-    contacts, or multipliers.
-
-    Parameters
-    ----------
-    problems, tasks : sequences of Problem and Task
-        Alike.
-    names : sequence of str
-        Of each, in what is told.
-    known : float
-        A lower bound of the amount.
-    prove : bool
-        Look for a bound where motions turn.
+    contacts, or multipliers, which are looked for to `prove` it. Problems, tasks and `names`, in what is told, are
+    alike.
     """
     systems, asked = [System.of(replace(task, amount_kind="weighted")) for task in tasks], tasks[0]
     stage = LINEAR if all(task.motion.shifts for task in tasks) else NEWTON
@@ -259,11 +249,7 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
 class System:
     """The equations of some contacts; z = weights * q / size.
 
-    Attributes
-    ----------
-    task : Task
-    features : tuple of FeaturePoints
-        Those of the task's joints, or of its tracked contact, or others to be worked out alike.
+    The features are those of the task's joints, or of its tracked contact, or others to be worked out alike.
     """
 
     task: Task

@@ -59,13 +59,7 @@ class Settled(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """A task in the arrays that the kernels take; z = weights * q / unit.
-
-    Attributes
-    ----------
-    task : Task
-    motion : PoseInstructions
-    """
+    """A task in the arrays that the kernels take; z = weights * q / unit."""
 
     task: Task
     motion: PoseInstructions
@@ -119,15 +113,8 @@ class Descent:
     ) -> Settled | None:
         """Return the least motion found from several starts, (n, k), each on its own.
 
-        Parameters
-        ----------
-        starts : (n, k) array
-        enough : float
-            Only what is smaller is of interest.
-        chosen : sequence of Way
-            Sites that keep their part pairs apart.
-        closing : (i, j), optional
-            The part pair that must not stay apart.
+        Only what is smaller than `enough` is of interest. The sites `chosen` keep their part pairs apart; the pair
+        `closing` must not stay apart.
         """
         best: Settled | None = None
         for start in starts:

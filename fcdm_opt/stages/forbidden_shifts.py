@@ -26,15 +26,8 @@ MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart 
 class ForbiddenShifts:
     """Polytopes within what clearances forbid the shifts of a task, and half-spaces outside of them, by part pair.
 
-    Attributes
-    ----------
-    task : Task
-        Whose motion only shifts.
-    points : dict of (i, j) to (n, 3) array
-        Shifts whose hull is the polytope of a pair.
-    walls : dict of (i, j) to Rows or None
-        Alternatives over the weighted parameters in sizes, one of which each allowed motion meets; None where parts are
-        too large, or no shift leads out.
+    The hull of `points`, (n, 3), is the polytope of a pair; `walls` are alternatives over the weighted parameters in
+    sizes, one of which each allowed motion meets, None where parts are too large, or no shift leads out.
     """
 
     task: Task
@@ -42,16 +35,10 @@ class ForbiddenShifts:
     walls: dict[Parts, Rows | None] = field(default_factory=dict)
 
     def grow(self, q: Array, pairs: Collection[Parts] | None = None, slopes: Array | None = None) -> set[Parts]:
-        """Grow the polytopes of pairs that a motion leaves too near, and return which these are.
+        """Grow the polytopes of pairs, by default of all, that a motion leaves too near, and return which these are.
 
-        Parameters
-        ----------
-        q : (k,) array
-        pairs : collection of (i, j), optional
-            Those looked at, by default all.
-        slopes : (m, k) array, optional
-            Rows over the weighted parameters that equations hold: a point of the border that motions reach without
-            changing them joins a polytope, too.
+        With rows over the weighted parameters that equations hold, (m, k), a point of the border that motions reach
+        without changing them joins a polytope, too.
         """
         task, gaps, grown = self.task, self.task.pair_gaps(q), set[Parts]()
         slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)

@@ -43,11 +43,7 @@ def full(task: Task) -> Answer | None:
 def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer | None:
     """Return what the full model gives, solved once for each part pair that may be the one to touch; None for nothing.
 
-    Parameters
-    ----------
-    task : Task
-    tolerance : float
-        Of IPOPT, scaled rows and stationarity.
+    The tolerance is that of IPOPT, of scaled rows and stationarity.
     """
     asks = bool(np.isfinite(task.needs).any())
     gaps = task.pair_gaps(task.start) if asks else np.full((1, 1), np.inf)

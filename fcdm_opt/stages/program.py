@@ -358,21 +358,11 @@ def minimise(
     method: str = "sqpmethod",
     tolerance: float = DEFAULT.solver,
 ) -> Outcome | None:
-    """Solve the program from one start; None where rows do not hold.
+    """Solve the program from motion parameters to start from, (k,); None where rows do not hold.
 
-    Parameters
-    ----------
-    task : Task
-    rows : sequence of Row
-    start : (k,) array
-        Motion parameters to start from.
-    planes : (blocks, 4) array
-        Separating planes to start from, unit normal and level / unit, one for each block that a row names; of a common
-        point what starts it at nothing.
-    method : "sqpmethod", "ipopt" or "full"
-        CasADi plugin; the last is IPOPT with patience.
-    tolerance : float
-        Of IPOPT, scaled rows and stationarity.
+    Separating planes start from `planes`, (blocks, 4), unit normal and level / unit, one for each block that a row
+    names; of a common point what starts it at nothing. `method` is a CasADi plugin, "sqpmethod" or "ipopt", or
+    "full", which is IPOPT with patience; the tolerance is that of IPOPT, of scaled rows and stationarity.
     """
     pacing.check()
     points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))

@@ -37,14 +37,9 @@ FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
 class FirstContact(NamedTuple):
-    """The first contact along a ray.
+    """The first contact along a ray: where the needed gap is reached, infinite if it is not.
 
-    Attributes
-    ----------
-    amount : float
-        Where the needed gap is reached; infinite if it is not.
-    clear_to : float
-        Proved: not reached before this amount; 0 where nothing is proved.
+    It is proved not to be reached before `clear_to`, 0 where nothing is proved.
     """
 
     amount: float
@@ -87,24 +82,10 @@ def one_parameter(task: Task) -> Answer | None:
 
 
 def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0, most: int = STEPS) -> FirstContact:
-    """Return where along a ray the target pair first has just the gap it needs.
+    """Return where along a ray the target pair first has just the gap it needs, from an amount to a limit.
 
-    Parameters
-    ----------
-    task : Task
-        With goal "touch" or "clear".
-    direction : (k,) array
-        Parameters per unit of amount.
-    limit : float
-        Amount to go to.
-    start : float
-        Amount to go from.
-    most : int
-        Steps at most where body 1 does not move steadily.
-
-    Notes
-    -----
-    A contact that a keep-out forbids is passed by: the way is then searched on from there.
+    The direction is in parameters per unit of amount, the goal "touch" or "clear". A contact that a keep-out forbids
+    is passed by: the way is then searched on from there. `most` are steps where body 1 does not move steadily.
     """
     pacing.check()
     if not is_steady(task, direction):

@@ -102,17 +102,10 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
 
 @dataclass(eq=False)
 class Relaxation:
-    """The constraints of one choice of features.
+    """The constraints of one choice of features, and the part pair that must not stay apart, if any: `closing`.
 
-    Attributes
-    ----------
-    task : Task
-    closing : (i, j) or None
-        The part pair that must not stay apart.
-    promise : float
-        What the choice needs at rest, to first order: tried in this order.
-    reached : bool
-        Whether any solution met everything but the coherence of the path.
+    Choices are tried in the order of their `promise`, what they need at rest, to first order. Some solution `reached`
+    it that met everything but the coherence of the path.
     """
 
     task: Task
@@ -133,14 +126,9 @@ class Relaxation:
     def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Answer | None:
         """Return the smallest motion, adding what solutions violate; None if there is none.
 
-        Parameters
-        ----------
-        starts : list of (k,) arrays
-            Where each round starts; in later rounds the first few, and the latest solution.
-        method : "sqpmethod" or "ipopt"
-            CasADi plugin.
-        enough : float
-            Give up once the amount is no smaller: more constraints only add to it.
+        Each round starts from `starts`, (k,) each, in later rounds from the first few and the latest solution. It is
+        given up once the amount is no smaller than `enough`: more constraints only add to it. `method` is a CasADi
+        plugin, "sqpmethod" or "ipopt".
         """
         task, outcome = self.task, self._solved(starts, method)
         for _ in range(ROUNDS):

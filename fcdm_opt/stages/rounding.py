@@ -27,15 +27,8 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
     smaller than it and not below the smallest of all.
 
     A goal that is an equation ("at", "seat", and pairs that must touch) is met to within what the steps leave open,
-    see `Motion.play`: of the motions in which the target pair does not overlap the one nearest to it wins, and its gap
-    is reported as it is. No lower bound is known then.
-
-    Parameters
-    ----------
-    task : Task
-    answer : Answer
-    solve : callable
-        Answers a task.
+    see `Motion.play`: of the motions in which the target pair does not overlap the one nearest to it wins, and its
+    gap is reported as it is. No lower bound is known then.
     """
     if task.resolution is None or answer.q is None:
         return answer

@@ -37,16 +37,9 @@ def suits(task: Task) -> bool:
 
 
 def descended(task: Task, q: Array, radius: float) -> Answer | None:
-    """Return the least motion that a descent from a motion finds; None where it finds none.
+    """Return the least motion that a descent from a motion, which need not do, finds; None where it finds none.
 
-    Parameters
-    ----------
-    task : Task
-        One that `suits`.
-    q : (k,) array
-        Where to begin; it need not do.
-    radius : float
-        Amount by which the first step may change it.
+    Of a task that `suits`; the first step may change the amount by `radius`.
     """
     weights, most = task.weights, FURTHER * radius
     best: Array | None = None

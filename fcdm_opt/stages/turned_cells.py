@@ -257,27 +257,17 @@ def _direction(part1, part2, turn, way):
 
 
 @step
-def _height_1(kind, along, turn, half, x):
-    """Return (value, slopes, error) of n . x over a cell, x a point of body 1 turned."""
+def _height(kind, along, turn, half, x, p):
+    """Return (value, slopes, error) of n . (x - p) over a cell, x a point of body 1 turned, p one of body 2."""
     sign, n, E, F = along
+    value = _dot(n, _minus(x, p))
     if kind == FACE_1:
-        return _dot(n, x), NONE, 0.0
+        return value, _turned(turn, 9, _cross(p, n)), half * _length(p) * _length(n)
     if kind == FACE_2:
-        return _dot(n, x), _turned(turn, 9, _cross(x, n)), half * _length(x) * _length(n)
-    moment = _cross(x, E)  # n . R x = sign F . R (x x e)
-    return _dot(n, x), _times(sign, _turned(turn, 9, _cross(moment, F))), half * _length(moment)
-
-
-@step
-def _height_2(kind, along, turn, half, p):
-    """Return (value, slopes, error) of n . p over a cell, p a point of body 2."""
-    sign, n, E, F = along
-    if kind == FACE_2:
-        return _dot(n, p), NONE, 0.0
-    if kind == FACE_1:
-        return _dot(n, p), _turned(turn, 9, _cross(n, p)), half * _length(p) * _length(n)
-    moment = _cross(F, p)
-    return _dot(n, p), _times(sign, _turned(turn, 9, _cross(E, moment))), half * _length(moment)
+        return value, _turned(turn, 9, _cross(x, n)), half * _length(x) * _length(n)
+    one, two = _cross(x, E), _cross(F, p)  # n . R x = sign F . R (x x e)
+    slopes = _times(sign, _turned(turn, 9, _minus(_cross(one, F), _cross(E, two))))
+    return value, slopes, half * (_length(one) + _length(two))
 
 
 @step
@@ -338,9 +328,8 @@ def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, m
             continue
         x = _at(turned1, k if k < len(turned1) else v)
         p = _at(points2, w if k < len(turned1) else k - len(turned1))
-        value1, g1, error1 = _height_1(kind, along, turn, half, x)
-        value2, g2, error2 = _height_2(kind, along, turn, half, p)
-        value, g = _quotient(value1 - value2 - error1 - error2 - spare, _minus(g1, g2), D, gD, eD, h)
+        height, g, bent_by = _height(kind, along, turn, half, x, p)
+        value, g = _quotient(height - bent_by - spare, g, D, gD, eD, h)
         _fill(levels, slopes, count, value + more, g)
         count += 1
     return count
@@ -428,12 +417,11 @@ def _gap_bound(part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, 
         for k in range(len(turned1)):
             if kind == FACE_1 and k != far:
                 continue
-            value1, g1, error1 = _height_1(kind, along, turn, half, _at(turned1, k))
             for other in range(len(points2)):
                 if kind == FACE_2 and other != near:
                     continue
-                value2, g2, error2 = _height_2(kind, along, turn, half, _at(points2, other))
-                value, g = _quotient(value2 - value1 - error1 - error2 - spare, _minus(g2, g1), D, gD, eD, h)
+                height, g, bent_by = _height(kind, along, turn, half, _at(turned1, k), _at(points2, other))
+                value, g = _quotient(-height - bent_by - spare, _times(-1.0, g), D, gD, eD, h)
                 if _unlike(value, g, c, h, bound):
                     continue
                 _fill(levels, slopes, 0, value, g)
@@ -532,7 +520,7 @@ def _try_depth(part1, part2, way, kind, eta, metric, more, best):
 
 
 @kernel
-def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, best, gap):
+def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, best, gap):
     """Look at every cell of a generation; return the halves of those left, (bound, c, h), and their directions.
 
     `touching` are pairs of which one must touch, all of them apart at rest; `apart` are pairs each of which must be

@@ -8,8 +8,9 @@ is left below the best known motion.
 
 from __future__ import annotations
 
+from functools import partial
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,17 +40,7 @@ class Bound(NamedTuple):
     lower: float
     upper: float
     q: Array | None
-    cells: int
     closed: bool
-
-
-class Steps(NamedTuple):
-    """A motion taken apart: places of its translations and rotations, the former's directions."""
-
-    translations: Ints
-    rotations: Ints
-    directions: Array
-    vector: bool
 
 
 def least_over_turns(
@@ -58,32 +49,17 @@ def least_over_turns(
     """Bound the amount of a task from below, by cutting its rotations into cells; None where the task is not its own.
 
     Limits on translations, keep-outs, and parts of unions that the motion brings in each other's way are left out:
-    the bound holds without them, but may not meet the answer then, which `upper` has to bring.
-
-    Parameters
-    ----------
-    upper : Answer or None
-        The best motion known.
-    gap : float
-        Relative gap between both bounds at which to stop.
-    seconds : float
-        Time after which to stop; whether a task is stopped by `MOST_CELLS` before does not depend on the machine.
-    share : float
-        Of `MOST_CELLS`.
+    the bound holds without them, but may not meet the answer then, which `upper` has to bring. It ends at a relative
+    `gap` between both, after so many seconds, or after its share of `MOST_CELLS`, alike on any machine.
     """
-    steps = _steps(task)
-    if steps is None:
-        return None
-    return _TurnSearch(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
+    search = _TurnSearch.of(task)
+    return None if search is None else search.least(upper, gap, seconds, int(share * MOST_CELLS))
 
 
 def turns(task: Task) -> Answer | None:
     """Stage 3: one rotation searched, translations exact; where the smallest motion is proved to be so."""
-    steps = _steps(task)
-    if steps is None or len(steps.rotations) > 1:
-        return None
-    search = _TurnSearch(task, steps)
-    if not search.plain:
+    search = _TurnSearch.of(task)
+    if search is None or len(search.rotations) > 1 or not search.plain:
         return None
     bound = search.least(None, FINE, SHORT)
     if bound.q is None or bound.lower < bound.upper * (1.0 - PROVED) or not task.meets(bound.q, DEFAULT.requirement):
@@ -93,33 +69,33 @@ def turns(task: Task) -> Answer | None:
     return Answer(Status.SOLVED, bound.q, stage, bound.lower, names, task.modelled_by_gaps(bound.q, kept))
 
 
-def _steps(task: Task) -> Steps | None:
-    """Return the motion taken apart; None for other motions and goals."""
-    if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
-        return None
-    motion = task.motion
-    moves = [(k, own) for k, own in enumerate(motion.shift_directions) if own is not None]
-    spins = np.flatnonzero(motion.turning).tolist()
-    vector = any(len(step.own_parameters) > 1 for step in motion.steps)
-    if not motion.about_seed or (vector and len(motion.steps) > 1):
-        return None
-    if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
-        return None
-    directions = np.array([axis for _, axis in moves]).T
-    if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
-        return None
-    return Steps(np.array([k for k, _ in moves]), np.array(spins), directions, vector)
-
-
 class _TurnSearch:
     """The scene as the kernels take it, and the loop over generations of cells.
 
     `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too.
     """
 
-    def __init__(self, task: Task, steps: Steps) -> None:
-        self.task, self.steps = task, steps
-        metric = steps.directions / task.weights[steps.translations]
+    @classmethod
+    def of(cls, task: Task) -> _TurnSearch | None:
+        """Return it of a motion of three translations and rotations; None for other motions and goals."""
+        if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
+            return None
+        motion = task.motion
+        moves = [(k, own) for k, own in enumerate(motion.shift_directions) if own is not None]
+        spins = np.flatnonzero(motion.turning)
+        vector = any(len(step.own_parameters) > 1 for step in motion.steps)
+        if not motion.about_seed or (vector and len(motion.steps) > 1):
+            return None
+        if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
+            return None
+        translations, directions = (np.array(own) for own in zip(*moves, strict=True))
+        if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
+            return None
+        return cls(task, translations, spins, directions.T, vector=vector)
+
+    def __init__(self, task: Task, translations: Ints, rotations: Ints, directions: Array, *, vector: bool) -> None:
+        self.task, self.translations, self.rotations = task, translations, rotations
+        metric = directions / task.weights[translations]
         square = metric.T @ metric
         even = bool(np.abs(square - square[0, 0] * np.eye(3)).max() <= SAME * square[0, 0])
         spectral = float(np.linalg.norm(metric, 2)) * (1.0 + SAME)
@@ -135,20 +111,21 @@ class _TurnSearch:
             ]
         )
         self.touching, self.apart = self._pairs()
-        at_will = not np.isfinite(task.limits[steps.translations]).any() and task.allows(task.rest)
+        at_will = not np.isfinite(task.limits[translations]).any() and task.allows(task.rest)
         alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
         self.plain = exact and at_will and alone
         self.weights = np.ones(3)
-        self.weights[: len(steps.rotations)] = task.weights[steps.rotations]
+        self.weights[: len(rotations)] = task.weights[rotations]
         reach = float(np.linalg.norm(self.one[0], axis=1).max())
         size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
         program = pose_instructions(task.motion)
         assert program is not None
         motion = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed)
-        self.kind = motion, steps.rotations, steps.vector, self.weights
-        self.space = metric.ravel(), np.linalg.inv(metric).ravel()
+        kind = motion, rotations, vector, self.weights
+        space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
-        self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        self._advance = partial(turned_cells.advance, self.one, self.two, self.apart, kind, space, numbers)
 
     def _pairs(self) -> tuple[Ints, Ints]:
         """Return the pairs one of which must touch, and those that must come apart, see `turned_cells.advance`."""
@@ -166,7 +143,7 @@ class _TurnSearch:
         if upper is not None and upper.q is not None:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
-            return Bound(0.0, float(best[0]), None, 0, bool(best[0] == 0))
+            return Bound(0.0, float(best[0]), None, bool(best[0] == 0))
         pool = self._ways()
         ways, cells = np.array([[0, len(pool)]]), 0
         self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
@@ -179,13 +156,7 @@ class _TurnSearch:
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
-        return Bound(lower, least, q, cells, not len(nodes))
-
-    def _advance(self, touching: Ints, *cells: Any) -> tuple[Array, Ints, Ints]:
-        """Look at a generation of cells, see `turned_cells.advance`."""
-        return turned_cells.advance(
-            self.one, self.two, touching, self.apart, self.kind, self.space, self.numbers, *cells
-        )
+        return Bound(lower, least, q, not len(nodes))
 
     def _ways(self) -> Ints:
         """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""
@@ -209,7 +180,7 @@ class _TurnSearch:
 
         None of a larger amount than the best known; none of more than half a turn, if all are allowed.
         """
-        count, limits = len(self.steps.rotations), self.task.limits[self.steps.rotations]
+        count, limits = len(self.rotations), self.task.limits[self.rotations]
         ends = np.full(3, most)
         if not np.isfinite(limits).any():
             ends = np.minimum(ends, np.pi * self.weights)
@@ -227,8 +198,8 @@ class _TurnSearch:
         """Return the best motion found as parameters; one that undoes an overlap by the least of all directions."""
         if not np.isfinite(best[1]):
             return None
-        task, steps, q, y = self.task, self.steps, self.task.rest, best[4:]
-        q[steps.rotations] = best[1 : 1 + len(steps.rotations)] / task.weights[steps.rotations]
+        task, q, y = self.task, self.task.rest, best[4:]
+        q[self.rotations] = best[1 : 1 + len(self.rotations)] / task.weights[self.rotations]
         if len(self.apart):
             _, rows, gaps = task.separations((0, 0), task.pose(q))
             ways = rows[:, :3] @ self.metric
@@ -236,7 +207,7 @@ class _TurnSearch:
             k = int(depths.argmin())
             if gaps[k] <= 0:
                 y = -max(float(depths[k]), 0.0) / np.linalg.norm(ways[k]) * ways[k]
-        q[steps.translations] = y / task.weights[steps.translations]
+        q[self.translations] = y / task.weights[self.translations]
         return q
 
 

@@ -28,6 +28,7 @@ from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import worst_sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.proof.checker import filled_box
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 ACCURACY = 1e-4
@@ -280,7 +281,7 @@ def test_no_pose_of_a_dense_grid_is_better(name, case, sizes, counts):
     found = best_pose(asked, box=sizes)
     proved(asked, found)
     assert found.gap <= ACCURACY * found.value
-    limits = found.evidence.limits
+    limits = filled_box(found.evidence.boxes)[0].T
     about = np.array(list(found.parameters.values()))
     grids = []
     for low, high in (limits.T, np.clip(np.add(about, [[-0.02], [0.02]]), *limits.T)):
@@ -412,11 +413,14 @@ def test_a_proof_that_was_tampered_with_is_rejected():
 
     assert failed(own) == set()
     assert failed(own, found.value * 1.001) >= {"proof: bounds"}
-    narrow = own.limits.copy()
-    narrow[0, 1] = 0.0
-    assert "proof: limits" in failed(replace(own, limits=narrow))
-    leaf = int(np.flatnonzero(own.axes < 0)[-1])
-    assert failed(replace(own, axes=np.delete(own.axes, leaf))) == {"proof: cells"}
+    narrow = own.boxes.copy()
+    narrow[..., 0] = np.minimum(narrow[..., 0], 0.0)
+    assert "proof: limits" in failed(replace(own, boxes=narrow))
+    assert failed(replace(own, boxes=own.boxes[:-1])) == {"proof: cells"}
+    holed = own.boxes.copy()
+    holed[-1, 0] = holed[-1].mean(axis=0)
+    assert failed(replace(own, boxes=holed)) == {"proof: cells"}
+    assert failed(replace(own, boxes=own.boxes[:, ::-1])) == {"proof: cells"}
     assert failed(replace(own, sizes=own.sizes + 0.02)) == {"proof: cells"}
     assert failed(replace(own, shares=-own.shares)) == {"proof: cells"}
     assert failed(replace(own, ways=2.0 * own.ways)) == {"proof: bounds"}

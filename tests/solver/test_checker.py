@@ -20,7 +20,7 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof import conditions
-from fcdm_opt.proof.checker import check_evidence
+from fcdm_opt.proof.checker import check_evidence, filled_box
 from fcdm_opt.proof.columns import Proof, prove
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.proof.mean_value import Pieces, PosesOfPieces
@@ -391,3 +391,22 @@ def test_an_amount_that_falls_further_out_is_not_bounded_by_what_it_is_nearby():
     within = fo.solve(asked.changed(limits={"TZ": (-1, 1)}), certify=True)
     assert within.lower_bound == pytest.approx(0.075**2, rel=2e-4)
     assert failed(within.problem, within.evidence, within.lower_bound) == set()
+
+
+def test_boxes_fill_what_they_span_unless_one_is_moved_left_out_or_doubled():
+    """Halved at random, with a parameter that is fixed: along it all boxes are one point."""
+    rng, boxes = np.random.default_rng(2), [np.array([[-1.0, 0.0, 3.0], [2.0, 0.5, 3.0]])]
+    for axis in rng.integers(0, 2, 30).tolist():
+        low, high = boxes.pop(int(rng.integers(len(boxes))))
+        middle = 0.5 * low[axis] + 0.5 * high[axis]
+        one, two = np.array([low, high]), np.array([low, high])
+        one[1, axis] = two[0, axis] = middle
+        boxes += [one, two]
+    made = np.array(boxes)
+    ends, filled = filled_box(made)
+    assert filled
+    assert ends.tolist() == [[-1.0, 0.0, 3.0], [2.0, 0.5, 3.0]]
+    moved = made.copy()
+    moved[7, 1, 0] += 1e-9
+    for wrong in (moved, np.delete(made, 7, axis=0), np.concatenate([made, made[7:8]])):
+        assert not filled_box(wrong)[1]

@@ -14,7 +14,8 @@ from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof.columns import prove
 from fcdm_opt.proof.enclosure import Enclosure
-from fcdm_opt.proof.exclusion import Cells, Exclusion
+from fcdm_opt.proof.exclusion import Exclusion
+from fcdm_opt.proof.mean_value import Pieces
 from fcdm_opt.show.texts import bound_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -49,13 +50,14 @@ def random_cells(rng, k, count, size):
     faces = rng.integers(0, 2 * k, count)
     middle, half = rng.uniform(-1, 1, (count, k - 1)), size * rng.uniform(0, 1, (count, k - 1))
     start = rng.uniform(0.0, 1.0, count)
-    return Cells(faces, middle - half, middle + half, np.column_stack([start, start + size * rng.uniform(0, 1, count)]))
+    end = start + size * rng.uniform(0, 1, count)
+    return Pieces.of(faces, np.stack([middle - half, middle + half], axis=1), np.column_stack([start, end]))
 
 
 def inside(rng, cells):
     """Weighted coordinates of a random motion of each cell."""
-    s = rng.uniform(cells.stretch[:, 0], cells.stretch[:, 1])
-    v = rng.uniform(cells.low, cells.high)
+    s = rng.uniform(cells.low[:, 0], cells.high[:, 0])
+    v = rng.uniform(cells.low[:, 1:], cells.high[:, 1:])
     return np.array([s[n] * np.insert(v[n], face >> 1, 1.0 - 2.0 * (face & 1)) for n, face in enumerate(cells.faces)])
 
 
@@ -83,13 +85,8 @@ def test_errors_of_enclosures_fall_with_the_square_of_the_size():
     for motion in (MOTIONS["screw of the seeds"], MOTIONS["free"], MOTIONS["screw about a line"]):
         scene = Exclusion(Task.of(fo.Problem(one, two, target=(1.0, 1.0), motion=motion, goal="touch")))
         cells, k = random_cells(rng, len(motion.parameters), 20, 1e-2), len(motion.parameters)
-        centre = (cells.low + cells.high) / 2, cells.stretch.mean(axis=1, keepdims=True)
-        finer = Cells(
-            cells.faces,
-            centre[0] + (cells.low - centre[0]) / 10,
-            centre[0] + (cells.high - centre[0]) / 10,
-            centre[1] + (cells.stretch - centre[1]) / 10,
-        )
+        centre = cells.centre
+        finer = Pieces(cells.rows, cells.faces, centre + (cells.low - centre) / 10, centre + (cells.high - centre) / 10)
         coarse, fine = (scene.poses(own)[:, :, k + 1].max(axis=1) for own in (cells, finer))
         assert (fine <= coarse / 90).all()
 
@@ -129,7 +126,7 @@ def test_a_casadi_function_is_enclosed_as_it_is_evaluated():
     function = casadi.Function("f", [q], [casadi.sqrt(1 + q[0] ** 2) * casadi.sin(q[1]) / (2 + casadi.cos(q[0]))])
     rng = np.random.default_rng(3)
     cells = random_cells(rng, 2, 50, 0.2)
-    (value,) = interpreted(function, cells.coordinates())
+    (value,) = interpreted(function, cells.enclosed)
     for _ in range(10):
         exact = np.array([float(function(y)) for y in inside(rng, cells)])
         assert (value.low <= exact).all()
@@ -160,7 +157,7 @@ def test_no_motion_of_an_excluded_cell_does(goal, seed):
     task = Task.of(fo.Problem(one, two, motion=motion, **arguments))
     evidence = prove(task, 1.5, aims=[(1e-3, 4000)]).evidence
     assert len(evidence.reasons) > 20
-    cells = Cells(evidence.faces, evidence.boxes[:, 0], evidence.boxes[:, 1], evidence.stretches)
+    cells = Pieces.of(evidence.faces, evidence.boxes, evidence.stretches)
     for reason, y in zip(evidence.reasons, inside(rng, cells), strict=True):
         q = y / task.weights
         if reason in (Reason.OUTSIDE, Reason.SHORT, Reason.APART, Reason.MEETS, Reason.NEAR):

@@ -44,35 +44,23 @@ NO_WITNESSES = Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np
 
 @dataclass(eq=False)
 class Node:
-    """A cell, its bound and what proves it; `axis` is that along which it was halved, -1 for a leaf."""
+    """A cell, its bound and what proves it; `split` is the axis along which it is to be halved, if it is not yet."""
 
     low: Array
     high: Array
     bound: float = -np.inf
     witnesses: Witnesses = NO_WITNESSES
     split: int = 0
-    axis: int = -1
-    children: tuple[int, ...] = ()
+    halved: bool = False
 
 
 @dataclass(eq=False)
 class Search:
-    """Cells of poses, and the best pose known.
+    """Cells of poses within limits, (k, 2), all finite, and the best pose known.
 
-    Attributes
-    ----------
-    worst : Worst
-    limits : (k, 2) array
-        All finite.
-    best : Found
-    slack : float
-        A pose is in the window whose worst gap is off by no more.
-    amounts : bool
-        Whether the smallest amount in the window is looked for; else the pose whose worst gap is off least.
-    improve : callable
-        Given a pose, returns one near it that is as good as those about it.
-    known : float, optional
-        What no pose has less of, where a program tells it without cells.
+    A pose is in the window whose worst gap is off by no more than `slack`. With `amounts` the smallest amount in the
+    window is looked for; else the pose whose worst gap is off least. `improve` returns a pose near one that is as good
+    as those about it; `known` is what no pose has less of, where a program tells it without cells.
     """
 
     worst: Worst
@@ -92,21 +80,13 @@ class Search:
     @property
     def lower(self) -> float:
         """What no pose has less of: by the leaves."""
-        leaves = [node.bound for node in self.nodes if node.axis < 0]
+        leaves = [node.bound for node in self.nodes if not node.halved]
         return max(min(min(leaves, default=np.inf), self.value), 0.0 if self.amounts else self.worst.floor)
 
     def run(self, *, accuracy: float, near: float, most: int, settled: Callable[[], bool] = lambda: False) -> None:
         """Halve cells until no pose is better than the best by `accuracy`, or there are `most` cells.
 
-        Parameters
-        ----------
-        accuracy : float
-            Relative.
-        near : float
-            Values this near to each other are equal.
-        most : int
-        settled : callable
-            Ends the search early.
+        The accuracy is relative, and values as near to each other as `near` are equal; what is `settled` ends early.
         """
         heap, floor = list[tuple[float, int]](), 0.0 if self.amounts else self.worst.floor
         self._add([(self.limits[:, 0], self.limits[:, 1])], heap)
@@ -120,15 +100,16 @@ class Search:
                 upper, lower, axis = node.low.copy(), node.high.copy(), node.split
                 upper[axis] = lower[axis] = middle = 0.5 * node.low[axis] + 0.5 * node.high[axis]
                 if node.low[axis] < middle < node.high[axis]:  # else as small as digits allow
-                    first = len(self.nodes) + len(halves)
-                    node.axis, node.children = axis, (first, first + 1)
+                    node.halved = True
                     halves += [(node.low, lower), (upper, node.high)]
             if halves:
                 self._add(halves, heap)
 
     def _add(self, boxes: list[tuple[Array, Array]], heap: list[tuple[float, int]]) -> None:
         low, high = map(np.array, zip(*boxes, strict=True))
-        for a, b, T in zip(low, high, enclosures(self.worst, low, high), strict=True):
+        scene = self.worst.scene
+        motion, offset = self.worst.problem.motion.seen_from(scene.movable.seed), scene.static.seed - scene.movable.seed
+        for a, b, T in zip(low, high, enclosed_pose(motion, Enclosure.box(low, high), offset), strict=True):
             node = Node(a, b)
             self._look_at(node, T)
             heappush(heap, (node.bound, len(self.nodes)))
@@ -191,11 +172,3 @@ def _bounded(worst: Worst, T: Array, slack: float) -> tuple[GapRows, tuple[Any, 
         *(rows.rows, rows.first, rows.pairs, rows.along),
         *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
     )
-
-
-def enclosures(worst: Worst, low: Array, high: Array) -> Array:
-    """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    problem, scene, k = worst.problem, worst.scene, low.shape[1]
-    offset = scene.static.seed - scene.movable.seed
-    q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    return enclosed_pose(problem.motion.seen_from(scene.movable.seed), q, offset)

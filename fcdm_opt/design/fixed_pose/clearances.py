@@ -282,8 +282,7 @@ def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> 
     names, worst = tuple(stack.names), stack.worst()
 
     def end(gap: float, at: Mapping[str, float]) -> EndOfRange:
-        pair, row = touching.governing(rho := np.array([*at.values()]))
-        own = touching.pairs[pair]
+        own, row = touching.governing(rho := np.array([*at.values()]))
         feature, direction = touching.feature(own, row), frozen(own.normals[row])
         between = feature.in_words(*touching.bodies)
         return EndOfRange(
@@ -328,11 +327,8 @@ def _drawn(scene: Problem | Assembly, sizes: Any, box: Array, *, count: int, see
 
 def gaps_text(least: float, most: float, unit: str) -> str:
     """Return a range of gaps in words: "gaps from 0.2 mm interference to 0.3 mm clearance"."""
-    return f"gaps from {_gap_text(least, unit)} to {_gap_text(most, unit)}"
-
-
-def _gap_text(gap: float, unit: str) -> str:
-    return f"{measured(abs(gap), unit, 4)} {'interference' if gap < 0 else 'clearance'}"
+    kinds = ("clearance", "interference")
+    return f"gaps from {' to '.join(f'{measured(abs(gap), unit, 4)} {kinds[gap < 0]}' for gap in (least, most))}"
 
 
 def transform_of(problem: Problem, pose: Any) -> Array:

@@ -97,14 +97,8 @@ def least_moved(worst: Worst, found: Found, nearby: Found) -> Found:
     """Return, among poses whose worst gap is no further off than that of `found`, one that moves the part little.
 
     What has no effect on the worst gap is so left at rest: a slide along a groove, a turn about the axis of a round.
-
-    Parameters
-    ----------
-    worst : Worst
-    found : Found
-        As good as those about it; its worst gap is off by more than nothing.
-    nearby : Found
-        A pose near rest, taken as the start where it is as good.
+    The one found is as good as those about it, and off by more than nothing; `nearby` is near rest, a start where it
+    is as good.
     """
     slack, off = DEFAULT.tie * worst.scene.size, found.off.value
     window = replace(worst, low=worst.low - off - slack, high=worst.high + off + slack)

@@ -28,13 +28,8 @@ NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 def nearest_miss(problem: Problem) -> str:
     """Return in words what still lacks at the best pose found, and between what; "" where that is not known.
 
-    The search is local: a pose at which less lacks is not excluded. Of goals "touch" and "clear" asked are the gap of
-    the parts made and those of keep-outs, of others the contact as drawn.
-
-    Parameters
-    ----------
-    problem : Problem
-        That has no solution.
+    Asked of what has no solution. The search is local: a pose at which less lacks is not excluded. Of goals "touch"
+    and "clear" asked are the gap of the parts made and those of keep-outs, of others the contact as drawn.
     """
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""

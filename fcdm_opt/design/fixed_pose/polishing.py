@@ -79,15 +79,8 @@ class _NearPose:
 def polished(worst: Worst, true: TrueSizes, found: Found, places: Sequence[Array]) -> Polished:
     """Return the pose near a pose whose worst gap is off least on true faces, of such the one of the least amount.
 
-    Parameters
-    ----------
-    worst : Worst
-        Of parts exact at points.
-    true : TrueSizes
-        Asked last about this pose.
-    found : Found
-    places : sequence of (k,) arrays
-        Sizes at which gaps were extreme so far, as `TrueSizes` has them.
+    `worst` is of parts exact at points, `true` was asked last about the pose found, and `places` are sizes at which
+    gaps were extreme so far, (k,) each, as `TrueSizes` has them.
     """
     slack, k = worst.problem.contact_slack, len(found.q)
     ends = [end.gap for end in found.off.extremes[:2]]

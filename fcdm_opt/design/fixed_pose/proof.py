@@ -1,7 +1,7 @@
 """Cells of poses as evidence, and their independent checker.
 
-The checker takes nothing from the search but what the evidence says. That the cells fill the limits follows from how
-they are written: as the halvings that made them. What each claims is worked out anew: the poses of a cell by the mean
+The checker takes nothing from the search but what the evidence says. That the cells fill the limits is counted, as of
+other proofs. What each claims is worked out anew: the poses of a cell by the mean
 value form in interval arithmetic, from CasADi's derivatives; gaps at fixed poses by the collision library that judges
 all claims; facets of Minkowski differences by Qhull. Shared are the meaning of the problem, `worst.domain`, and the
 kinds of witnesses, see `gaps.cell_bound`.
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.cells import NO_WITNESSES, Search
+from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import BodyGaps
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
@@ -22,6 +22,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
+from fcdm_opt.proof.checker import filled_box
 from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
@@ -36,20 +37,17 @@ class PoseEvidence(Plain):
 
     Attributes
     ----------
-    limits : (k, 2) array
-        Of the parameters: the first cell.
-    axes : (n,) ints
-        The cells in the order in which they were halved, the lower half first: the parameter, -1 for a last cell.
+    boxes : (m, 2, k) array
+        Lower and upper ends of the parameters; together they fill a box.
     first : (m + 1,) ints
-        Where the witnesses of each last cell begin; one without any is left out for its amount.
+        Where the witnesses of each cell begin; one without any is left out for its amount.
     kinds, shares, parts, sizes : (w,), (w,), (w, 2), (w, 2) arrays
         See `cells.Witnesses`.
     way_first, ways : (w + 1,) ints, (d, 3) array
         Directions of each witness.
     """
 
-    limits: Array
-    axes: Ints
+    boxes: Array
     first: Ints
     kinds: Ints
     shares: Array
@@ -61,20 +59,13 @@ class PoseEvidence(Plain):
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
-        axes, made, stack = [], [NO_WITNESSES], [0]
-        while stack:
-            node = search.nodes[stack.pop()]
-            axes.append(node.axis)
-            stack += reversed(node.children)
-            if not node.children:
-                made.append(node.witnesses)
-        *mixtures, ways = zip(*made, strict=True)
+        cells = [node for node in search.nodes if not node.halved]
+        *mixtures, ways = zip(*(node.witnesses for node in cells), strict=True)
         kinds, shares, parts, sizes = map(np.concatenate, mixtures)
         each = [own for several in ways for own in several]
         return cls(
-            limits=frozen(search.limits),
-            axes=frozen(axes, np.int64),
-            first=frozen(np.cumsum([len(own.kinds) for own in made]), np.int64),
+            boxes=frozen([(node.low, node.high) for node in cells]),
+            first=frozen(np.cumsum([0, *map(len, mixtures[0])]), np.int64),
             kinds=frozen(kinds, np.int64),
             shares=frozen(shares),
             parts=frozen(parts, np.int64),
@@ -82,25 +73,6 @@ class PoseEvidence(Plain):
             way_first=frozen(np.cumsum([0, *map(len, each)]), np.int64),
             ways=frozen(np.concatenate([np.empty((0, 3)), *each])),
         )
-
-    def leaves(self) -> tuple[Array, Array]:
-        """Return the lower and upper ends of the last cells, (m, k) each; raises ValueError where axes are none."""
-        stack = [(self.limits[:, 0], self.limits[:, 1])]
-        low, high = [], []
-        for axis in self.axes.tolist():
-            if not stack or not -1 <= axis < len(self.limits):
-                raise ValueError("the halvings do not fit together")
-            a, b = stack.pop()
-            if axis < 0:
-                low.append(a)
-                high.append(b)
-                continue
-            middle, upper, lower = 0.5 * a[axis] + 0.5 * b[axis], a.copy(), b.copy()
-            upper[axis] = lower[axis] = middle
-            stack += [(upper, b), (a, lower)]
-        if stack:
-            raise ValueError("the halvings do not fit together")
-        return np.array(low), np.array(high)
 
 
 def check_proof(
@@ -112,54 +84,42 @@ def check_proof(
     *,
     amounts: bool,
 ) -> tuple[Check, ...]:
-    """Check that no pose is better than a bound.
+    """Check that no pose is better than a bound: of how far the worst gap is off the window at any pose.
 
-    Parameters
-    ----------
-    problem : Problem
-    sizes : Sizes
-    window : (low, high)
-        Of the gap.
-    evidence : PoseEvidence
-        Taken at its word in nothing.
-    lower_bound : float
-        Of how far the worst gap is off the window at any pose, or, with `amounts`, of the weighted amount of a motion
-        that brings all gaps into it.
-    amounts : bool
-
-    Returns
-    -------
-    tuple of Check
-        That the limits hold all poses wanted, that the cells fill them, and one for all cells: by how much the least
-        sure of them falls short.
+    Or, with `amounts`, of the weighted amount of a motion that brings all gaps into it. The evidence is taken at its
+    word in nothing. The checks are that the limits hold all poses wanted, that the cells fill them, and one for all
+    cells: by how much the least sure of them falls short.
     """
     worst = Worst.of(problem, sizes, *window)
     worst.leave_out_permanent()
     scene = worst.scene
     most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
     wanted = domain(worst, most, amount)
-    beyond = np.maximum(evidence.limits[:, 0] - wanted[:, 0], wanted[:, 1] - evidence.limits[:, 1])
+    flaw = _flaw(scene, evidence, len(wanted))
+    if flaw:
+        return (Check("proof: cells", False, 1.0, 0.0, flaw),)
+    ends, filled = filled_box(evidence.boxes)
+    beyond = np.maximum(ends[0] - wanted[:, 0], wanted[:, 1] - ends[1])
     beyond = np.where(wanted[:, 0] > wanted[:, 1], -np.inf, beyond)
-    checks = [Check("proof: limits", bool((beyond <= 0).all()), float(beyond.max()), 0.0, "hold all poses wanted")]
-    flaw = _flaw(scene, evidence)
-    try:
-        low, high = evidence.leaves()
-    except ValueError as reason:
-        flaw = str(reason)
-    else:
-        flaw = flaw or ("" if len(low) == len(evidence.first) - 1 else "not one set of witnesses for each cell")
-    checks.append(Check("proof: cells", not flaw, float(bool(flaw)), 0.0, flaw or f"{len(low)} fill the limits"))
-    if not flaw:
+    checks = [
+        Check("proof: limits", bool((beyond <= 0).all()), float(beyond.max()), 0.0, "hold all poses wanted"),
+        Check("proof: cells", filled, float(not filled), 0.0, f"{len(evidence.boxes)} fill the limits"),
+    ]
+    if filled:
         judge = _PoseExaminer(worst, evidence)
         slack = DEFAULT.touch * scene.size
-        margin = judge.margin(low, high, lower_bound, slack, amounts)
+        margin = judge.margin(evidence.boxes[:, 0], evidence.boxes[:, 1], lower_bound, slack, amounts)
         checks.append(Check("proof: bounds", bool(margin >= -slack), margin, -slack, "of the least sure cell"))
     return tuple(checks)
 
 
-def _flaw(scene: BodyGaps, own: PoseEvidence) -> str:
+def _flaw(scene: BodyGaps, own: PoseEvidence, parameters: int) -> str:
     """Return what keeps the witnesses from being looked at, "" if nothing does."""
     sizes, count = scene.sizes, len(own.kinds)
+    if own.boxes.shape != (len(own.first) - 1, 2, parameters):
+        return "not one set of witnesses for each cell"
+    if not (len(own.boxes) and np.isfinite(own.boxes).all() and (own.boxes[:, 0] <= own.boxes[:, 1]).all()):
+        return "cells are none"
     if own.sizes.shape != (count, 2) or own.parts.shape != (count, 2) or own.shares.shape != (count,):
         return "witnesses of different numbers"
     for name, last in (("first", count), ("way_first", len(own.ways))):
@@ -187,7 +147,7 @@ class _PoseExaminer:
         self.worst, self.scene, self.evidence = worst, worst.scene, evidence
         self.pair = ScaledPair(worst.problem.movable, worst.problem.static)
         self.kinematics = PosesOfPieces(worst.problem)
-        k = len(evidence.limits)
+        k = evidence.boxes.shape[2]
         self.signs = np.array([[1.0 if corner >> c & 1 else -1.0 for c in range(k)] for corner in range(1 << k)])
         bodies = worst.problem.movable, worst.problem.static
         self.points = [[part.vertices - body.seed for part in body.parts] for body in bodies]
@@ -231,10 +191,10 @@ class _PoseExaminer:
 
     def _poses(self, low: Array, high: Array) -> Array:
         """Return centre, changes and error of each of the twelve numbers of poses over boxes, (n, 12, k + 2)."""
-        weights, none = self.worst.problem.weights, np.zeros(len(low), np.int64)
+        weights = self.worst.problem.weights
         ends = np.nextafter(low * weights, -np.inf), np.nextafter(high * weights, np.inf)
         with np.errstate(all="ignore"):
-            found = self.kinematics.poses(Boxes(none, none, *ends))
+            found = self.kinematics.poses(Boxes.between(*ends))
             at, over = (
                 [np.hstack([getattr(x, side) for x in own]) for side in ("middle", "radius")]
                 for own in (found.centre, found.over)

@@ -39,18 +39,10 @@ NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with who
 
 @dataclass(frozen=True, eq=False)
 class GapRows:
-    """The rows of part pairs at a pose.
+    """The rows of part pairs at a pose, see `gaps`.
 
-    Attributes
-    ----------
-    rows, first : arrays
-        See `gaps`.
-    pairs : (p, 2) ints
-        Of all part pairs those that may have the least gap at the sizes spoken of.
-    pose : (12,) array
-        Of body 2 as seen from body 1: R, row by row, and s_2 - moved s_1.
-    along : bool
-        Whether the gap is measured along rows alone.
+    Of all `pairs`, (p, 2), those that may have the least gap at the sizes spoken of; the pose, (12,), is R, row by
+    row, and s_2 - moved s_1. Where it is `along`, the gap is measured along rows alone.
     """
 
     rows: Array
@@ -87,12 +79,6 @@ class SizedBodies:
 
     Attributes
     ----------
-    movable, static : Body
-    sizes : Sizes
-    names : tuple of str
-        Of the sizes.
-    size : float
-        Of the larger body.
     vertices, starts : two arrays each
         Of scaled bodies, about their seeds, part by part; empty of others.
     reach : float
@@ -285,15 +271,9 @@ def _no_more(values: Array) -> float:
 
 
 class OwnSizes(SizedBodies):
-    """Two bodies as drawn, with sizes by name; the rows at an orientation are those of all shifts about it.
+    """Two bodies as drawn, with their own sizes; the rows at an orientation are those of all shifts about it.
 
-    Parameters
-    ----------
-    movable, static : Body
-        As drawn.
-    own : tuple of Size
-    places : (3, 2) array, optional
-        Least and largest shift of the movable body that is asked about, where it does not turn.
+    Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about.
     """
 
     def __init__(
@@ -365,15 +345,14 @@ class OwnSizes(SizedBodies):
 
         def end(gap: float, p: Array) -> Extreme:
             pair, row = there.governing(p)
-            return Extreme(gap, frozen(p), there.pairs[pair].parts, there.pairs[pair].normals[row])
+            return Extreme(gap, frozen(p), pair.parts, pair.normals[row])
 
         return Extremes(end(*there.least()), end(*there.largest()))
 
     def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme."""
         there = self._at(at.pose)
-        pair, row = there.governing(extreme.rho)
-        return there.feature(there.pairs[pair], row)
+        return there.feature(*there.governing(extreme.rho))
 
 
 BodyGaps = Scales | OwnSizes
@@ -420,17 +399,9 @@ def true_extremes(
 
 
 class ScaleGaps(NamedTuple):
-    """Two bodies at a pose, and the extremes of their gap over a box of scales.
+    """Two bodies at a pose, made exact at points of round faces, and the extremes of their gap over a box of scales.
 
-    Attributes
-    ----------
-    scene : Scales
-        The bodies, made exact at points of round faces.
-    rows : GapRows
-        At the pose.
-    extremes : Extremes
-    true : TrueSizes or None
-        Their true faces, whose gaps these are; None where all faces are flat, or gaps are those of facets.
+    `true` are their faces whose gaps these are; None where all are flat, or gaps are those of facets.
     """
 
     scene: Scales

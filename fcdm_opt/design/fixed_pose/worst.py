@@ -49,17 +49,12 @@ class Off(NamedTuple):
 class Worst:
     """The worst gap of a problem's bodies over all sizes: off(q) = max(most(q) - high, low - least(q)).
 
-    With the window [0, 0] it is the largest |gap|.
+    With the window [0, 0] it is the largest |gap|; its ends are infinite where it is open.
 
     Attributes
     ----------
-    problem : Problem
-        Bodies, motion and weights.
-    scene : BodyGaps
     solid : Body or None
         The other body, where only its surface is known: a pose inside of it is none.
-    low, high : float
-        The window; infinite where it is open.
     limits : (k, 2) array
         Of the parameters; default the problem's.
     active : (m, s) array
@@ -348,17 +343,10 @@ def obstacles(problem: Problem) -> list[tuple[Body, float, Body | None]]:
 def domain(worst: Worst, most: float, amount: float) -> Array:
     """Return the limits of the parameters outside which no pose is wanted, (k, 2).
 
-    A turn beyond half a revolution repeats a smaller one where the limits have that one. A gap is no less than the
-    distance of the seeds less what both bodies reach, so that the seed of body 1 comes to lie in a ball; from the balls
-    before and after them follows how long translations are. What no such bound is known of may be infinite.
-
-    Parameters
-    ----------
-    worst : Worst
-    most : float
-        Poses whose largest gap exceeds this are not wanted.
-    amount : float
-        Nor are motions of a larger weighted amount.
+    None is whose largest gap exceeds `most`, nor a motion of a larger weighted `amount`. A turn beyond half a
+    revolution repeats a smaller one where the limits have that one. A gap is no less than the distance of the seeds
+    less what both bodies reach, so that the seed of body 1 comes to lie in a ball; from the balls before and after
+    them follows how long translations are. What no such bound is known of may be infinite.
     """
     problem, limits = worst.problem, worst.limits.copy()
     if np.isfinite(amount):
