@@ -53,7 +53,9 @@ class MovingPart:
     triples : (t, 3) int array
         Facets that meet in each corner.
     vertices : (t,) int array
-        The part's vertex as drawn that each corner comes from.
+        The part's vertex as drawn that each corner comes from, or is nearest to.
+    points : (t, 3) array
+        Where it is as drawn.
     moves : (t, 3, k) array
         How each corner moves a unit of each size.
     split : (n,) bool array
@@ -65,6 +67,7 @@ class MovingPart:
     offsets: Array
     triples: Ints
     vertices: Ints
+    points: Array
     moves: Array
     split: Flags
 
@@ -75,7 +78,7 @@ class MovingPart:
         Infinite for the facets that the corner's vertex is on.
         """
         part = self.part
-        depth = part.levels - part.vertices[self.vertices] @ part.normals.T
+        depth = part.levels - self.points @ part.normals.T
         on = np.zeros((len(part.vertices), len(part.loops)), bool)
         for facet, loop in enumerate(part.loops):
             on[list(loop), facet] = True
@@ -85,7 +88,22 @@ class MovingPart:
 
     def at(self, values: Array) -> Array:
         """Return the corners at given sizes, (t, 3)."""
-        return self.part.vertices[self.vertices] + self.moves @ values
+        return self.points + self.moves @ values
+
+    def with_all_corners(self) -> MovingPart:
+        """Return it with all points in which three facets' planes meet as corners, of a part that changes its shape."""
+        normals, part = self.part.normals, self.part
+        triples = np.array(list(combinations(range(len(normals)), 3)))
+        triples = triples[np.abs(np.linalg.det(normals[triples])) > DEFAULT.nominal]
+        centre = part.vertices.mean(axis=0)
+        levels = (normals * (part.bases - centre)).sum(axis=1)
+        solved = np.linalg.solve(
+            normals[triples], np.concatenate([levels[triples][:, :, None], self.offsets[triples]], axis=2)
+        )
+        points = solved[:, :, 0] + centre
+        nearest = np.linalg.norm(points[:, None] - part.vertices, axis=2).argmin(axis=1)
+        split = np.ones(len(part.vertices), bool)
+        return replace(self, triples=triples, vertices=nearest, points=points, moves=solved[:, :, 1:], split=split)
 
 
 @dataclass(frozen=True, eq=False)
@@ -776,8 +794,9 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, A
         own, origin = own[kept], origin[kept]
         triples, vertices = np.concatenate([triples, own]), np.concatenate([vertices, origin])
         moves = np.concatenate([moves, np.linalg.solve(part.normals[own], lengths[own])])
-    moves = moves + np.einsum("kxy,ty->txk", turns, part.vertices[vertices] - body.seed)
-    return MovingPart(part, faces, offsets, triples, vertices, moves, split)
+    points = part.vertices[vertices]
+    moves = moves + np.einsum("kxy,ty->txk", turns, points - body.seed)
+    return MovingPart(part, faces, offsets, triples, vertices, points, moves, split)
 
 
 def _fan(around: Ints, normals: Array) -> Ints:
