@@ -18,8 +18,19 @@ from fcdm_opt.along.round_contacts import RoundContact, round_contacts
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
-from fcdm_opt.curve.contact import Contact, contact_at, contact_set, is_own, located, supporting_contact
-from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.contact import (
+    SITE_KINDS,
+    Contact,
+    contact_at,
+    contact_set,
+    feature_of_site,
+    is_own,
+    located,
+    near_pairs,
+    site_corners,
+    supporting_contact,
+)
+from fcdm_opt.curve.features import Feature, is_within
 from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -32,7 +43,6 @@ from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.tolerances import DEFAULT
 
-LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # elements of a site
 MOST_CORNERS = 12  # of what two bodies share, looked at one by one
 DECIMALS = 6  # of directions that are the same
 Constraints = tuple[Rate, ...]
@@ -182,7 +192,7 @@ class Holding:
         terms = []
         for body, (part, k, weight) in enumerate(zip(pair, places, (-normal, normal), strict=True)):
             drawn = self._drawn(scene, body, point, rho)
-            element = (whole.one, whole.two)[body] if whole else _element(part, LETTERS[kind][body], k, drawn)
+            element = (whole.one, whole.two)[body] if whole else part.element_at(SITE_KINDS[kind][body], k, drawn)
             terms.append(Term(body, drawn, element, weight, float(rho[body]), whole is not None))
         return scene.rate(name, terms)
 
@@ -209,6 +219,11 @@ class Holding:
         """Return the pose at the end relative to an obstacle's own seed."""
         offset = self.task.obstacles[parts[1]].part.seed - self.task.static.seed
         return np.append(self.end.pose[:9], self.end.pose[9:] + offset)
+
+    def _placed(self, parts: Parts) -> tuple[ConvexPart, ConvexPart, Array]:
+        """Return a part of body 1 and an obstacle's, and their scales, (2,)."""
+        obstacle = self.task.obstacles[parts[1]]
+        return self.task.movable.parts[parts[0]], obstacle.part, np.array([self.task.target[0], obstacle.scale])
 
     # ---------------------------------------------------------------------------------------------------- part pairs
 
@@ -282,8 +297,7 @@ class Holding:
     def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
         """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""
         obstacle, pose = self.task.obstacles[parts[1]], self._pose_to(parts)
-        one, two = self.task.movable.parts[parts[0]], obstacle.part
-        rho = np.array([self.task.target[0], obstacle.scale])
+        one, two, rho = self._placed(parts)
         if obstacle.need > self.slack:  # nothing touches: what is nearest would, moved along the normal
             pose = np.append(pose[:9], pose[9:] - way.gap * way.normal)
             return located(one, two, pose, supporting_contact(one, two, way.normal, pose, slack), rho)
@@ -292,8 +306,7 @@ class Holding:
     def _ways(self, parts: Parts, *, every: bool) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
-        one, two, pose = task.movable.parts[parts[0]], obstacle.part, self._pose_to(parts)
-        rho = np.array([task.target[0], obstacle.scale])
+        (one, two, rho), pose = self._placed(parts), self._pose_to(parts)
         sites, rows, separations = task.separations(parts, self.end.pose)
         widest = float(separations.max())
         # the widest first: along another one faces that are parallel but for their digits meet far aside of themselves
@@ -349,9 +362,7 @@ class Holding:
             if len(apart) == 1:
                 return [(replace(apart[0], name=name, free=True),)]
             return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
-        obstacle, pose = self.task.obstacles[parts[1]], self._pose_to(parts)
-        one, two = self.task.movable.parts[parts[0]], obstacle.part
-        rho = np.array([self.task.target[0], obstacle.scale])
+        (one, two, rho), pose = self._placed(parts), self._pose_to(parts)
         contact = self._met(parts, ways[0], DEFAULT.active)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
         spread = np.zeros(self.layout.size, dtype=bool)
@@ -382,11 +393,7 @@ class Holding:
         task, slack = self.task, self.slack
         found: list[tuple[Parts, list[tuple[Site, Array, float]]]] = []
         own = {feature.parts for feature in tracked}
-        near = kernels.pair_bounds(*task.movable.packed, *task.static.packed, pose, rho) <= slack
-        for parts in sorted(own.union((i, j) for i, j in np.argwhere(near).tolist())):
-            one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
-            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
-            separations = rows[:, 5] - rows[:, 3:5] @ rho
+        for parts, sites, rows, separations in near_pairs(task.movable, task.static, pose, rho, slack, own):
             normals = [feature.normal for feature in tracked if feature.parts == parts]
             tight = [
                 ((int(sites[k, 0]), int(sites[k, 1]), int(sites[k, 2])), rows[k, :3])
@@ -426,8 +433,7 @@ class Holding:
     def _level(self, feature: FeaturePoints, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
         """Yield (body, vertex) for vertices that are level with a tracked feature and no corners of its elements."""
         one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
-        kind, i, j = feature.site
-        known = _corners(one, LETTERS[kind][0], i), _corners(two, LETTERS[kind][1], j)
+        known = site_corners(one, two, feature.site)
         inward = here.normal @ pose[:9].reshape(3, 3)
         for body, part, way in ((MOVABLE, one, inward), (STATIC, two, -here.normal)):
             heights = (part.vertices - part.seed) @ way - here.line[body]
@@ -453,7 +459,7 @@ class Holding:
         point, directions = _crossing(*edges), [edge[1] - edge[0] for edge in edges]
         place, other = scene.placed(body, pair[body], vertex, rho[body]), 1 - body
         shares = np.linalg.lstsq(np.column_stack(directions), place - point)[0]
-        elements = [_element(part, "E", (i, j)[k], self._drawn(scene, k, point, rho)) for k, part in enumerate(pair)]
+        elements = [part.element_at("E", (i, j)[k], self._drawn(scene, k, point, rho)) for k, part in enumerate(pair)]
         side = 1.0 if body == MOVABLE else -1.0  # the plane's points less the vertex, or the other way about
         terms = [
             Term(k, self._drawn(scene, k, where, rho), element, factor * here.normal, float(rho[k]))
@@ -469,15 +475,8 @@ class Holding:
 
 def is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
     """Tell whether a facet of a pair's Minkowski difference is on a face of a contact that is restored."""
-    kind, *rows = site.tolist()
-    letters = LETTERS[kind]
-    both = zip((task.movable, task.static), parts, letters, rows, strict=True)
-    own = [body.parts[part].elements[letter][row] for body, part, letter, row in both]
-    return any(
-        set(own[0].vertices) <= set(joint.feature.one.vertices)
-        and set(own[1].vertices) <= set(joint.feature.two.vertices)
-        for joint in task.joints
-    )
+    own = feature_of_site(task.movable, task.static, parts, site.tolist())
+    return any(is_within(own, joint.feature) for joint in task.joints)
 
 
 def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, bool]]:
@@ -515,16 +514,6 @@ def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, b
     first = widest[int(held[: len(widest)].argmax())]
     rows = [(k, int(first), bool(own)) for k, own in zip(widest.tolist(), held, strict=False) if k != first]
     return rows + [(k, -1, bool(own)) for k, own in zip(closed.tolist(), held[len(widest) :], strict=True)]
-
-
-def _element(part: ConvexPart, kind: str, k: int, point: Array) -> Element:
-    """Return the body's element of a part's vertex, edge or face at a point of it."""
-    return part.elements["V"][k] if kind == "V" else part.element_at(kind, k, point)
-
-
-def _corners(part: ConvexPart, kind: str, k: int) -> tuple[int, ...]:
-    """Return the vertices of a part's vertex, edge or face."""
-    return (k,) if kind == "V" else tuple(part.loops[k] if kind == "F" else part.edges[k, :2].tolist())
 
 
 def _edges(scene: MovedScene, pair: Sequence[ConvexPart], edges: Sequence[int], rho: Array) -> list[Array]:

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import near_pairs
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
@@ -86,10 +87,7 @@ def contact_faults(
     touching = {feature.parts for feature in tracked}
     apart: list[Fault] = []
     flat: list[Array] = []  # directions in which other part pairs touch
-    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
-    for i, j in sorted(touching.union(map(tuple, np.argwhere(near).tolist()))):
-        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
-        separations = rows[:, 5] - rows[:, 3:5] @ rho
+    for (i, j), sites, rows, separations in near_pairs(movable, static, pose, rho, slack, touching):
         best = int(np.argmax(separations))
         widest = float(separations[best])
         kind, i_site, j_site = (int(x) for x in sites[best])

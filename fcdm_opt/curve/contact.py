@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal, NamedTuple, cast
@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.features import Feature, is_within
 from fcdm_opt.curve.touching import clipped, touching_vertices
 from fcdm_opt.geometry.arrays import Array, Ints, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -20,6 +20,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Vertices = tuple[int, ...]
 Configuration = Literal["F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"]
+SITE_KINDS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # of the elements of a site
 _ORDER = {"F": 0, "E": 1, "V": 2}
 
 
@@ -209,19 +210,24 @@ class Meeting(NamedTuple):
     contact: Contact
 
 
+def near_pairs(
+    movable: Body, static: Body, pose: Array, rho: Array, slack: float, also: Set[tuple[int, int]] = frozenset()
+) -> Iterator[tuple[tuple[int, int], Ints, Array, Array]]:
+    """Yield the part pairs, and some others, that bounds do not tell to be further apart than `slack` at a scale pair.
+
+    Each with its facet directions: sites and rows, see `kernels.facet_rows`, and the separation along each.
+    """
+    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
+    for i, j in sorted({*also, *map(tuple, np.argwhere(near).tolist())}):
+        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
+        yield (i, j), sites, rows, rows[:, 5] - rows[:, 3:5] @ rho
+
+
 def touching_pairs(
     movable: Body, static: Body, pose: Array, rho: Array, slack: float
 ) -> Iterator[tuple[tuple[int, int], Ints, Array, Array]]:
-    """Yield the part pairs that touch at a scale pair to within `slack`, each with its facet directions.
-
-    Sites and rows, see `kernels.facet_rows`, and the separation along each.
-    """
-    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
-    for i, j in np.argwhere(near).tolist():
-        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
-        separations = rows[:, 5] - rows[:, 3:5] @ rho
-        if abs(separations.max()) <= slack:
-            yield (i, j), sites, rows, separations
+    """Yield the part pairs that touch at a scale pair to within `slack`, as `near_pairs` does."""
+    return (own for own in near_pairs(movable, static, pose, rho, slack) if abs(own[3].max()) <= slack)
 
 
 def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
@@ -282,9 +288,6 @@ TrueFacesMet = tuple[frozenset[int], frozenset[int]]
 def true_faces_met(feature: Feature, movable: Body, static: Body) -> TrueFacesMet:
     """Return which true faces of two bodies meet in a feature."""
     return patches_of_element(movable, feature.one), patches_of_element(static, feature.two)
-
-
-_LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # kinds of the elements of a site
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,12 +391,7 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
     Directions that only cuts between the parts of a body leave to a pair of them are none of the solids'.
     """
     own = joint.feature
-    around = [
-        other.normals[0]
-        for other in wide
-        if set(own.one.vertices) <= set(other.feature.one.vertices)
-        and set(own.two.vertices) <= set(other.feature.two.vertices)
-    ]
+    around = [other.normals[0] for other in wide if is_within(own, other.feature)]
     one, two = (movable, movable.parts[joint.parts[0]]), (static, static.parts[joint.parts[1]])
     its = [normal for site, normal in zip(joint.sites, joint.normals, strict=True) if is_own(one, two, site)]
     return bool(around) and all(any(n @ other >= 1.0 - DEFAULT.side for other in around) for n in its)
@@ -412,7 +410,7 @@ def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Int
     kind, *rows = site.tolist()
     return all(
         (element := part.elements[letter][row]).kind == letter and body.owns(element)
-        for (body, part), letter, row in zip((one, two), _LETTERS[kind], rows, strict=True)
+        for (body, part), letter, row in zip((one, two), SITE_KINDS[kind], rows, strict=True)
         if letter != "V"
     )
 
@@ -437,15 +435,15 @@ def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Arr
     return deep
 
 
-def site_corners(one: ConvexPart, two: ConvexPart, site: Ints) -> tuple[Vertices, Vertices]:
+def site_corners(one: ConvexPart, two: ConvexPart, site: Ints | Sequence[int]) -> tuple[Vertices, Vertices]:
     """Return the vertices of the two elements of a facet of the parts' Minkowski difference."""
-    kind, own, other = site.tolist()
-    return one.vertices_of(_LETTERS[kind][0], own), two.vertices_of(_LETTERS[kind][1], other)
+    kind, own, other = map(int, site)
+    return one.vertices_of(SITE_KINDS[kind][0], own), two.vertices_of(SITE_KINDS[kind][1], other)
 
 
-def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: tuple[int, int, int]) -> Feature:
+def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: Sequence[int]) -> Feature:
     """Return the bodies' elements of a facet of two parts' Minkowski difference."""
-    both = zip((movable, static), parts, _LETTERS[site[0]], site[1:], strict=True)
+    both = zip((movable, static), parts, SITE_KINDS[site[0]], site[1:], strict=True)
     return Feature(*(body.parts[k].elements[letter][row] for body, k, letter, row in both))
 
 

@@ -134,3 +134,9 @@ class Feature:
                 for mine, start in ((self.one, contact.one), (self.two, contact.two))
             )
         )
+
+
+def is_within(one: Feature, other: Feature) -> bool:
+    """Tell whether the elements of a feature have no vertices but those of another one's."""
+    pairs = (one.one, other.one), (one.two, other.two)
+    return all(set(part.vertices) <= set(whole.vertices) for part, whole in pairs)

@@ -17,7 +17,14 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_at, contact_between, touching_contact
+from fcdm_opt.curve.contact import (
+    SITE_KINDS,
+    Contact,
+    contact_at,
+    contact_between,
+    site_corners,
+    touching_contact,
+)
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -431,13 +438,8 @@ def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
 
 
 def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Contact:
-    kind, i, j = site
-    if kind == kernels.F1V2:
-        return Contact(Feature(one.elements["F"][i], two.elements["V"][j]), one.loops[i], (j,))
-    if kind == kernels.V1F2:
-        return Contact(Feature(one.elements["V"][i], two.elements["F"][j]), (i,), two.loops[j])
-    ends = tuple(one.edges[i, :2].tolist()), tuple(two.edges[j, :2].tolist())
-    return Contact(Feature(one.elements["E"][i], two.elements["E"][j]), *ends)
+    both = zip((one, two), SITE_KINDS[site[0]], site[1:], strict=True)
+    return Contact(Feature(*(part.elements[kind][k] for part, kind, k in both)), *site_corners(one, two, site))
 
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:

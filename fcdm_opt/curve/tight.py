@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import located, supporting_contact
+from fcdm_opt.curve.contact import located, near_pairs, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
@@ -50,13 +50,10 @@ def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
     sides = zip(point.features, point.pieces, strict=True)
     found = {name: TightLine(name, own.parts, own.site, own.normal, own.line) for name, own in sides}
     slack = DEFAULT.nominal * max(movable.size, static.size)
-    near = kernels.pair_bounds(*movable.packed, *static.packed, point.pose, point.rho) <= slack
-    for i, j in np.argwhere(near).tolist():
-        one, two = movable.parts[i], static.parts[j]
-        sites, rows = kernels.facet_rows(*one.packed, *two.packed, point.pose)
-        separations = rows[:, 5] - rows[:, 3:5] @ point.rho
+    for (i, j), sites, rows, separations in near_pairs(movable, static, point.pose, point.rho, slack):
         if separations.max() > slack:
             continue
+        one, two = movable.parts[i], static.parts[j]
         for k in np.flatnonzero(separations >= -slack).tolist():
             contact = supporting_contact(one, two, rows[k, :3], point.pose)
             name = located(one, two, point.pose, contact, point.rho).feature

@@ -156,7 +156,7 @@ class TouchingSizes:
                 )  # fmt: skip
             reached = moving.reaches(low[own], high[own])
             reach = min(reached, key=lambda one: one[0])
-            corners: list[_Corners | None] = [None] * len(moving.parts)
+            parts = [*moving.parts]
             for k, (part, (factor, where)) in enumerate(zip(moving.parts, reached, strict=True)):
                 if factor >= 1.0:
                     continue
@@ -166,8 +166,8 @@ class TouchingSizes:
                         key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
                         allowed=f"up to {100.0 * factor:.4g} % of them",
                     )  # fmt: skip
-                own_corners = corners[k] = _all_corners(part)
-                if _is_lost(part, own_corners, low[own], high[own]):
+                parts[k] = part.with_all_corners()
+                if _is_lost(parts[k], low[own], high[own]):
                     parted, piece = moving.parted(), "a piece that is cut off " * (len(moving.parts) > 1)
                     raise InputError(
                         f"within these tolerances nothing may be left of {piece}body '{body.name}'"
@@ -180,10 +180,7 @@ class TouchingSizes:
                     moving.check(low[own], high[own])
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             factor = float(role == "movable")
-            posed = [
-                _PosedPart.of(part, own, factor * along, R, t, its)
-                for part, its in zip(moving.parts, corners, strict=True)
-            ]
+            posed = [_PosedPart.of(part, own, factor * along, R, t) for part in parts]
             sides.append([part.shifted(factor * ways) for part in posed] if len(ways) else posed)
             reaches.append(reach)
             shares.append(np.zeros(len(sizes)))
@@ -227,8 +224,8 @@ class TouchingSizes:
             factor, where = moving.reach(low, high)
             corner = np.zeros(len(own))
             if factor < np.inf and len(moving.parts) == 1 and len(body.parts[0].loops) <= MOST_TRIPLES:
-                part, corners = moving.parts[0], _all_corners(moving.parts[0])
-                kinds = [_slack_of_faces(part, corners, room=room) for room in (False, True)]
+                part = moving.parts[0].with_all_corners()
+                kinds = [_slack_of_faces(part, room=room) for room in (False, True)]
                 values, facets = (np.concatenate(rows) for rows in zip(*kinds, strict=True))
                 swings = np.minimum(values[:, 1:] * low, values[:, 1:] * high).sum(axis=1)
                 with np.errstate(divide="ignore"):
@@ -423,21 +420,16 @@ class _PosedPart:
         return replace(self, moves=np.concatenate([self.moves, wide], axis=2))
 
     @classmethod
-    def of(
-        cls, part: MovingPart, own: Sequence[int], carried: Array, R: Array, t: Array, corners: _Corners | None
-    ) -> _PosedPart:
-        triples, vertices, moves = part.triples, part.vertices, part.moves
-        points = part.part.vertices[vertices]
-        if corners:
-            triples, vertices, points, moves = corners
+    def of(cls, part: MovingPart, own: Sequence[int], carried: Array, R: Array, t: Array) -> _PosedPart:
+        triples, vertices = part.triples, part.vertices
         normals = part.part.normals @ R.T
         facets = len(normals)
         wide = np.repeat(carried.T[None], len(triples), axis=0)
-        wide[:, :, list(own)] += np.einsum("xy,tyk->txk", R, moves)
+        wide[:, :, list(own)] += np.einsum("xy,tyk->txk", R, part.moves)
         bases = np.empty(facets, np.int64)
         bases[triples.ravel()] = np.repeat(np.arange(len(triples)), 3)
         # edges: of the part as drawn; where corners split or the shape changes any two facets of a corner
-        if not corners and not part.split.any():
+        if not part.split.any():
             drawn = part.part.edges
             pairs, names = drawn[:, 2:], np.arange(len(drawn))
             at = np.zeros(len(part.part.vertices), np.int64)
@@ -454,27 +446,20 @@ class _PosedPart:
             lost = vertices[ends].tolist()
             names = np.array([known.get(tuple(pair), -lost[k] - 1) for k, pair in enumerate(pairs.tolist())])
         return cls(
-            normals, triples, np.asarray(np.linalg.inv(np.swapaxes(normals[triples], 1, 2))), points @ R.T + t, wide,
-            vertices, bases, pairs, along, ends, names,
+            normals, triples, np.asarray(np.linalg.inv(np.swapaxes(normals[triples], 1, 2))), part.points @ R.T + t,
+            wide, vertices, bases, pairs, along, ends, names,
         )  # fmt: skip
 
 
-class _Corners(NamedTuple):
-    """Points in which three facets' planes meet: these, the nearest vertex, the points, and how they move by size."""
-
-    triples: Ints
-    vertices: Ints
-    points: Array
-    moves: Array
-
-
-def _slack_of_faces(part: MovingPart, corners: _Corners, *, room: bool = False) -> tuple[Array, Ints]:
+def _slack_of_faces(part: MovingPart, *, room: bool = False) -> tuple[Array, Ints]:
     """Return rows that are all positive at sizes at which a convex part has all of its facets, (m, 1 + k), and facets.
+
+    All points in which three of its planes meet are among its corners.
 
     By Farkas' lemma a facet's plane is cut off by three others where it lies beyond their corner, in the cone of their
     normals; with `room`, and nothing is left at all where it lies so and faces the other way.
     """
-    normals, (triples, _, points, moves) = part.part.normals, corners
+    normals, triples = part.part.normals, part.triples
     cones = np.linalg.inv(np.swapaxes(normals[triples], 1, 2))
     sign = -1.0 if room else 1.0
     shares = np.einsum("txy,fy->ftx", cones, sign * normals)
@@ -482,37 +467,20 @@ def _slack_of_faces(part: MovingPart, corners: _Corners, *, room: bool = False) 
     kept = ~(triples[corner] == facet[:, None]).any(axis=1)
     facet, corner = facet[kept], corner[kept]
     n = normals[facet]
-    heights = (n * (points[corner] - part.part.bases[facet])).sum(axis=1)
-    rates = np.einsum("mx,mxk->mk", n, moves[corner]) - part.offsets[facet]
+    heights = (n * (part.points[corner] - part.part.bases[facet])).sum(axis=1)
+    rates = np.einsum("mx,mxk->mk", n, part.moves[corner]) - part.offsets[facet]
     return sign * np.column_stack([heights, rates]), facet
 
 
-def _is_lost(part: MovingPart, corners: _Corners, low: Array, high: Array) -> bool:
+def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:
     """Tell whether nothing is left of a convex part at some sizes of a box."""
     base = part.part.bases - part.part.vertices.mean(axis=0)
     inward = np.minimum(part.offsets * low, part.offsets * high).sum(axis=1)
     if ((part.part.normals * base).sum(axis=1) + inward > 0.0).all():
         return False  # the middle stays
-    values, _ = _slack_of_faces(part, corners, room=True)
+    values, _ = _slack_of_faces(part, room=True)
     least = values[:, 0] + np.minimum(values[:, 1:] * low, values[:, 1:] * high).sum(axis=1)
     return bool(least.min(initial=np.inf) <= 0.0)
-
-
-def _all_corners(part: MovingPart) -> _Corners:
-    """Return all points in which three facets' planes meet, of a convex body that changes its shape."""
-    from itertools import combinations
-
-    normals = part.part.normals
-    triples = np.array(list(combinations(range(len(normals)), 3)))
-    triples = triples[np.abs(np.linalg.det(normals[triples])) > DEFAULT.nominal]
-    centre = part.part.vertices.mean(axis=0)
-    levels = (normals * (part.part.bases - centre)).sum(axis=1)
-    solved = np.linalg.solve(
-        normals[triples], np.concatenate([levels[triples][:, :, None], part.offsets[triples]], axis=2)
-    )
-    points, moves = solved[:, :, 0] + centre, solved[:, :, 1:]
-    away = np.linalg.norm(points[:, None] - part.part.vertices, axis=2)
-    return _Corners(triples, away.argmin(axis=1), points, moves)
 
 
 # ------------------------------------------------------------------------------------------------------- rows of a pair

@@ -34,7 +34,7 @@ from fcdm_opt.geometry.arrays import (
 from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
-from fcdm_opt.geometry.measures import volume_and_centroid
+from fcdm_opt.geometry.measures import largest_ball, volume_and_centroid
 from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
@@ -954,20 +954,12 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
     """Tell whether interiors of two parts meet: the largest ball inside both, by linear programming."""
     if len(parts) == 1:
         return False
-    from scipy.optimize import linprog
-
     for one, two in combinations(parts, 2):
         slack = DEFAULT.partition * np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
         if _separates(one, two, slack) or _separates(two, one, slack):
             continue
-        normals = np.vstack([one.normals, two.normals])
-        answer = linprog(
-            [0, 0, 0, -1],
-            np.column_stack([normals, np.ones(len(normals))]),
-            np.concatenate([one.levels, two.levels]),
-            bounds=[(None, None)] * 4,
-        )
-        if answer.status == 0 and -answer.fun > slack:
+        both = np.vstack([one.normals, two.normals]), np.concatenate([one.levels, two.levels])
+        if largest_ball(*both)[1] > slack:
             return True
     return False
 

@@ -22,6 +22,7 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, exactly
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.measures import nearest_mixture
 from fcdm_opt.tolerances import DEFAULT
 
 # Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
@@ -435,10 +436,8 @@ def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
     """Return vertices of both parts whose hulls hold the points that are nearest to each other.
 
     Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
-    one that lies furthest back along it, that point is found anew, by non-negative least squares.
+    one that lies furthest back along it, that point is found anew.
     """
-    from scipy.optimize import nnls
-
     X, Y = frame.offset + frame.scales[0] * one.points @ frame.R.T, frame.scales[1] * two.points
     way, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
     for _ in range(MOST):
@@ -446,9 +445,9 @@ def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
         if way @ way - way @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(way @ way):
             break
         held = np.vstack([held, furthest])
-        differences = (Y[held[:, 1]] - X[held[:, 0]]).T
-        weights, _ = nnls(np.vstack([differences, np.ones(len(held))]), np.array([0.0, 0.0, 0.0, 1.0]))
-        held, way = held[weights > 0.0], differences @ weights / weights.sum()
+        differences = Y[held[:, 1]] - X[held[:, 0]]
+        shares = nearest_mixture(differences)
+        held, way = held[shares > 0.0], shares @ differences
     return np.unique(held[:, 0]), np.unique(held[:, 1])
 
 

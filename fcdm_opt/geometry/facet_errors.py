@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import cross, largest_ball, least_vector, norms, unit_normals, units
+from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, unit_normals, units
 from fcdm_opt.geometry.naming import (
     FEWEST,
     GENTLE,
@@ -430,15 +430,11 @@ def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] 
         depth = levels - corners @ normals.T
         if np.abs(depth[on > 0]).max() <= near and depth[on == 0].min(initial=np.inf) > near:
             return corners, Hull(np.arange(len(corners)), part.loops, part.edges)
-    from scipy.spatial import HalfspaceIntersection
-
     origin = part.vertices.mean(axis=0)
-    levels = levels - normals @ origin
-    middle, radius = largest_ball(normals, levels)
-    if not radius > near:
+    there = corners_within(normals, levels - normals @ origin, near)
+    if there is None:
         return None
-    corners = HalfspaceIntersection(np.column_stack([normals, -levels]), middle).intersections
-    corners = origin + corners[distinct_rows(np.round(corners / near))[0]]
+    corners = origin + there[distinct_rows(np.round(there / near))[0]]
     return corners, convex_hull(corners, np.arange(len(corners)), "a part with its facets moved")
 
 

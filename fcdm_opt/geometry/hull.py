@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.measures import cross, following, norms, units
+from fcdm_opt.geometry.measures import cross, following, nearest_mixture, norms, units
 from fcdm_opt.geometry.polygons import Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
@@ -299,9 +299,4 @@ def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
 
 def _near_hull(points: Array) -> bool:
     """Tell whether the origin lies within `planarity` of the hull of points."""
-    from scipy.optimize import nnls
-
-    # non-negative weights that make the point and their sum come near 0 and 1: over their sum, the nearest point's
-    size = norms(points).max()
-    weights, _ = nnls(np.vstack([points.T / size, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))
-    return bool(norms(weights @ points) <= DEFAULT.planarity * weights.sum())
+    return bool(norms(nearest_mixture(points / norms(points).max()) @ points) <= DEFAULT.planarity)

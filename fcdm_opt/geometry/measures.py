@@ -66,6 +66,17 @@ def least_vector(rows: Array, levels: Array) -> Array | None:
     return np.asarray(-scale * rest[:-1] / rest[-1])
 
 
+def nearest_mixture(points: Array) -> Array:
+    """Return shares of points, (n, 3), not negative and with sum 1, that mix the point of their hull nearest to zero.
+
+    By least squares with shares that are not negative, whose sum comes near 1: over it, they are those.
+    """
+    from scipy.optimize import nnls
+
+    shares = nnls(np.vstack([points.T, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))[0]
+    return np.asarray(shares / shares.sum())
+
+
 def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
     """Return middle and radius of the largest ball within half-spaces n . x <= level; -inf where there is none."""
     from scipy.optimize import linprog
@@ -73,6 +84,22 @@ def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
     rows = np.column_stack([normals, np.ones(len(levels))])
     ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
     return (ball.x[:3], float(ball.x[3])) if ball.status == 0 else (np.zeros(3), -np.inf)
+
+
+def corners_within(normals: Array, levels: Array, near: float) -> Array | None:
+    """Return the corners of half-spaces n . x <= level, (n, 3), some more than once; None where hardly a ball fits in.
+
+    `near`: radius up to which one hardly does.
+    """
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    middle, radius = largest_ball(normals, levels)
+    if not radius > near:
+        return None
+    try:
+        return np.asarray(HalfspaceIntersection(np.column_stack([normals, -levels]), middle).intersections)
+    except QhullError:
+        return None
 
 
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:

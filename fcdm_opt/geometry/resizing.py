@@ -21,7 +21,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
 from fcdm_opt.geometry.elements import Element, Elements, Span
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
-from fcdm_opt.geometry.measures import largest_ball, norms, volume_and_centroid
+from fcdm_opt.geometry.measures import corners_within, norms, volume_and_centroid
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
 from fcdm_opt.geometry.naming import GENTLE, neighbours, numbered_face
 from fcdm_opt.geometry.partition import RULES
@@ -53,7 +53,9 @@ class MovingPart:
     triples : (t, 3) int array
         Facets that meet in each corner.
     vertices : (t,) int array
-        The part's vertex as drawn that each corner comes from.
+        The part's vertex as drawn that each corner comes from, or is nearest to.
+    points : (t, 3) array
+        Where it is as drawn.
     moves : (t, 3, k) array
         How each corner moves a unit of each size.
     split : (n,) bool array
@@ -65,6 +67,7 @@ class MovingPart:
     offsets: Array
     triples: Ints
     vertices: Ints
+    points: Array
     moves: Array
     split: Flags
 
@@ -75,7 +78,7 @@ class MovingPart:
         Infinite for the facets that the corner's vertex is on.
         """
         part = self.part
-        depth = part.levels - part.vertices[self.vertices] @ part.normals.T
+        depth = part.levels - self.points @ part.normals.T
         on = np.zeros((len(part.vertices), len(part.loops)), bool)
         for facet, loop in enumerate(part.loops):
             on[list(loop), facet] = True
@@ -85,7 +88,22 @@ class MovingPart:
 
     def at(self, values: Array) -> Array:
         """Return the corners at given sizes, (t, 3)."""
-        return self.part.vertices[self.vertices] + self.moves @ values
+        return self.points + self.moves @ values
+
+    def with_all_corners(self) -> MovingPart:
+        """Return it with all points in which three facets' planes meet as corners, of a part that changes its shape."""
+        normals, part = self.part.normals, self.part
+        triples = np.array(list(combinations(range(len(normals)), 3)))
+        triples = triples[np.abs(np.linalg.det(normals[triples])) > DEFAULT.nominal]
+        centre = part.vertices.mean(axis=0)
+        levels = (normals * (part.bases - centre)).sum(axis=1)
+        solved = np.linalg.solve(
+            normals[triples], np.concatenate([levels[triples][:, :, None], self.offsets[triples]], axis=2)
+        )
+        points = solved[:, :, 0] + centre
+        nearest = np.linalg.norm(points[:, None] - part.vertices, axis=2).argmin(axis=1)
+        split = np.ones(len(part.vertices), bool)
+        return replace(self, triples=triples, vertices=nearest, points=points, moves=solved[:, :, 1:], split=split)
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,30 +487,6 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
     return scaled
 
 
-class _CornersOfParts(NamedTuple):
-    """Corners of a body's parts at given sizes.
-
-    Attributes
-    ----------
-    points : list of (m, 3) arrays
-        Of each part.
-    rows : (n, 3) array
-        Vertices of the body under their labels; empty where a corner splits, or a convex body has other edges.
-    parts : list of lists of int
-        Rows of each part.
-    surface : Surface or None
-        Of a solid whose own surface is known.
-    same : bool
-        Whether all parts have the corners and facets that they have as drawn.
-    """
-
-    points: list[Array]
-    rows: Array
-    parts: list[list[int]]
-    surface: Surface | None
-    same: bool = False
-
-
 def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
     """Return the corners at given sizes of each part as drawn, however the body made is cut; raises as `resized`."""
     scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
@@ -517,17 +511,24 @@ def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[i
     return found, changed
 
 
-def _corners_of_parts(moving: Resizing, values: Array) -> _CornersOfParts:
+def _corners_of_parts(
+    moving: Resizing, values: Array
+) -> tuple[list[Array], tuple[Array, list[list[int]]] | None, Surface | None, bool]:
+    """Return the corners of each part at given sizes, see `_kept_numbers`, and of a solid its surface if that is known.
+
+    And whether all parts have the corners and facets that they have as drawn. No numbers where a corner splits, or a
+    convex body has other edges.
+    """
     body, (found, changed) = moving.body, _moved_corners(moving, values)
     numbered = _kept_numbers(moving, values, changed) if not (changed and len(found) == 1) else None
-    if numbered is None:
-        return _CornersOfParts(found, np.empty((0, 3)), [], None)
     surface = None
+    if numbered is None:
+        return found, None, None, False
     if body.triangles and len(found) > 1:
         with _at(body, moving.sizes, values):
             surface = surface_with_corners(body, numbered[0])
             _check_filled(body, found, surface)
-    return _CornersOfParts(found, *numbered, surface, not changed)
+    return found, numbered, surface, not changed
 
 
 def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | None:
@@ -544,11 +545,12 @@ def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | No
     offsets, still = np.array([own.mean() for own in off])[:, None], np.zeros((1, 3, 3))
     parts = (_moving(body, k, sizes[:1], own, still) for k, own in enumerate(_facets(body, sizes[:1], offsets)))
     moving, corners = Resizing(body, tuple(sizes[:1]), offsets, tuple(parts), np.zeros(1)), np.array(body.corners) - 1
-    _, rows, parts_rows, _, same = _corners_of_parts(moving, np.ones(1))
-    if not same or np.abs(rows[corners] - places[corners]).max() > near:
+    _, numbered, _, same = _corners_of_parts(moving, np.ones(1))
+    if numbered is None or not same or np.abs(numbered[0][corners] - places[corners]).max() > near:
         return None
+    rows, its = numbered
     rows[corners] = places[corners]
-    return _as_drawn(body, rows, parts_rows, surface_with_corners(body, rows))
+    return _as_drawn(body, rows, its, surface_with_corners(body, rows))
 
 
 def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface) -> Body | None:
@@ -586,10 +588,11 @@ def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface)
 
 
 def _offset(moving: Resizing, values: Array) -> Body:
-    body, (points, rows, parts, surface, same) = moving.body, _corners_of_parts(moving, values)
-    if not parts:
+    body, (points, numbered, surface, same) = moving.body, _corners_of_parts(moving, values)
+    if numbered is None:
         made = Body.from_parts(points, seed=body.seed, name=body.name, unit=body.unit)
         return replace(made, deviation=body.deviation)
+    rows, parts = numbered
     if len(body.parts) == 1:
         part = body.parts[0]
         return replace(body, vertices=frozen(rows), parts=(part.placed(rows[parts[0]], body.seed),))
@@ -647,27 +650,16 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
 
     Of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges.
     """
-    from scipy.spatial import HalfspaceIntersection, QhullError
-
     part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
-    middle, radius = largest_ball(part.normals, levels)
-    if not radius > DEFAULT.planarity * moving.body.size:
+    corners = corners_within(part.normals, levels, DEFAULT.planarity * moving.body.size)
+    if corners is None:
         raise _vanished(moving, own, facet, values)
-    try:
-        shape = HalfspaceIntersection(np.column_stack([part.normals, -levels]), middle)
-    except QhullError as reason:
-        raise _vanished(moving, own, facet, values) from reason
-    on = np.abs(shape.intersections @ part.normals.T - levels) <= near
+    on = np.abs(corners @ part.normals.T - levels) <= near
     if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
         raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
     held = np.unique(on, axis=0)
     return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
-
-
-def _firsts(own: MovingPart) -> Ints:
-    """Return a corner of each vertex."""
-    return np.unique(own.vertices, return_index=True)[1]
 
 
 def _kept_numbers(
@@ -697,7 +689,7 @@ def _kept_numbers(
         parts.append([])
         if k in changed:
             continue
-        moves = own.moves[_firsts(own)] @ values
+        moves = own.moves[np.unique(own.vertices, return_index=True)[1]] @ values  # of a corner of each vertex
         for point, move in zip(map(tuple, own.part.vertices.tolist()), moves, strict=True):
             place, rows = np.array(point) + move, drawn[point]
             for row in rows:
@@ -776,8 +768,9 @@ def _moving(body: Body, place: int, sizes: Sequence[Size], facets: tuple[Ints, A
         own, origin = own[kept], origin[kept]
         triples, vertices = np.concatenate([triples, own]), np.concatenate([vertices, origin])
         moves = np.concatenate([moves, np.linalg.solve(part.normals[own], lengths[own])])
-    moves = moves + np.einsum("kxy,ty->txk", turns, part.vertices[vertices] - body.seed)
-    return MovingPart(part, faces, offsets, triples, vertices, moves, split)
+    points = part.vertices[vertices]
+    moves = moves + np.einsum("kxy,ty->txk", turns, points - body.seed)
+    return MovingPart(part, faces, offsets, triples, vertices, points, moves, split)
 
 
 def _fan(around: Ints, normals: Array) -> Ints:

@@ -259,7 +259,7 @@ def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], 
         elif kind == V1F2:
             level = [(kind, k, j) for k in np.flatnonzero(moved @ normal >= moved[i] @ normal - tie).tolist()]
         for site in level:
-            own, its = site_corners(one, other.part, np.array(site))
+            own, its = site_corners(one, other.part, site)
             aside = _aside(normal, moved[list(own)], near[list(its)])
             found.append((aside if aside > tie else 0.0, site, normal))
             if not found[-1][0]:

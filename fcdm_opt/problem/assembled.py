@@ -182,13 +182,13 @@ class AssemblySolution(Bounded):
     @property
     def gaps(self) -> dict[tuple[str, str], float]:
         """Signed distance of each two parts, not both fixed, after the motion, by names, as judged; length units."""
-        found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
+        found = self._judged
         return {pair: found[kept_apart(*pair)] for pair in self.assembly.pairs() if kept_apart(*pair) in found}
 
     @property
     def keep_out_gaps(self) -> dict[tuple[str, str], float]:
         """Signed distance of each part that moves from each keep-out, by names, after the motion, as judged."""
-        found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
+        found = self._judged
         both = product(self.assembly.motions, (keep_out.name for keep_out in self.assembly.keep_out))
         return {(part, name): found[key] for part, name in both if (key := kept_clear_by(part, name)) in found}
 

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from fcdm_opt.motion.kinematics import Kinematics
 
 ROLES = ("movable", "static")
+FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 CLEAR = {"goal": "clear"}
 """What is asked of two parts without a contact: that they do not overlap."""
 CORNERS = ("worst", "loosest", "low", "high", "middle")
@@ -147,7 +148,6 @@ class Assembly(Scene):
 
     parts: Mapping[str, Body] = field(repr=False)
     contacts: tuple[JoinedPair, ...]
-    sizes: tuple[Size, ...]
     motions: Mapping[str, Motion]
     follows: Mapping[str, str]
     scales: Mapping[str, float]
@@ -155,13 +155,8 @@ class Assembly(Scene):
     weights: Mapping[str, float]
     lengths: Mapping[str, float]
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
-    keep_out: tuple[KeepOut, ...]
     resolution: Mapping[str, Any]
-    amount: Any
-    name: str
-    unit: UnitOrNone
     fixed: tuple[str, ...]
-    request: Mapping[str, Any]
     _problems: dict[tuple[Any, ...], Problem]
     _alike: Assembly | None  # of other scales, whose problems are asked again for these
 
@@ -296,7 +291,7 @@ class Assembly(Scene):
         for part, motion in self.motions.items():
             weights = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
             for (name, kind), weight in zip(motion.parameters, weights, strict=True):
-                limits = self.limits[part].get(name, (-math.inf, math.inf))
+                limits = self.limits[part].get(name, FREE)
                 found.append(Coordinate(f"{part}.{name}", kind, weight, limits))
         return tuple(found)
 
@@ -346,11 +341,6 @@ class Assembly(Scene):
     def contact_slack(self) -> float:
         """Gap up to which two parts touch, length units, relative to the smallest one."""
         return max(DEFAULT.touch * min(body.size for body in self.parts.values()), DEFAULT.tie * self.size)
-
-    @property
-    def amount_unit(self) -> str:
-        """`unit`, and "" for an amount of one's own, which need not be a length."""
-        return self.unit if isinstance(self.amount, str) else ""
 
     def changed(self, **arguments: Any) -> Assembly:
         """Return the same question with other arguments; raises as the constructor does.
@@ -549,24 +539,19 @@ class Assembly(Scene):
 
     def _shared(self, pair: JoinedPair, parts: Sequence[str]) -> dict[str, Any]:
         """Return motion, weights and limits of a problem in the parameters of several parts."""
-        names, weights, limits, starts = list[Parameter](), dict[str, float](), dict[str, Any](), dict[str, int]()
-        for part in parts:
-            starts[part] = len(names)
-            motion = self.motions[part]
-            usual = self.weights[part] * motion.weights(self.lengths[part])
-            for own, weight in zip(motion.parameters, usual.tolist(), strict=True):
-                name = f"{part}.{own.name}"
-                names.append(Parameter(name, own.kind))
-                weights[name] = weight
-                if own.name in self.limits[part]:
-                    limits[name] = self.limits[part][own.name]
-        seeds = {part: tuple(own.seed.tolist()) for part, own in self.parts.items()}
+        own = [each for part in parts for each in self.coordinates if each.name.rpartition(".")[0] == part]
+        weights = {each.name: each.weight for each in own}
+        limits = {each.name: each.limits for each in own if each.limits != FREE}
+        seeds = {part: tuple(body.seed.tolist()) for part, body in self.parts.items()}
+        starts = np.cumsum([0, *(len(self.motions[part].parameters) for part in parts)]).tolist()
         carried = {
-            part: Carrying(self.motions[part], starts[part], (seeds[part], seeds[self.follows[part]])) for part in parts
+            part: Carrying(self.motions[part], start, (seeds[part], seeds[self.follows[part]]))
+            for part, start in zip(parts, starts, strict=False)
         }
         one, two = self.chain(pair.one), self.chain(pair.two)
         ways = (tuple(carried[part] for part in own if part not in other) for own, other in ((one, two), (two, one)))
-        return {"motion": Relative(tuple(names), *ways), "weights": weights, "limits": limits}
+        names = tuple(Parameter(each.name, each.kind) for each in own)
+        return {"motion": Relative(names, *ways), "weights": weights, "limits": limits}
 
 
 # --------------------------------------------------------------------------------------------------------------- checks

@@ -16,7 +16,7 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import AmountEntry, BodyEntry, KeepOutEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.keys import Corner, Requirement, by_name, each, unlike_names
+from fcdm_opt.problem.keys import Corner, Requirement, by_name, each, read_keep_outs, unlike_names
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
@@ -190,15 +190,7 @@ class AssemblyFile(Entry, title="Assembly file"):
             "weights": {own.name: own.weight for _, own in moving},
             "lengths": {own.name: own.length for _, own in moving if own.length is not None},
             "limits": limits,
-            "keep_out": kept
-            if kept is not None
-            else each(
-                "keep_out",
-                [
-                    lambda k=k, own=own: own.keep_out(f"keep-out {k}", file and file.parent)
-                    for k, own in enumerate(self.keep_out, 1)
-                ],
-            ),
+            "keep_out": read_keep_outs(self.keep_out, file) if kept is None else kept,
             "resolution": {part: own for part, own in steps.items() if own},
             "unit": unit,
         }

@@ -75,12 +75,12 @@ class KeepOut:
         """
         low, high = self.ends
         return tuple(
-            (part, high) if low == high or _holds_seed(part) else (_swept(part, low, high), 1.0)
+            (part, high) if low == high or holds_seed(part) else (_swept(part, low, high), 1.0)
             for part in self.body.parts
         )
 
 
-def _holds_seed(part: ConvexPart) -> bool:
+def holds_seed(part: ConvexPart) -> bool:
     """Tell whether the seed lies in the part, so that smaller scales lie within larger ones."""
     return bool((((part.bases - part.seed) * part.normals).sum(axis=1) >= 0).all())
 

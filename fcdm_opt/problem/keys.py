@@ -389,6 +389,12 @@ def each(key: str, makers: Sequence[Any]) -> list[Any]:
     return made
 
 
+def read_keep_outs(entries: Sequence[KeepOutEntry], file: Path | None) -> list[KeepOut]:
+    """Return the bodies of [[keep_out]] tables of a file."""
+    numbered, folder = enumerate(entries, 1), file and file.parent
+    return each("keep_out", [lambda k=k, own=own: own.keep_out(f"keep-out {k}", folder) for k, own in numbered])
+
+
 def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
     """Return values by parameter name, in radians; the keys of angles say their unit."""
     angle = BY_PARAMETER[key]
@@ -507,12 +513,9 @@ class ProblemFile(Entry, title="Problem file"):
             sizes = each("size", [entry.size for entry in self.size])
         movable, static = bodies
         files = (Path(folder or "") / str(entry.file) for _, entry in (movable, static))
-        both, others = process_pool.both(read, (movable, static), files), list[KeepOut]()
+        both = process_pool.both(read, (movable, static), files)
         with placed(file=file):
-            for k, entry in enumerate(self.keep_out, 1):
-                with placed(key=f"keep_out[{k}]"):
-                    others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
-            kept = {keep_out.name: keep_out for keep_out in keep_outs(others)}
+            kept = {keep_out.name: keep_out for keep_out in keep_outs(read_keep_outs(self.keep_out, file))}
             return Parts(both[0], both[1], kept, unit, tuple(sizes))
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:

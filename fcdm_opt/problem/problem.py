@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -18,7 +18,6 @@ import numpy as np
 
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
-from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.true_sizes import contacts_as_drawn, made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -167,36 +166,20 @@ class Problem(NominalContact, Scene, NotebookRepr):
         Names the argument, what was found and what is allowed.
     """
 
-    movable: Body = field(repr=False)
-    static: Body = field(repr=False)
-    nominal: int | Literal["drawn"] | tuple[float, float]
     tolerance: Any
     requirement: Requirement | None
     target: Array
-    active: tuple[Body, Body] = field(repr=False)
-    box: Box
     motion: Motion
     goal: Goal
     pair: PairState
     clearance: float
     path: PathWord
-    amount: Any
     length: float
     weights: Array
     limits: Array
-    keep_out: tuple[KeepOut, ...]
-    resolution: Any
-    features: Any
-    contacts: Any
     exact_at: Any
-    snap: float
-    sizes: tuple[Size, ...]
-    made: Any
-    name: str
     published: tuple[float, ...] | None
     published_text: str
-    unit: UnitOrNone
-    request: Mapping[str, Any] = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -315,11 +298,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """Amount by which the judge lets a limit be passed."""
         return DEFAULT.requirement * self.length
 
-    @property
-    def amount_unit(self) -> str:
-        """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
-        return self.unit if isinstance(self.amount, str) else ""
-
     def __repr__(self) -> str:
         """Return what is asked, on one line; everything else is an attribute."""
         asked = f"requirement {self.requirement}" if self.requirement else "explicit target"
@@ -425,28 +403,19 @@ class Problem(NominalContact, Scene, NotebookRepr):
 
     def with_exact_points(self, points: Mapping[str, Any]) -> Problem:
         """Return the same question with parts that are exact at points of round faces, see `exact_at`."""
-        drawn, other = self.of_facets, object.__new__(Problem)
-        other.__dict__.update(_resolved({**drawn.request, "exact_at": points}, None, drawn))
-        other.__dict__["of_facets"] = drawn
-        other._check_goal()
-        return other
+        drawn = self.of_facets
+        return _with_attributes({**_resolved({**drawn.request, "exact_at": points}, None, drawn), "of_facets": drawn})
 
     def with_active_parts(self, indices: Indices) -> Problem:
         """Return the same question with other parts of large bodies looked at; see `problem.active_parts`."""
-        other = object.__new__(Problem)
-        other.__dict__.update(_resolved(self.request, indices, self))
-        other._check_goal()
-        return other
+        return _with_attributes(_resolved(self.request, indices, self))
 
     def _resized(self, sizes: Mapping[str, Any]) -> Problem:
         """Return the same question for another tolerance or target, of which nothing depends but the pair made."""
         asked = checked_arguments(SizeKeys, sizes)
         request = {**self.request, **{key: getattr(asked, key) for key in sizes}}
-        other = object.__new__(Problem)
-        other.__dict__.update({key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")})
-        other.__dict__.update(request=request, **_sizes_made(request, self))
-        other._check_goal()
-        return other
+        same = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")}
+        return _with_attributes({**same, "request": request, **_sizes_made(request, self)})
 
     # --------------------------------------------------------------------------------------------------- plain data
 
@@ -489,6 +458,14 @@ class Problem(NominalContact, Scene, NotebookRepr):
         if len(problems) > 1:
             raise InputError("more than one case", key="case", found=len(problems), allowed="one")
         return problems[0] if points is None else problems[0].to_touch().with_exact_points(points)
+
+
+def _with_attributes(values: Mapping[str, Any]) -> Problem:
+    """Return a problem of what its arguments mean, all but the goal known to go together."""
+    made = object.__new__(Problem)
+    made.__dict__.update(values)
+    made._check_goal()
+    return made
 
 
 def _without_path(data: Any) -> Any:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.motion.motions import Motion
+from fcdm_opt.geometry.units import UnitOrNone
+from fcdm_opt.motion.motions import Kind, Motion
 from fcdm_opt.problem.keep_out import KeepOut
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ class Coordinate(NamedTuple):
     """
 
     name: str
-    kind: str
+    kind: Kind
     weight: float
     limits: tuple[float, float]
 
@@ -32,7 +33,8 @@ class Scene(ABC):
     """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several."""
 
     name: str
-    unit: Any
+    unit: UnitOrNone
+    amount: Any
     sizes: tuple[Size, ...]
     made: Any
     keep_out: tuple[KeepOut, ...]
@@ -110,9 +112,9 @@ class Scene(ABC):
         """Gap up to which a pair touches, length units."""
 
     @property
-    @abstractmethod
     def amount_unit(self) -> str:
-        """Unit of the amount, "" where none is known."""
+        """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
+        return self.unit if isinstance(self.amount, str) else ""
 
     @abstractmethod
     def changed(self, **arguments: Any) -> Self:

@@ -419,6 +419,11 @@ class Bounded(Plain, NotebookRepr):
         return other
 
     @property
+    def _judged(self) -> dict[str, float]:
+        """What the judge found, by the names of its checks."""
+        return {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
+
+    @property
     def verified(self) -> bool:
         """Whether a motion was found and the judge passed it, though it may leave the fit."""
         return self.status.found and self.certificate is not None and self.certificate.passed
@@ -603,9 +608,7 @@ class Solution(Bounded):
     @property
     def keep_out_gaps(self) -> dict[str, float]:
         """Signed distance of the part made from each keep-out after the motion, as judged; length units, by name."""
-        checks = self.certificate.checks if self.certificate else ()
-        found = {check.name: check.value for check in checks}
-        names = [keep_out.name for keep_out in self.problem.keep_out]
+        found, names = self._judged, (keep_out.name for keep_out in self.problem.keep_out)
         return {name: found[kept_clear(name)] for name in names if kept_clear(name) in found}
 
     @cached_property

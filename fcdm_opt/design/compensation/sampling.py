@@ -15,7 +15,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import Layout
-from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.features import Feature, is_within
 from fcdm_opt.design.sizes import box_over, chosen_sizes
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
@@ -290,12 +290,6 @@ def _met(holding: Holding, known: Sequence[Feature]) -> list[str]:
         for each in found.values()
         for prefix, feature in each
         if feature in known
-        or not any(_is_within(feature, other) for _, other in each if other.kind == "F1F2" and other != feature)
+        or not any(is_within(feature, other) for _, other in each if other.kind == "F1F2" and other != feature)
     ]
     return list(dict.fromkeys(labels))
-
-
-def _is_within(feature: Feature, face: Feature) -> bool:
-    """Tell whether what touches is part of faces that lie flush."""
-    pairs = (feature.one, face.one), (feature.two, face.two)
-    return all(set(part.vertices) <= set(whole.vertices) for part, whole in pairs)

@@ -15,6 +15,7 @@ from fcdm_opt.design.sizes import by_name
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.fit import misfit
+from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import has_motion, solve
@@ -160,10 +161,7 @@ def _has_most_material(problem: Problem) -> bool:
 
 def _is_star(body: Body) -> bool:
     """Tell whether every part holds the seed, so that smaller scales of the body lie within larger ones."""
-    return all(
-        bool((((part.vertices[[loop[0] for loop in part.loops]] - body.seed) * part.normals).sum(axis=1) >= 0).all())
-        for part in body.parts
-    )
+    return all(map(holds_seed, body.parts))
 
 
 def _is_linear(problem: Problem) -> bool:
