@@ -383,7 +383,7 @@ class TrueSizes:
                 break
             contact = TrueContact.of(own, made, scales, pose)
             known = contact.pairs <= self.permanent
-            if known and not self.of_rest:
+            if not contact.pairs or (known and not self.of_rest):  # of no face that is known, or left out
                 continue
             stands = self._stands(made, contact, pose, place)
             if stands and (not self.of_rest or (pose == np.eye(4)).all()):
