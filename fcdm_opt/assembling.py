@@ -212,9 +212,10 @@ class _Solving:
         for own, points in zip(exchanges, found.points, strict=True):
             own.add(points)
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
-        answer = Answer(Status.SOLVED, found.q, RESTORED, amount if found.is_least else 0.0)
+        bound = min(found.bound, amount)
+        answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
         met = self._moved(group, parts, [own.problem for own in exchanges], answer)
-        return met._replace(open_=(amount, amount)) if found.is_least else met
+        return met._replace(open_=(bound, amount))
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""

@@ -226,8 +226,7 @@ def _restored(problem: Problem, touching: Problem) -> Solution | None:
     exchange.add(found.points[0])
     asked = exchange.problem
     task = Task.of(asked)
-    amount = task.amount(found.q)
-    answer = Answer(Status.SOLVED, found.q, RESTORED, amount if found.is_least else 0.0)
+    answer = Answer(Status.SOLVED, found.q, RESTORED, min(found.bound, task.amount(found.q)))
     solution, certificate = judged(reported(asked, task, answer))
     return solution.with_certificate(certificate, solution.seconds)
 

@@ -328,8 +328,24 @@ class TrueSizes:
                 both = zip(map(true_faces, self.facets), rows, strict=True)
                 patches = [{faces.patch_of(row) for row in own} for faces, own in both]
                 self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
-        kept = tuple(own for own in found.pairs if not self._within_round(own))
+        kept = tuple(self._along_faces(own, found.transform) for own in found.pairs if not self._within_round(own))
         return replace(found, pairs=kept or found.pairs)
+
+    def _along_faces(self, own: PairRows, pose: Array) -> PairRows:
+        """Return the rows of two pieces at points along the normal of a round face, if any: others leave a piece aslant."""
+        normals = list[Array]()
+        for body, place, turn in zip(self.bodies, own.parts, (pose[:3, :3], -np.eye(3)), strict=True):
+            pieces = () if body.exact is None else body.exact.pieces
+            piece = place - len(body.parts) + len(pieces)
+            if piece < 0:
+                return own
+            normals += [turn @ pieces[piece].normals[0]] if len(pieces[piece].normals) == 1 else []
+        along = own.normals @ np.reshape(normals, (-1, 3)).T
+        kept = (along > 1.0 - DEFAULT.nominal).any(axis=1)
+        if not kept.any() or kept.all():
+            return own
+        elements = [own.elements[k] for k in np.flatnonzero(kept)]
+        return own._replace(values=own.values[kept], normals=own.normals[kept], elements=elements)
 
     def _within_round(self, own: PairRows) -> bool:
         """Tell whether a row of a part pair is of a facet that is within a round face, or beside one."""

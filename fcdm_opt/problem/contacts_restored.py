@@ -69,13 +69,13 @@ class RestoringShift(NamedTuple):
         Motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together.
     points : list of list of NearestPoints
         Of each question where they touch then.
-    is_least : bool
-        Whether a plane face takes part in each contact: gaps are linear then, and no smaller shift closes all.
+    bound : float
+        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these.
     """
 
     q: Array | None
     points: list[list[NearestPoints]]
-    is_least: bool
+    bound: float
 
 
 def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
@@ -102,13 +102,15 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
         gaps, slopes = np.array([one.gap for own in points for one in own]), np.array(rates)
         if not all(points):
             return None
-        plane = all(_is_plane(own, one) for own, its in zip(asked, points, strict=True) for one in its)
+        plane = np.array([_is_plane(own, one) for own, its in zip(asked, points, strict=True) for one in its])
         if np.abs(gaps).max() <= min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch:
             inside = (first.limits[:, 0] <= q) & (q <= first.limits[:, 1])
-            return RestoringShift(q, points, plane) if inside.all() else None
+            held = slopes[plane]
+            bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
+            return RestoringShift(q, points, bound) if inside.all() else None
         further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
         if np.abs(gaps + slopes @ (further - y)).max() > max(own.contact_slack for own in asked):
-            return RestoringShift(None, points, plane) if plane else None
+            return RestoringShift(None, points, np.inf) if plane.all() else None
         y = further
     return None
 
