@@ -42,6 +42,7 @@ from fcdm_opt.tolerances import DEFAULT
 State = Literal["apart", "overlapping"]
 FIRST = 1.0 / 64  # of the size: how far first contacts of large bodies are looked for at first
 STEPS = 20_000  # along a ray, at most
+SLIDING = 1e-4  # of a step: parts that touch for so long lie on each other
 WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
 TOUCHES = 1_000  # instants of touching on one side, at most
 
@@ -423,7 +424,7 @@ class _OneWay:
             if not grazing:
                 self.spans.append((state, start, at))
                 start, state = at, "apart" if state == "overlapping" else "overlapping"
-            x = self._beyond(at)
+            x = self._left(at) if state == "apart" and not grazing else self._beyond(at)
             if x >= self._end:
                 break
         else:
@@ -432,9 +433,25 @@ class _OneWay:
         self.proved = self.proved and self._march.proved
 
     def _beyond(self, x: float) -> float:
-        """Return a little more than x, where it is clear which way a touch at x went, or the end."""
+        """Return a little more than x, where it is clear which way a touch at x went, or the end.
+
+        Where parts lie on each other besides, and slide, it is clear at once: this contact does not tell.
+        """
+        beyond, most = x + self._floor, min(x + SLIDING * self._march.unit, self._end)
+        while beyond < most and abs(self._gap(beyond)) <= self._slack:
+            beyond = x + WIDEN * (beyond - x)
+        beyond = min(beyond, self._end)
+        return beyond if abs(self._gap(beyond)) > self._slack else min(x + self._floor, self._end)
+
+    def _left(self, x: float) -> float:
+        """Return a little more than x, where the two parts that overlapped until then are clear of each other."""
+        places = self._deepest(x - self._floor)[1]
+        one, two = (body.subset((k,)) for body, k in zip(self._problem.active, places, strict=True))
         beyond = x + self._floor
-        while beyond < self._end and abs(self._gap(beyond)) <= self._slack:
+        while beyond < self._end:
+            pose = self._transform(beyond), one.seed, two.seed
+            if kernels.least_gaps(*one.packed, *two.packed, *pose, self._pair[None])[0][0] > self._slack:
+                break
             beyond = x + WIDEN * (beyond - x)
         return min(beyond, self._end)
 
@@ -471,6 +488,9 @@ class _OneWay:
         """Return where a pair that overlaps from x on first touches."""
         from scipy.optimize import brentq
 
+        def clear(at: float) -> float:  # but for the rounding of what slides besides
+            return self._gap(at) + self._rounding
+
         span = self._march.unit
         here, depth = x, -min(self._gap(x), 0.0)
         for _ in range(STEPS):
@@ -481,11 +501,11 @@ class _OneWay:
             step = self._safe(here, span, depth)
             span = 2.0 * span if step >= span else max(4.0 * step, self._floor)
             ahead = min(here + max(step, self._floor), self._end)
-            gap = self._gap(ahead)
+            gap = clear(ahead)
             if gap >= 0:
-                if gap == 0 or self._gap(here) >= 0:
+                if gap == 0 or clear(here) >= 0:
                     return ahead, False
-                at = brentq(self._gap, here, ahead, xtol=DEFAULT.point * ahead, rtol=4 * np.finfo(float).eps)
+                at = brentq(clear, here, ahead, xtol=DEFAULT.point * ahead, rtol=4 * np.finfo(float).eps)
                 return float(at), False
             here, depth = ahead, -gap
         self.proved, self._end = False, here  # what comes after is not known

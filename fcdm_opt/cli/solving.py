@@ -166,7 +166,8 @@ def range_command(
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
         if not isinstance(found, AssemblyRange):
             return [(found, times)]
-        spans = [contact_times_or_refusal(own.problem, along) for own in each]
+        asked = {" - ".join(pair): own for pair, own in problem.questions.items()}  # those followed are as drawn
+        spans = [contact_times_or_refusal(asked.get(name, own.problem), along) for name, own in found.contacts.items()]
         if spans and not isinstance(times, str) and not isinstance(spans[-1], str):  # what contacts do not say
             others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
             met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}

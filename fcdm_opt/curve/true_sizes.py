@@ -332,7 +332,7 @@ class TrueSizes:
         return replace(found, pairs=kept or found.pairs)
 
     def _along_faces(self, own: PairRows, pose: Array) -> PairRows:
-        """Return the rows of two pieces at points along the normal of a round face, if any: others leave a piece aslant."""
+        """Return the rows of two pieces at points along the normal of a round face, if any: others are aslant."""
         normals = list[Array]()
         for body, place, turn in zip(self.bodies, own.parts, (pose[:3, :3], -np.eye(3)), strict=True):
             pieces = () if body.exact is None else body.exact.pieces
@@ -409,13 +409,17 @@ class TrueSizes:
         return found
 
     def _facing(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array) -> frozenset[tuple[int, int]]:
-        """Return each two faces there of which one is square to it: of rims on a plane not bore and pin."""
+        """Return each two faces there of which one is square to it, or else aslant: of rims not bore and pin."""
         normals = own.normal @ pose[:3, :3], -own.normal
-        facing = [
-            [k for k in patches if faces.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal]
-            for faces, patches, x, n in zip(made, own.patches, own.points, normals, strict=True)
-        ]
-        return frozenset((i, j) for i, j in own.pairs if i in facing[0] or j in facing[1]) or own.pairs
+        square, along = (
+            [
+                [k for k in patches if faces.patches[k].gaps(x[None])[1][0] @ n > least]
+                for faces, patches, x, n in zip(made, own.patches, own.points, normals, strict=True)
+            ]
+            for least in (1.0 - DEFAULT.nominal, DEFAULT.sharp)
+        )
+        facing = frozenset((i, j) for i, j in own.pairs if i in square[0] or j in square[1])
+        return facing or frozenset((i, j) for i, j in own.pairs if i in along[0] or j in along[1])  # none along a bore
 
     def _stands(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array, place: Array) -> bool:
         """Tell whether a contact is closed at all sizes within their tolerances."""

@@ -27,6 +27,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import is_plane_there
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import Resizing, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
@@ -118,8 +119,6 @@ class ContactGaps:
     names : tuple of str
         Of the sizes: scales of parts, or the question's own.
     lines : list
-    round_pairs : list of set of (int, int)
-        Of each relation the true faces that meet as drawn, a round one among them, by number in `true_faces`.
     size : float
         Length that relative tolerances refer to.
     """
@@ -133,7 +132,7 @@ class ContactGaps:
         asked = {pair: own for pair, own in relations_of(scene).items() if pair == SCALES or own.goal != "clear"}
         self.relations = tuple(asked.values())
         self.columns = [columns_of(pair, relation, names, own=own) for pair, relation in asked.items()]
-        self.tasks, self.lines, self.round_pairs = list[Task](), list[_Line](), list[frozenset[tuple[int, int]]]()
+        self.tasks, self.lines = list[Task](), list[_Line]()
         for k, relation in enumerate(self.relations):
             rounds = [*_round_lines(k, relation, own=own)]
             pairs, chosen = [_pairs_of(line.line) for line in rounds], set[int]()
@@ -148,7 +147,6 @@ class ContactGaps:
                 ]  # fmt: skip
             self.lines += [line for n, line in enumerate(rounds) if n in chosen or not relation.contacts]
             self.tasks.append(task)
-            self.round_pairs.append(frozenset[tuple[int, int]]().union(*pairs))
 
     def transforms(self, q: Array) -> list[Array]:
         """Return the pose of body 1 of each relation."""
@@ -262,9 +260,9 @@ class ContactGaps:
             values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
             least, largest = _range(values, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
-            if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without the others'
-                others = self.round_pairs[k].union(*(met[other] for other in met if other != feature))
-                claim = replace(claim, permanent_faces=others - met[feature])
+            if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without all other faces
+                one, two = (range(len(true_faces(body).patches)) for body in claim.bodies)
+                claim = replace(claim, permanent_faces=frozenset(product(one, two)) - met[feature])
             name = self.words(k, feature) if len(self.contacts) > 1 else ""
             told = partial(_separation, values)
             found.append(replace(claim, least=least, largest=largest, told=told, contact=contact, name=name))

@@ -18,12 +18,12 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors
+from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
@@ -34,7 +34,7 @@ from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.contacts_restored import restores, touching_again
+from fcdm_opt.problem.contacts_restored import flat_contacts, restores, touching_again
 from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -228,11 +228,13 @@ def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
     for own in asked:
         faces = [true_faces(body) for body in own.of_facets.bodies_made.values()]
         shifts = own.motion.ways(own.movable.seed, own.static.seed) / weights[:, None]
-        movable, static = own.drawn.values()
-        for met in contacts_as_drawn(movable, static, own.nominal_pair, DEFAULT.snap * own.size):
+        for met in own.round_contacts:
             for side, patches, point in zip(faces, met.patches, met.points, strict=True):
                 normals = [side.patches[k].gaps(point[None])[1][0] for k in patches if not side.is_round[k]]
                 rows += [shifts @ n for n in normals if abs(n @ met.normal) > 1.0 - DEFAULT.nominal]
+        for flat in flat_contacts(own):
+            both = zip((flat.one, flat.two), own.bodies_made.values(), strict=True)
+            rows += [shifts @ body.face_planes[0][rows_at(body, x)[0]] for x, body in both if x.kind == "F"]
     held = np.array(rows).reshape(-1, len(q))
     return float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ (weights * q))))
 

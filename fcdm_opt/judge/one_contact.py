@@ -94,6 +94,8 @@ class OneContact:
                     break
                 pacing.check()
                 each = [self._bounds(kind, given, low[k], high[k], y) for kind, given in ways]
+                if not each:  # as of a switching point, whose sizes follow the motion
+                    break
                 amounts, least = (np.concatenate(own) for own in zip(*each, strict=True))
                 if amounts.min() > found[k]:
                     found[k], places[k] = amounts.min(), least[amounts.argmin()]

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.true_sizes import contacts_as_drawn
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.facet_errors import deviation_of, is_plane_there
+from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, patches_of_element, true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -28,36 +28,37 @@ def touching_again(problem: Problem) -> Problem | None:
     """Return the question of goal "touch" about parts whose round faces touch as drawn; None for other questions.
 
     All motions that restore these contacts are answers to it: where the least one restores them, it is the least of
-    these too, see `restores`. Of shifts, by which what touches along a line does so again, and of contacts which a
-    round face takes part in.
+    these too, see `restores`. Of shifts, by which what touches along a line does so again, and of contacts of true
+    faces, round ones or plane.
     """
-    drawn = [problem.drawn[role] for role in ("movable", "static")]
     asked = problem.of_facets
-    whole = len(asked.contacts) == len(asked.nominal_joints) > 0 or asked.touches_between_facets
     if not (
         asked.goal in ("at", "seat")
-        and whole
+        and len(asked.contacts) == len(asked.nominal_joints)
         and asked.motion.shifts
         and asked.resolution is None
-        and any(map(round_surfaces, asked.bodies[:2]))
+        and asked.round_contacts
     ):
         return None
-    for feature in (joint.feature for joint in asked.chosen_joints):
-        both = zip(drawn, (feature.one, feature.two), strict=True)
-        if not any(true_faces(body).is_round[[*patches_of_element(body, own)]].any() for body, own in both):
+    known = {pair for own in asked.round_contacts for pair in own.pairs}
+    drawn = [*asked.drawn.values()]
+    for feature in _curved(asked):
+        both = (patches_of_element(body, own) for body, own in zip(drawn, (feature.one, feature.two), strict=True))
+        if not known.intersection(product(*both)):  # facets may touch where true faces overlap
             return None
     return asked.to_touch()
 
 
 def restores(problem: Problem, transform: Array) -> bool:
-    """Tell whether the true faces that touch as drawn, a round one among each two, touch after a motion of parts made.
+    """Tell whether the true faces that touch as drawn touch after a motion of parts made.
 
-    False where none touch as drawn.
+    False where no round one touches as drawn.
     """
-    before, made = _met_as_drawn(problem), problem.of_facets.bodies_made
-    slack, target = problem.contact_slack, problem.of_facets.target
-    after = [own for own, met in _met([*made.values()], target, transform, problem) if abs(met.gap) <= slack]
-    return bool(before) and all(own & Pairs().union(*after) for own in before)
+    asked, slack = problem.of_facets, problem.contact_slack
+    before = _met_as_drawn(problem)
+    after = [own for own, met in _met(asked, transform) if abs(met.gap) <= slack]
+    closed = all(abs(_plane_gap(asked, own, transform)[0]) <= slack for own in flat_contacts(asked))
+    return closed and bool(before) and all(own & Pairs().union(*after) for own in before)
 
 
 class RestoringShift(NamedTuple):
@@ -94,15 +95,16 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
         return None
     y = np.zeros(len(first.weights))
     for _ in range(ROUNDS):
-        q, points, rates = y / first.weights, list[list[NearestPoints]](), list[Array]()
+        q, points, rows = y / first.weights, list[list[NearestPoints]](), list[tuple[float, Array, bool]]()
         for own, met in zip(asked, before, strict=True):
-            points.append(_nearest(own, met, q))
-            shifts = own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
-            rates += [-shifts @ one.normal for one in points[-1]]
-        gaps, slopes = np.array([one.gap for own in points for one in own]), np.array(rates)
-        if not all(points):
-            return None
-        plane = np.array([_is_plane(own, one) for own, its in zip(asked, points, strict=True) for one in its])
+            pose = own.motion.transform(q, own.movable.seed, own.static.seed)
+            points.append(_nearest(own, met, pose))
+            if not points[-1]:
+                return None
+            shifts = -own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
+            rows += [(one.gap, shifts @ one.normal, _is_plane(own, one)) for one in points[-1]]
+            rows += [(gap, shifts @ n, True) for gap, n in (_plane_gap(own, each, pose) for each in flat_contacts(own))]
+        gaps, slopes, plane = (np.array(each) for each in zip(*rows, strict=True))
         if np.abs(gaps).max() <= min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch:
             inside = (first.limits[:, 0] <= q) & (q <= first.limits[:, 1])
             held = slopes[plane]
@@ -115,16 +117,42 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
     return None
 
 
-def _nearest(problem: Problem, before: Sequence[Pairs], q: Array) -> list[NearestPoints]:
+def _nearest(problem: Problem, before: Sequence[Pairs], pose: Array) -> list[NearestPoints]:
     """Return where faces that touch as drawn are nearest after a motion of the parts made; none where one is not."""
-    pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
-    made = [*problem.bodies_made.values()]
     for share in NEAR:
-        found = [*_met(made, problem.target, pose, problem, share)]
+        found = [*_met(problem, pose, share)]
         each = [[own for pairs, own in found if pairs & met] for met in before]
         if all(each):
             return [min(own, key=lambda one: one.gap) for own in each]
     return []
+
+
+def flat_contacts(problem: Problem) -> list[Feature]:
+    """Return the contacts as drawn in which only plane faces, and their edges and corners, take part."""
+    one, two = problem.bodies_made.values()
+    asked = (joint.feature for joint in problem.chosen_joints)
+    return [
+        own
+        for own in asked
+        if "F" in (own.one.kind, own.two.kind) and is_plane_there(one, own.one) and is_plane_there(two, own.two)
+    ]
+
+
+def _curved(problem: Problem) -> list[Feature]:
+    """Return the other ones."""
+    flat = flat_contacts(problem)
+    return [joint.feature for joint in problem.chosen_joints if joint.feature not in flat]
+
+
+def _plane_gap(problem: Problem, feature: Feature, pose: Array) -> tuple[float, Array]:
+    """Return the gap of parts made along a plane face after a shift, and its normal from body 1 to body 2."""
+    bodies = [*problem.bodies_made.values()]
+    placed = [own.placed_vertices(x, at) for own, x, at in zip(bodies, problem.target, (pose, np.eye(4)), strict=True)]
+    k = int(feature.two.kind == "F")
+    face, other = ((feature.one, feature.two)[side] for side in (k, 1 - k))
+    normal = bodies[k].face_planes[0][rows_at(bodies[k], face)[0]]
+    gaps = (placed[1 - k][np.array(other.vertices) - 1] - placed[k][face.vertices[0] - 1]) @ normal
+    return float(gaps.min()), -normal if k else normal
 
 
 def _is_plane(problem: Problem, met: NearestPoints) -> bool:
@@ -138,23 +166,19 @@ def _is_plane(problem: Problem, met: NearestPoints) -> bool:
 
 
 def _met_as_drawn(problem: Problem) -> list[Pairs]:
-    """Return which true faces touch as drawn, a round one among each two; none where sizes change what faces there are.
-
-    Each contact of the question is to be among them: facets may touch where true faces overlap.
-    """
+    """Return which true faces touch as drawn, a round one among each two; none where sizes change which there are."""
     asked = problem.of_facets
-    drawn, made = ([own[role] for role in ("movable", "static")] for own in (asked.drawn, asked.bodies_made))
-    met = [{*own.pairs} for own in contacts_as_drawn(drawn[0], drawn[1], asked.nominal_pair, DEFAULT.snap * asked.size)]
-    known = Pairs().union(*met)
-    labels = [[patches_of_element(*own) for own in zip(drawn, (x.one, x.two), strict=True)] for x in asked.contacts]
-    alike = all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True))
-    return met if alike and all(known.intersection(product(*own)) for own in labels) else []
+    both = zip(asked.drawn.values(), asked.bodies_made.values(), strict=True)
+    alike = all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in both)
+    return [{*own.pairs} for own in asked.round_contacts] if alike else []
 
 
-def _met(
-    bodies: Sequence[Body], scales: Array, pose: Array, problem: Problem, share: float = DEFAULT.snap
-) -> Iterator[tuple[Pairs, NearestPoints]]:
-    """Yield which true faces come near each other where, a round one among each two, up to a share of the size."""
+def _met(problem: Problem, pose: Array, share: float = DEFAULT.snap) -> Iterator[tuple[Pairs, NearestPoints]]:
+    """Yield which true faces of parts made come near each other where, a round one among each two.
+
+    Up to a share of the size.
+    """
+    bodies, scales = problem.bodies_made.values(), problem.target
     faces = [true_faces(body) for body in bodies]
     off = sum(scale * sum(deviation_of(own)) for scale, own in zip(scales.tolist(), bodies, strict=True))
     for own in nearest_on_faces(faces, scales, pose, problem.contact_slack + off + share * problem.size):

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
-from fcdm_opt.curve.true_sizes import contacts_as_drawn, made_at
+from fcdm_opt.curve.true_sizes import TrueContact, contacts_as_drawn, made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -339,8 +339,13 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def touches_between_facets(self) -> bool:
         """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do."""
         asked = self.goal in ("at", "seat") and not self.contacts and self.nominal_contact is None
+        return asked and bool(self.round_contacts)
+
+    @cached_property
+    def round_contacts(self) -> list[TrueContact]:
+        """Where parts touch as drawn on their true faces, a round one among each two; of whole parts."""
         movable, static = self.drawn.values()
-        return asked and bool(contacts_as_drawn(movable, static, self.nominal_pair, DEFAULT.snap * self.size))
+        return contacts_as_drawn(movable, static, self.nominal_pair, DEFAULT.snap * self.size)
 
     def changed(self, **arguments: Any) -> Problem:
         """Return the same question with other arguments, resolved anew; raises as the constructor does.

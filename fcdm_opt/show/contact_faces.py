@@ -70,7 +70,9 @@ def _along_round_face(problem: Problem, feature: Feature, transform: Array, role
     if own.kind == "F" or not is_round(text) or not text.startswith(CONVEX):
         return feature
     labels = {tuple(sorted(_drawn(bodies[1 - role]).faces[row])) for row in rows}
-    surface = next(each.surface for each in round_faces(bodies[1 - role]) if labels & set(each.faces))
+    surface = next((each.surface for each in round_faces(bodies[1 - role]) if labels & set(each.faces)), None)
+    if surface is None:  # of a body that is exact at points, whose round faces go by other names
+        return feature
     turn, shift = transform[:3, :3], transform[:3, 3]
     if role:  # all in the frame of the round body
         turn, shift = turn.T, -turn.T @ shift

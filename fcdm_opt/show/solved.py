@@ -69,7 +69,8 @@ def solved_case(
         As `solve` does.
     """
     solution: Any = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
-    unproved = without_evidence(solution) if certify and solution.status.found else ""
+    shown = solution.status.found or (isinstance(problem, Problem) and solution.status is Status.INFEASIBLE)
+    unproved = without_evidence(solution) if certify and shown else ""
     if certify and solution.status.found and solution.amount > 0.0 and not unproved and not pacing.over():
         pacing.at(f"checking the proof for {problem.name}")
         start = perf_counter()

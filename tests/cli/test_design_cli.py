@@ -320,3 +320,36 @@ def test_pictures_of_a_stack_up_that_the_judge_refused_did_not_say_so(
     run(*asked)
     assert titles
     assert all("NOT VERIFIED" in title for title in titles)
+
+
+RAISED = """
+title = "two"
+[[part]]
+name = "base"
+vertices = [[-9, -9, -5], [9, -9, -5], [9, 9, -5], [-9, 9, -5], [-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]
+[[part]]
+name = "block"
+vertices = [[-5, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0], [-5, -5, 8], [5, -5, 8], [5, 5, 8], [-5, 5, 8]]
+motion = [{ translation = "z" }]
+resolution = 0.25
+[[contact]]
+parts = ["block", "base"]
+[[size]]
+name = "foot"
+body = "block"
+faces = ["-z"]
+tolerance = 0.5
+[[case]]
+name = "long"
+made = { foot = 0.3 }
+"""
+
+
+def test_assemblies_tell_where_parts_made_touch_and_what_whole_steps_leave_open(tmp_path: Path) -> None:
+    """The range was that of parts as drawn, from 0; every contact was "closed" that steps leave .2 open."""
+    (tmp_path / "two.toml").write_text(RAISED)
+    told = " ".join(run("range", str(tmp_path / "two.toml")).stdout.split())
+    assert "overlapping, from block.TZ 0.3 apart" in told
+    told = " ".join(run("solve", str(tmp_path / "two.toml")).stdout.split())
+    assert "every contact is closed" not in told
+    assert "open by no more than" in told

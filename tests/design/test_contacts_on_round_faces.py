@@ -167,3 +167,17 @@ def test_a_ball_that_is_larger_than_its_cone(angle: float) -> None:
     found = fo.solve(problem)
     assert found.parameters["TZ"] == pytest.approx(off / 2 / np.sin(half), rel=1e-9)
     assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+
+
+def test_a_line_to_line_fit_whose_collar_lies_on_the_bush() -> None:
+    """Rims met where the collar does not, along z: bore and shaft were not judged there, "off by inf"."""
+    shaft = fo.joined(fo.Cylinder(10, 30), fo.Cylinder(15, 5, base=(0, 0, -5)))
+    bush = fo.cut(fo.Cylinder(15, 10), fo.Cylinder(10, 20, base=(0, 0, -5)))
+    sizes = [
+        fo.Size("d", "movable", faces="cylinder radius 10", each=0.5, tolerance=(-0.02, -0.007)),
+        fo.Size("D", "static", faces="bore radius 10", each=-0.5, tolerance=(0.0, 0.021)),
+    ]
+    stack = fo.stack_up(fo.Problem(shaft, bush, sizes=sizes, made="middle", goal="touch", motion=fo.Translation("x")))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.0035, 0.0205), abs=1e-9)
+    assert len(stack.standing) == 1
+    assert fo.verify(stack).passed

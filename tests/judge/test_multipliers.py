@@ -246,3 +246,11 @@ def test_a_motion_that_two_contacts_hold_was_asked_about_in_all_boxes_of_one(mon
     monkeypatch.setattr(OneContact, "least", counted)
     assert smallest_by_multipliers(solution.problem, np.array([*solution.parameters.values()])) is None
     assert sum(looked_at) <= 15
+
+
+def test_a_switching_point_with_six_parameters_is_certified_as_far_as_is_known() -> None:
+    """Its sizes follow the motion, so that no contact alone bounds it: `certify` ended with a ValueError."""
+    asked = fo.load_problems("problems/example1.toml")[1].changed(motion=fo.Free(), published=None)
+    found = fo.solve(asked, certify=True, seconds=2.0)
+    assert found.usable
+    assert 0.0 <= found.lower_bound <= found.amount

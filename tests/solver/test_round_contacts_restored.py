@@ -170,6 +170,27 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
 
 
+@pytest.mark.parametrize(("facets", "off"), [*product((32, 30, 33), (-0.05, 0.05))])
+def test_a_pin_that_stands_on_the_floor_in_a_corner(facets: int, off: float) -> None:
+    """One contact is of plane faces: walls that facets do not touch were left out, others known of facets alone."""
+    walls = fo.Box((4, 40, 20), centre=(-7, 0, 10)), fo.Box((30, 4, 20), centre=(5, -7, 10))
+    fixture = fo.joined(fo.Box((60, 40, 4), centre=(0, 0, -2)), *walls)
+    size = fo.Size("diameter", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    x, y, z = map(fo.Translation, "xyz")
+    asked = {"sizes": [size], "made": {"diameter": off}, "goal": "at"}
+    pin = fo.Cylinder(5.0, 20.0, facets=facets)
+    for motion in (x >> y, x >> y >> z):
+        found = fo.solve(problem := fo.Problem(pin, fixture, **asked, motion=motion))
+        assert [*found.parameters.values()][:2] == pytest.approx([off / 2] * 2, abs=1e-9)
+        assert found.amount == pytest.approx(hypot(off, off) / 2, rel=1e-9)
+        assert (found.lower_bound, found.amount_high) == pytest.approx([found.amount] * 2, rel=1e-9)
+        assert fo.verify(found, proof=True).passed
+    pose = fo.best_pose(problem)
+    assert pose.worst_gap == pytest.approx(0.025)
+    assert pose.passed
+    assert fo.solve(fo.Problem(pin, fixture, **asked, motion=x)).status.name == "INFEASIBLE"
+
+
 @pytest.mark.parametrize("off", [-0.05, 0.05])
 def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     """A roller between a floor and a wall, and a plate on it that moves with it: what true parts need was not known."""

@@ -170,7 +170,16 @@ class AssemblyYield(Plain, NotebookRepr):
         if self.outside > 0.0:
             words.append(f"{self.outside:.4%} of {self.count} are beyond the map's ends, where they may pass or fail")
         words += [f"{getattr(self, what):.{places}%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
-        return ", ".join((*words, *self.known_to))
+        return ", ".join((*words, *self._drawn_how, *self.known_to))
+
+    @property
+    def _drawn_how(self) -> list[str]:
+        if not isinstance(self.sizes, tuple):
+            return []
+        ends = zip(self.sizes, getattr(self.sizes_map, "box", ()), strict=False)
+        usual = [isinstance(own, Normal) and math.isclose(6.0 * own.deviation, b - a) for own, (a, b) in ends]
+        how = "normally, the ends of the box at three deviations" if all(usual) else "as the sizes are distributed"
+        return [f"drawn {how}"]
 
 
 @known_arguments

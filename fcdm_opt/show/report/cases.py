@@ -187,7 +187,8 @@ def _modelled(solution: Solution) -> list[dict[str, Any]]:
         for key, what in (("part_pairs", "part pairs"), ("features", "pairs of elements"), ("keep_outs", "keep-outs"))
         if f"{key}_kept" in counts
     ]
-    return rows + [{"what": key, "kept": counts[key], "total": None} for key in ("variables", "constraints")]
+    own = (key for key in ("variables", "constraints") if key in counts)  # none of linear equations of true faces
+    return rows + [{"what": key, "kept": counts[key], "total": None} for key in own]
 
 
 def _evidence(solution: Solution) -> dict[str, Any] | None:

@@ -55,6 +55,7 @@ def _moved(size: Size) -> str:
 def stack_report(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.judge.certificate import verify
     from fcdm_opt.show.stacks import contributions_of, stack_notes
 
     if not scene.sizes:
@@ -64,6 +65,8 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
             shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
+            failed = ", ".join(own.name for own in verify(found).failed)
+            notes = [f"NOT VERIFIED, do not use it: failed {failed}"] * bool(failed) + notes
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
         why = "left out, it takes long: `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
